@@ -8,7 +8,7 @@ import pytest
 
 import mbstab
 from mbstab.analysis.algebra.matching import matched
-from mbstab.errors import ConstraintError, EquilibriumError, MassError, MbstabError, ModelFileError
+from mbstab.errors import ConstraintError, EquilibriumError, MassError, MbstabError, ModelFileError, NumericalError
 from mbstab.model.library import find_model
 
 
@@ -1035,9 +1035,16 @@ reference:
 
 def test_rods_too_short_to_meet_cannot_be_assembled():
     with pytest.raises(
-        ModelFileError, match=r"joint '(one|two)' \(distance\): the residual is \S+ m(.|\n)*could not be assembled"
+        ModelFileError,
+        match=r"joint '(one|two)' \(distance\): \(d² − l²\) / 2l, .* is \S+ m(.|\n)*could not be assembled",
     ):
         mbstab.loads(TWO_RODS.replace("REFERENCE", "guess: {p: {x: 0.4, y: 0.1}}")).motion()
+
+
+def test_the_element_whose_equations_overflow_is_named():
+    text = TWO_RODS.replace("0.4}", "1e200}").replace("REFERENCE", "coordinates: {p: {x: 0.3, y: 0}}")
+    with pytest.raises(NumericalError, match=r":7:8: joints\.two: an entry of the matrices is not finite"):
+        mbstab.loads(text).motion()
 
 
 def drives(*laws):

@@ -26,6 +26,7 @@ constraints come first (n_h of them), then the n_n nonholonomic ones.
 from __future__ import annotations
 
 import importlib
+import math
 from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import replace
@@ -56,13 +57,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Row:
-    """One constraint row: the entry it belongs to, its label, and its unit."""
+    """One constraint row: the entry it belongs to, its label, its unit, and what its residual is."""
 
     section: str
     name: str
     label: str
     unit: str
     location: Location
+    residual: str = "the residual"
 
     @property
     def owner(self) -> str:
@@ -315,7 +317,7 @@ class System:
         if unit.startswith("unit"):
             unit = unit.replace("unit", unit_of(self.names[use.slots[0]]))
         labels = [label] if count == 1 else [f"{label} {axis}" for axis in "xyz"[:count]]
-        return [Row(entry.section, entry.name, text, unit, entry.location) for text in labels]
+        return [Row(entry.section, entry.name, text, unit, entry.location, element.residual) for text in labels]
 
     def _place(self, uses: list[tuple[Any, Entry | None, Role]]) -> list[Placed]:
         next_row = {"holonomic": 0, "nonholonomic": self.n_h}
@@ -454,7 +456,7 @@ class System:
                 return found
         values = self._values(function, q, u, time, a, nu, points)
         if self.sparse and points is None:
-            raise _overflow()
+            raise self._overflow(function, q, u, time, a, nu)
         if what == "sizes":
             values = [abs(x) for x in values]
         plan = self._plans.get(function)
@@ -464,11 +466,13 @@ class System:
             return plan.at_points(values, points)
         out = plan.matrices(values)
         if out is None:
-            raise _overflow()
+            raise self._overflow(function, q, u, time, a, nu)
         return out
 
-    def _values(self, function: str, q: Any, u: Any, time: Any, a: Any, nu: Any, points: int | None) -> list[Any]:
-        """Return the results of all elements, one after the other."""
+    def _values(
+        self, function: str, q: Any, u: Any, time: Any, a: Any, nu: Any, points: int | None, report: bool = False
+    ) -> list[Any]:
+        """Return the results of all elements, one after the other; refuse infinite ones if they are asked for."""
         f = FLOAT if points else self.scene.arithmetic
         # Exact number systems must not be mixed with floats.
         zero = f.number("0") if f.name == "ball" else 0.0
@@ -486,14 +490,25 @@ class System:
             if points is not None:
                 f = arithmetic_of(arguments)
             try:
-                values.extend(getattr(element.kernel, function)(f, *arguments))
+                own = getattr(element.kernel, function)(f, *arguments)
             except (ArithmeticError, ValueError) as error:
                 place = self._location(element.path)
                 hint = self.scene.model.table_hint(error) or element.hint
                 raise NumericalError(
                     f"{place}: {element.path} has no finite equations here ({error})\n{hint}"
                 ) from None
+            if report and not all(map(math.isfinite, own)):
+                raise NumericalError(f"{self._location(element.path)}: {element.path}: {_OVERFLOW}")
+            values.extend(own)
         return values
+
+    def _overflow(self, function: str, q: Any, u: Any, time: Any, a: Any, nu: Any) -> NumericalError:
+        """Return what to say where a matrix entry is not finite: of the first element whose results are not."""
+        try:
+            self._values(function, q, u, time, a, nu, None, report=True)
+        except NumericalError as error:
+            return error
+        return NumericalError(f"the equations of motion: {_OVERFLOW}")
 
     def _location(self, path: str) -> Location:
         """Return the location of an entry in the file."""
@@ -512,11 +527,10 @@ class System:
         return plan_of(function, tuple(shapes.items()), known, self.n_q)
 
 
-def _overflow() -> NumericalError:
-    return NumericalError(
-        "the equations of motion overflow: a matrix entry is not finite\n"
-        "hint: numbers of this size leave the range of double precision; use other units"
-    )
+_OVERFLOW = (
+    "an entry of the matrices is not finite\n"
+    "hint: numbers of this size leave the range of double precision; use other units"
+)
 
 
 def _kernel(name: str) -> Any:

@@ -60,6 +60,8 @@ class Element:
         Number of given functions of time.
     units : tuple of str
         Unit of each row; one unit stands for all rows.
+    residual : str
+        What a row is away from zero, where that is not plain.
     define : callable
         ``define(frames, parameters, signals)`` with symbolic frames; SymPy is imported inside.
     hint : str
@@ -76,6 +78,7 @@ class Element:
     define: Callable[..., Any]
     signals: int = 0
     units: tuple[str, ...] = ()
+    residual: str = "the residual"
     hint: str = ""
     states: int = 0
 

@@ -82,7 +82,16 @@ ELEMENTS = (
     Element("in_plane", "holonomic", _BOTH, 2, (*_POINTS, ("normal", 0)), _in_plane, units=("m",)),
     Element("perpendicular", "holonomic", ("spatial",), 2, _POINTS, _perpendicular, units=("1",)),
     Element("aligned", "holonomic", ("planar",), 2, (("angle", 1),), _aligned, units=("rad",)),
-    Element("distance", "holonomic", _BOTH, 2, (*_POINTS, ("length", 1)), _distance, units=("m",)),
+    Element(
+        "distance",
+        "holonomic",
+        _BOTH,
+        2,
+        (*_POINTS, ("length", 1)),
+        _distance,
+        units=("m",),
+        residual="(d² − l²) / 2l, with the distance d and the length l,",
+    ),
     Element(
         "screw",
         "holonomic",
