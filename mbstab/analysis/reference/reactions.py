@@ -61,7 +61,8 @@ def reactions(system: System, q: Array, u: Array, J: Array, nu: Array) -> list[R
             load = -(nu[..., None, rows] @ J[..., rows, :])[..., 0, :]
             found += _reactions(system, q, item, load)
         elif item.entry.path in parts:
-            found += _reactions(system, q, item, -parts[item.entry.path].dynamics(q, u).F0)
+            # What is the same in all states comes once.
+            found += _reactions(system, q, item, np.broadcast_to(-parts[item.entry.path].dynamics(q, u).F0, q.shape))
     return found
 
 
