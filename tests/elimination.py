@@ -321,7 +321,7 @@ def _assembled(system):
     u = np.array([mp.mpf(scene.rates.get(name, 0)) for name in system.names])
     missing = [i for i, name in enumerate(system.names) if name not in scene.coordinates]
     for _ in range(60 if missing and n_h else 0):
-        state = system.dynamics(q, 0 * u)
+        state = system.closing.dynamics(q, 0 * u)
         step = _least_change(state.J[:n_h][:, missing] + mp.zero, -state.E[:n_h])
         q[missing] += step
         if all(abs(x) < mp.mpf(10) ** (5 - mp.dps) for x in step):

@@ -141,7 +141,8 @@ def test_enclosures_contain_the_truth(name, settings, verdict):
     matched(result, exact)
 
 
-BY_REVERSOR = ("rolling_torus", "wheelset_no_slip")  # motions backwards in time in a mirror are not looked at in balls
+# Motions backwards in time in a mirror are not looked at in balls, nor families of motions that the controller holds.
+NUMERICAL_ONLY = ("rolling_torus", "wheelset_no_slip", "cart_pendulum")
 
 
 PERIODIC = ("kapitza",)
@@ -163,7 +164,7 @@ def test_answers_in_double_precision_lie_inside(path):
     mechanism = mbstab.load(path)
     result, rough = mechanism.certify(), mechanism.eig()
     assert agree(result.verdict, rough.verdict)
-    if path.stem not in BY_REVERSOR:
+    if path.stem not in NUMERICAL_ONLY:
         assert rough.verdict == UNDECIDED or rough.verdict in STRENGTH[result.verdict]
         assert result.verdict != rough.verdict or result.modulo == rough.modulo
     assert sum(e.count for e in result.eigenvalues) == rough.counts.found

@@ -269,29 +269,35 @@ def test_the_undeflated_methods_lie_within_their_own_error_bounds(name, method):
 
 
 # Small inertias beside stiff springs, dampers of 4e4 N s/m: some infinite eigenvalues come out finite, which is said.
+# Wheels without mass: the pencil of the paper loses one.
 # What grows beyond its bound makes it unstable whatever was invented besides.
-INVENTED = {
+MISCOUNTED = {
     ("andrews_squeezer", "index3"): "unstable",
     ("flyball_governor", "index3"): "undecided",
     ("flyball_governor", "paper"): "undecided",
+    ("motorcycle", "paper"): "undecided",
 }
 
 
-@pytest.mark.parametrize(("name", "method"), INVENTED)
-def test_eigenvalues_that_are_invented_are_counted(name, method):
+@pytest.mark.parametrize(("name", "method"), MISCOUNTED)
+def test_eigenvalues_that_are_invented_or_lost_are_counted(name, method):
     result = answer(name, method)
-    assert result.verdict == INVENTED[name, method]
-    assert result.counts.found > result.counts.expected
+    assert result.verdict == MISCOUNTED[name, method]
+    assert result.counts.found != result.counts.expected
 
 
 @pytest.mark.parametrize(
     ("name", "method"),
-    sample([case for case in product([*CONSTANT, *TURNING], ["index3", "paper"]) if case not in INVENTED], 3),
+    sample([case for case in product([*CONSTANT, *TURNING], ["index3", "paper"]) if case not in MISCOUNTED], 3),
 )
 def test_the_methods_agree_on_the_examples_within_their_error_bounds(name, method):
     if method == "index3" and mechanism(name).motion().redundant:
         pytest.skip("its pencil is singular: see the test of redundant rows")
-    default, other = ([e for e in answer(name, m).eigenvalues if e.kind != "neutral"] for m in ("nullspace", method))
+    # Zeros that only one of them explains are neutral there and within their bounds here.
+    default, other = (
+        [e for e in answer(name, m).eigenvalues if e.kind != "neutral" and abs(e.value) > e.error_bound]
+        for m in ("nullspace", method)
+    )
     assert len(default) == len(other)
     found, expected = (np.array([e.value for e in group]) for group in (default, other))
     bounds = [e.error_bound for e in default], [e.error_bound for e in other]

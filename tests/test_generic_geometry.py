@@ -5,13 +5,21 @@ moved within its bodies, mirrored, turned, measured in other units, and all of t
 """
 
 import functools
-import json
-import math
-import re
 
 import numpy as np
 import pytest
-import yaml
+from descriptions import (
+    dimension,
+    in_other_units,
+    in_small_units,
+    load,
+    mirrored,
+    mirrored_in_space,
+    read,
+    renamed_and_reordered,
+    turned,
+    with_other_reference_points,
+)
 from sampling import sample
 
 import mbstab
@@ -26,9 +34,11 @@ MODELS["steady_rattleback"] = MODELS["spinning_rattleback"].replace(
 )
 SPATIAL = {name for name, text in MODELS.items() if "type: spatial" in text}
 PLANAR = sorted(set(MODELS) - SPATIAL)
-# Its masses are numbers in the bodies and its axes named directions; some transformations act on parameters only.
-WRITTEN_OUT = {"whipple_bicycle"}
+# Their masses are numbers in the bodies and their axes named directions; some transformations act on parameters only.
+WRITTEN_OUT = {"whipple_bicycle", "motorcycle"}
 PLAIN = sorted(set(MODELS) - WRITTEN_OUT)
+# Its springs act along axes of the ground that cannot be named.
+TURNABLE = sorted(set(PLAIN) - {"wheelset_creep"})
 
 # On the axis of the spin the reference point may lie anywhere. A free body that turns with its first Euler angle is
 # left out: a tilt would carry a point off its centre of mass around, and the equations would not stand still.
@@ -42,447 +52,6 @@ SPIN_AXIS = {
 }
 MOVABLE = [name for name in MODELS if name in PLANAR or name in SPIN_AXIS]
 PLANAR_SHIFT = (0.13, -0.21)
-
-PLANAR_ANGLE = 0.7331
-SPATIAL_ANGLES = (0.5, -0.8, 1.1)
-
-AXES = {name: [float(i == k) for i in range(3)] for k, name in enumerate("xyz")}
-
-
-# --- vectors of numbers and expressions -----------------------------------------------------------------------------
-
-
-def written(vector, dimension):
-    """Return a vector that may be written as an axis, such as -x, as a list."""
-    if isinstance(vector, str):
-        sign = -1.0 if vector.startswith("-") else 1.0
-        return [sign * x for x in AXES[vector.removeprefix("-")][:dimension]]
-    return list(vector) if vector != 0 else [0.0] * dimension
-
-
-def both_axes(axis, dimension):
-    """Return an axis in the frames of both bodies; it may be written once for both."""
-    if isinstance(axis, list) and all(isinstance(x, list) or str(x).removeprefix("-") in AXES for x in axis):
-        return [written(x, dimension) for x in axis]
-    return [written(axis, dimension)] * 2
-
-
-def times(matrix, vector):
-    return [" + ".join(f"({a})*({x})" for a, x in zip(row, vector, strict=True)) for row in matrix]
-
-
-def plus(a, b, sign="+"):
-    return [f"({x}) {sign} ({y})" for x, y in zip(a, b, strict=True)]
-
-
-def planar_rotation(angle):
-    return [[f"cos({angle})", f"-sin({angle})"], [f"sin({angle})", f"cos({angle})"]]
-
-
-def spatial_rotation(phi, theta, psi):
-    (c1, s1), (c2, s2), (c3, s3) = ((f"cos({x})", f"sin({x})") for x in (phi, theta, psi))
-    return [
-        [f"{c2}*{c3}", f"-{c2}*{s3}", s2],
-        [f"{c1}*{s3} + {s1}*{s2}*{c3}", f"{c1}*{c3} - {s1}*{s2}*{s3}", f"-{s1}*{c2}"],
-        [f"{s1}*{s3} - {c1}*{s2}*{c3}", f"{s1}*{c3} + {c1}*{s2}*{s3}", f"{c1}*{c2}"],
-    ]
-
-
-def product(a, b):
-    return [
-        [" + ".join(f"({x})*({y})" for x, y in zip(row, column, strict=True)) for column in zip(*b, strict=True)]
-        for row in a
-    ]
-
-
-def with_base(body, rotation):
-    return product(spatial_rotation(*body["axes"]), rotation) if "axes" in body else rotation
-
-
-def number(text):
-    return float(eval(str(text), {"pi": math.pi, "cos": math.cos, "sin": math.sin}))
-
-
-def angles_of(rotation):
-    """Return the Euler angles of a rotation that is written with numbers."""
-    A = np.array([[number(x) for x in row] for row in rotation])
-    return [math.atan2(-A[1, 2], A[2, 2]), math.asin(A[0, 2]), math.atan2(-A[0, 1], A[0, 0])]
-
-
-# --- models as dictionaries -----------------------------------------------------------------------------------------
-
-
-def read(name):
-    model = {key: x for key, x in yaml.safe_load(MODELS[name]).items() if key not in ("inputs", "outputs")}
-    for section in ("expect", "sweep", "title", "source", "initial"):
-        model.pop(section, None)
-    model["reference"].setdefault("guess", {})
-    for entry in model.get("forces", {}).values():
-        if True in entry:  # what PyYAML takes the key `on` for
-            entry["on"] = entry.pop(True)
-    # A place of which some components are held and others sought is sought as a whole: constraints hold it as well.
-    coordinates, guess = model["reference"].get("coordinates", {}), model["reference"]["guess"]
-    for body in set(coordinates) & set(guess):
-        for key in set(coordinates[body]) & set("xyz"):
-            if set(guess[body]) & set("xyz"):
-                guess[body][key] = coordinates[body].pop(key)
-    return model
-
-
-def dimension(model):
-    return 3 if any(body["type"] == "spatial" for body in model["bodies"].values()) else 2
-
-
-def load(model):
-    # Every JSON text is a YAML text.
-    return mbstab.loads(json.dumps(model, indent=1))
-
-
-def entries(model):
-    return [e for section in ("joints", "contacts", "drives", "forces") for e in model.get(section, {}).values()]
-
-
-def states(model):
-    """Return the reference points that are given, and those that are guessed, with the angles that go with them."""
-    coordinates, guess = (model["reference"].get(key, {}) for key in ("coordinates", "guess"))
-    for body in model["bodies"]:
-        angles = {**guess.get(body, {}), **coordinates.get(body, {})}
-        for state in (coordinates.get(body), guess.get(body)):
-            if state is not None:
-                yield body, state, angles
-
-
-def in_ground(model, change):
-    """Apply a linear change to all vectors in the ground."""
-    n = dimension(model)
-    if "gravity" in model:
-        model["gravity"] = change(written(model["gravity"], n))
-    for group in ("points", "directions"):
-        for name, vector in model.get("ground", {}).get(group, {}).items():
-            model["ground"][group][name] = change(written(vector, n))
-    steady = model["reference"].get("steady", {})
-    for key in ("axis", "point", "direction"):
-        if key in steady and (n == 3 or key != "axis"):
-            steady[key] = change(written(steady[key], n))
-    for entry in entries(model):
-        if entry["type"] == "disk":
-            entry["normal"] = change(written(entry.get("normal", "y"), n))
-        if entry["type"] in ("wheel", "ellipsoid"):
-            entry["normal"] = change(written(entry.get("normal", "z"), n))
-        if "direction" in entry:
-            entry["direction"] = change(written(entry["direction"], n))
-
-
-def places(model, change):
-    """Apply a linear change to the reference points and their speeds; a guess of one component guesses them all."""
-    names = "xyz"[: dimension(model)]
-    reference = model["reference"]
-    for key in ("coordinates", "rates", "guess"):
-        for state in reference.get(key, {}).values():
-            given = [name for name in names if name in state]
-            if given:
-                assert key == "guess" or len(given) == len(names)
-                state.update(zip(names, change([state.get(name, "0") for name in names]), strict=True))
-
-
-NAME = re.compile(r"rate\((\w+)\.(\w+)\)|\b([A-Za-z_]\w*)\.([A-Za-z]\w*)")
-
-
-def in_expressions(model, place, rate, force):
-    """Write expressions with other coordinates.
-
-    `place` and `rate` map the coordinates and rates of a body to what stands for them, by coordinate, and `force` its
-    generalized forces to those by the other coordinates, with the name that the body has then.
-    """
-
-    def other(expression):
-        return NAME.sub(lambda m: f"({rate(m[1])[m[2]] if m[1] else place(m[3])[m[4]]})", str(expression))
-
-    for entry in model.get("constraints", {}).values():
-        for key in entry:
-            entry[key] = other(entry[key])
-    for entry in model.get("forces", {}).values():
-        if entry["type"] == "expression":
-            loads = {}
-            for coordinate, load in entry["on"].items():
-                body, _, key = coordinate.partition(".")
-                loads.setdefault(body, {})[key] = other(load)
-            changed = {}
-            for body, load in loads.items():
-                name, load = force(body, {"x": "0", "y": "0", "theta": "0"} | load)
-                changed |= {f"{name}.{key}": value for key, value in load.items()}
-            entry["on"] = changed
-
-
-def planar_state(body, wrap="{}"):
-    return {key: wrap.format(f"{body}.{key}") for key in ("x", "y", "theta")}
-
-
-# --- other descriptions ---------------------------------------------------------------------------------------------
-
-
-def renamed_and_reordered(model):
-    """Rename all bodies, turn every order around, and swap the two ends of every joint."""
-    names = {body: f"part_{9 - i}" for i, body in enumerate(model["bodies"])}
-
-    def other(word):
-        body, dot, rest = word.partition(".")
-        return names.get(body, body) + dot + rest
-
-    for entry in entries(model):
-        for key in ("at", "center", "coordinate", "body"):
-            if key in entry:
-                entry[key] = other(entry[key])
-        if entry["type"] == "point_on_plane":
-            # The plane is that of the first body.
-            entry["between"] = [other(word) for word in entry["between"]]
-        elif "between" in entry:
-            entry["between"] = [other(word) for word in reversed(entry["between"])]
-            if isinstance(entry.get("axis"), list) and dimension(model) == 3:
-                entry["axis"] = both_axes(entry["axis"], 3)[::-1]
-                entry |= {"zero": entry["zero"][::-1]} if "zero" in entry else {}
-            elif isinstance(entry.get("axis"), list):
-                entry["axis"] = entry["axis"][::-1]
-        if entry["type"] == "joint" and "joint" in entry:
-            # The angle is that of the second body against the first one.
-            for key in ("position", "velocity"):
-                if key in entry:
-                    entry[key] = f"-({entry[key]})"
-        if entry["type"] == "joint_spring":
-            entry["rest"] = f"-({entry.get('rest', 0)})"
-    in_expressions(
-        model,
-        place=lambda body: planar_state(names[body]),
-        rate=lambda body: planar_state(names[body], "rate({})"),
-        force=lambda body, load: (names[body], dict(reversed(load.items()))),
-    )
-    model["bodies"] = {names[body]: model["bodies"][body] for body in reversed(model["bodies"])}
-    for key in ("coordinates", "rates", "guess"):
-        if key in model["reference"]:
-            model["reference"][key] = {names[body]: state for body, state in model["reference"][key].items()}
-    for section in ("joints", "contacts", "drives", "forces", "constraints"):
-        if section in model:
-            model[section] = dict(reversed(model[section].items()))
-    first = ("mbstab", "parameters")
-    return {key: model[key] for key in (*first, *reversed([key for key in model if key not in first]))}
-
-
-def with_other_reference_points(model, shift):
-    """Move the origin of every body frame; x, y, z are the coordinates of another point then."""
-    n = dimension(model)
-
-    def arm(body, turned="0"):
-        """From the old origin to the new one, in the ground."""
-        return times(planar_rotation(f"({body}.theta + {turned})"), shift)
-
-    def place(body):
-        x, y = plus([f"{body}.x", f"{body}.y"], arm(body), "-")
-        return planar_state(body) | {"x": x, "y": y}
-
-    def rate(body):
-        turning = [f"rate({body}.theta)*({x})" for x in arm(body, "pi/2")]
-        x, y = plus([f"rate({body}.x)", f"rate({body}.y)"], turning, "-")
-        return planar_state(body, "rate({})") | {"x": x, "y": y}
-
-    def force(body, load):
-        # It acts at the old origin.
-        moment = [f"({x})*({f})" for x, f in zip(arm(body, "pi/2"), (load["x"], load["y"]), strict=True)]
-        return body, load | {"theta": " - ".join([f"({load['theta']})", *moment])}
-
-    for name, body in model["bodies"].items():
-        if body["type"] in ("planar_point", "point"):
-            continue
-        if "parts" in body:
-            for part in body["parts"]:
-                place = part.get("at", 0)
-                part["at"] = plus(place if isinstance(place, list) else ["0"] * n, shift, "-")
-        else:
-            body["center_of_mass"] = plus(body.get("center_of_mass", ["0"] * n), shift, "-")
-        body["points"] = {
-            key: plus(point if isinstance(point, list) else ["0"] * n, shift, "-")
-            for key, point in body.get("points", {}).items()
-        }
-        body["points"]["old_origin"] = [-x for x in shift]
-        for entry in entries(model):
-            for key in ("at", "center"):
-                if entry.get(key) == name:
-                    entry[key] = f"{name}.old_origin"
-            if "between" in entry:
-                entry["between"] = [f"{name}.old_origin" if word == name else word for word in entry["between"]]
-    for body, state, angles in states(model):
-        given = [key for key in "xyz"[:n] if key in state]
-        if given and model["bodies"][body]["type"] not in ("planar_point", "point"):
-            rotation = (
-                planar_rotation(angles.get("theta", "0"))
-                if n == 2
-                else with_base(
-                    model["bodies"][body], spatial_rotation(*(angles[key] for key in ("phi", "theta", "psi")))
-                )
-            )
-            moved = plus([state.get(key, "0") for key in "xyz"[:n]], times(rotation, shift))
-            state.update(zip("xyz"[:n], moved, strict=True))
-    in_expressions(model, place, rate, force)
-    for body, rates in model["reference"].get("rates", {}).items():
-        # In the plane the bodies of the examples do not turn; in space the point lies on the axis of the spin.
-        assert n == 3 or rates.get("theta", 0) == 0, body
-    return model
-
-
-def mirrored(model):
-    """Reflect a planar scene at the y axis: the frames of the bodies too, so that angles change sign."""
-
-    def reflect(vector):
-        return [f"-({vector[0]})", vector[1]]
-
-    def signs(state):
-        return {key: value if key == "y" else f"-({value})" for key, value in state.items()}
-
-    in_ground(model, reflect)
-    places(model, reflect)
-    in_expressions(
-        model,
-        place=lambda body: signs(planar_state(body)),
-        rate=lambda body: signs(planar_state(body, "rate({})")),
-        force=lambda body, load: (body, signs(load)),
-    )
-    for body in model["bodies"].values():
-        for group in ("points", "directions"):
-            body[group] = {key: reflect(vector) for key, vector in body.get(group, {}).items()}
-        if "center_of_mass" in body:
-            body["center_of_mass"] = reflect(body["center_of_mass"])
-        if body["type"] == "planar_point":
-            del body["points"], body["directions"]
-    for entry in entries(model):
-        for key in ("axis", "along", "vector"):
-            if key in entry:
-                entry[key] = reflect(written(entry[key], 2))
-        if entry["type"] == "joint_spring":
-            entry["rest"] = f"-({entry.get('rest', 0)})"
-        if entry["type"] == "torque":
-            entry["value"] = f"-({entry['value']})"
-    for key in ("coordinates", "rates", "guess"):
-        for state in model["reference"].get(key, {}).values():
-            if "theta" in state:
-                state["theta"] = f"-({state['theta']})"
-    return model
-
-
-def turned(model):
-    """Turn the whole scene about an axis that is none of x, y, z."""
-    flat = dimension(model) == 2
-    rotation = planar_rotation(PLANAR_ANGLE) if flat else spatial_rotation(*SPATIAL_ANGLES)
-
-    def turn(vector):
-        return times(rotation, vector)
-
-    def back(state, angle):
-        places = times(planar_rotation(-PLANAR_ANGLE), [state["x"], state["y"]])
-        return {"x": places[0], "y": places[1], "theta": f"{state['theta']} - {angle}"}
-
-    in_ground(model, turn)
-    places(model, turn)
-    in_expressions(
-        model,
-        place=lambda body: back(planar_state(body), PLANAR_ANGLE),
-        rate=lambda body: back(planar_state(body, "rate({})"), 0),
-        force=lambda body, load: (body, load | dict(zip("xy", turn([load["x"], load["y"]]), strict=True))),
-    )
-    for entry in entries(model):
-        if "axis" in entry:
-            # An axis is written in the frames of both bodies; the ground does not turn with the scene.
-            ends = zip(entry["between"], both_axes(entry["axis"], 2 if flat else 3), strict=True)
-            entry["axis"] = [turn(axis) if word.partition(".")[0] == "ground" else axis for word, axis in ends]
-        if entry["type"] == "joint" and not flat and "position" in entry:
-            # Its angle counts from a direction that is across the axis, z in the examples.
-            joint = model["joints"][entry["joint"]]
-            joint["zero"] = [turn(AXES["x"]) if word == "ground" else AXES["x"] for word in joint["between"]]
-        if entry["type"] == "force" and entry.get("frame") != "body":
-            entry["vector"] = turn(entry["vector"])
-        if entry["type"] == "joint_spring" and "ground" in model["joints"][entry["joint"]]["between"]:
-            entry["rest"] = f"({entry.get('rest', 0)}) + {PLANAR_ANGLE}"
-    for state in (s for key in ("coordinates", "guess") for s in model["reference"].get(key, {}).values()):
-        if flat and "theta" in state:
-            state["theta"] = f"({state['theta']}) + {PLANAR_ANGLE}"
-    if not flat:
-        for body in model["bodies"].values():
-            if body["type"] == "spatial":
-                body["axes"] = angles_of(product(rotation, spatial_rotation(*body.get("axes", [0, 0, 0]))))
-    return model
-
-
-def mirrored_in_space(model):
-    """Reflect a spatial scene at the plane of x and z, the frames of the bodies too: φ and ψ change sign."""
-
-    def reflect(vector):
-        return [vector[0], f"-({vector[1]})", vector[2]]
-
-    def negated(entry, keys):
-        for key in set(keys) & set(entry):
-            entry[key] = f"-({entry[key]})"
-
-    in_ground(model, reflect)
-    places(model, reflect)
-    for body in model["bodies"].values():
-        for group in ("points", "directions"):
-            if group in body:
-                body[group] = {
-                    key: reflect(vector if isinstance(vector, list) else ["0"] * 3)
-                    for key, vector in body[group].items()
-                }
-        for part in (body, *body.get("parts", [])):
-            for key in ("center_of_mass", "at"):
-                if isinstance(part.get(key), list):
-                    part[key] = reflect(part[key])
-        if isinstance(body.get("inertia"), dict):
-            negated(body["inertia"], ("xy", "yz"))
-        if "axes" in body:
-            body["axes"] = [f"-({body['axes'][0]})", body["axes"][1], f"-({body['axes'][2]})"]
-    for entry in entries(model):
-        for key in ("axle", "along", "vector"):
-            if key in entry:
-                entry[key] = reflect(written(entry[key], 3))
-        for key in {"axis", "zero"} & set(entry):
-            entry[key] = [reflect(axis) for axis in both_axes(entry[key], 3)]
-        if entry["type"] == "joint_spring":
-            entry["rest"] = f"-({entry.get('rest', 0)})"
-        if entry["type"] == "joint" or entry.get("coordinate", "").endswith((".phi", ".psi")):
-            negated(entry, ("position", "velocity"))
-    negated(model["reference"].get("steady", {}), ("rate",))
-    for key in ("coordinates", "rates", "guess"):
-        for state in model["reference"].get(key, {}).values():
-            negated(state, ("phi", "psi"))
-    return model
-
-
-UNITS = {
-    # As the examples declare them: another unit, and how many of it one is.
-    "kg": ("g", 1e3),
-    "m": ("mm", 1e3),
-    "mm": ("m", 1e-3),
-    "kg*m^2": ("g*mm^2", 1e9),
-    "m/s^2": ("mm/ms^2", 1e-3),
-    "m/s": ("mm/ms", 1.0),
-    "rad/s": ("rad/ms", 1e-3),
-    "N": ("g*mm/ms^2", 1.0),
-    "N/m": ("g/ms^2", 1e-3),
-    "N*s/m": ("g/ms", 1.0),
-    "N*m": ("g*mm^2/ms^2", 1e3),
-    "N*m*s": ("g*mm^2/ms", 1e6),
-    "rad": ("deg", 180.0 / np.pi),
-    "deg": ("rad", np.pi / 180.0),
-    "kg/m^3": ("g/mm^3", 1e-6),
-}
-
-
-def in_small_units(model):
-    for parameter in model["parameters"].values():
-        try:
-            value = float(parameter["value"])
-        except ValueError:  # an expression counts in SI
-            continue
-        unit, factor = UNITS[parameter["unit"]]
-        parameter |= {"value": value * factor, "unit": unit}
-    return model
 
 
 def everything(model, name):
@@ -525,37 +94,37 @@ def assert_same(name, model):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_names_and_order_do_not_matter(name):
-    assert_same(name, renamed_and_reordered(read(name)))
+    assert_same(name, renamed_and_reordered(read(MODELS[name])))
 
 
 @pytest.mark.parametrize("name", MOVABLE)
 def test_the_place_of_the_reference_point_in_a_body_does_not_matter(name):
-    assert_same(name, with_other_reference_points(read(name), shift_of(name)))
+    assert_same(name, with_other_reference_points(read(MODELS[name]), shift_of(name)))
 
 
 @pytest.mark.parametrize("name", PLANAR)
 def test_left_and_right_do_not_matter(name):
-    assert_same(name, mirrored(read(name)))
+    assert_same(name, mirrored(read(MODELS[name])))
 
 
 @pytest.mark.parametrize("name", sorted(SPATIAL - WRITTEN_OUT))
 def test_left_and_right_do_not_matter_in_space(name):
-    assert_same(name, mirrored_in_space(read(name)))
+    assert_same(name, mirrored_in_space(read(MODELS[name])))
 
 
-@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize("name", TURNABLE)
 def test_the_direction_of_the_axes_does_not_matter(name):
-    assert_same(name, turned(read(name)))
+    assert_same(name, turned(read(MODELS[name])))
 
 
 @pytest.mark.parametrize("name", PLAIN)
 def test_declared_units_do_not_matter(name):
-    assert_same(name, in_small_units(read(name)))
+    assert_same(name, in_small_units(read(MODELS[name])))
 
 
-@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize("name", TURNABLE)
 def test_all_of_these_together_do_not_matter(name):
-    assert_same(name, everything(read(name), name))
+    assert_same(name, everything(read(MODELS[name]), name))
 
 
 # What a metre, a kilogram and a second are in other units.
@@ -567,34 +136,20 @@ SYSTEMS = {
 
 
 def scales(length, mass, time):
-    return {
-        "kg": mass,
-        "m": length,
-        "mm": length,
-        "kg*m^2": mass * length**2,
-        "m/s^2": length / time**2,
-        "m/s": length / time,
-        "rad/s": 1.0 / time,
-        "N": mass * length / time**2,
-        "N/m": mass / time**2,
-        "N*s/m": mass / time,
-        "N*m": mass * length**2 / time**2,
-        "N*m*s": mass * length**2 / time,
-        "rad": 1.0,
-        "deg": 1.0,
-        "kg/m^3": mass / length**3,
-    }
+    return {"kg": mass, "m": length, "mm": length, "s": time, "N": mass * length / time**2, "rad": 1.0, "deg": 1.0}
 
 
 # Numbers outside their parameters would have to be scaled too in the others.
-ALL_IN_PARAMETERS = sorted(set(PLAIN) - {"slider_crank", "trailer"})
+WRITTEN = {"slider_crank", "trailer", "car", "car_relaxation", "car_trailer", "rigid_rotor", "rotor_stator"}
+# The size of a state is one in whatever unit, and its family is not found where it is far from that.
+ALL_IN_PARAMETERS = sorted(set(PLAIN) - WRITTEN - {"cart_pendulum"})
 
 
 @pytest.mark.parametrize(("name", "units"), sample([(x, y) for x in ALL_IN_PARAMETERS for y in SYSTEMS], 4))
 def test_a_model_of_other_size_mass_and_speed_has_eigenvalues_scaled_by_the_time(name, units):
     model, factors, time = mbstab.loads(MODELS[name]), scales(*SYSTEMS[units]), SYSTEMS[units][2]
     values, own = model.parameters(), model.model.parameters
-    scaled = {k: values[k] * factors[p.unit] / p.factor for k, p in own.items() if p.expression.literal}
+    scaled = {k: values[k] * in_other_units(p.unit, factors) / p.factor for k, p in own.items() if p.expression.literal}
     original, found = answer(name), model.eig(**scaled)
     assert (found.verdict, found.counts, found.modulo) == (original.verdict, original.counts, original.modulo)
     assert_close(found, original, time, 1e-12)

@@ -65,7 +65,6 @@ COMPLEX_FUNCTIONS = {
     "mbstab/report/certificate.py:certificate_text",
     "tests/linear_oracle.py:truth",
     "tests/random_mechanisms.py:_joined",
-    "tests/test_generic_geometry.py:renamed_and_reordered",
 }
 
 

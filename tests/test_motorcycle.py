@@ -133,6 +133,29 @@ def test_a_motorcycle_has_the_printed_eigenvalues_and_those_of_its_equations(u):
             assert abs(x - y) <= (0.05 if abs(y) >= 10 else 0.005)
 
 
+# The whole of Sharp's table: capsize; weave; wobble (1/s), over the speed (ft/s).
+TABLE = {
+    10: (-3.56, 2.01, 1.63, -5.20, 55.7),
+    20: (-2.83, -0.18, 2.09, -5.91, 55.8),
+    30: (-0.13, -3.36, 4.56, -6.42, 55.5),
+    50: (0.08, -6.59, 11.4, -6.52, 54.6),
+    70: (0.08, -3.97, 16.8, -5.70, 54.0),
+    100: (0.07, -1.82, 19.2, -3.94, 54.3),
+    130: (0.05, -1.13, 20.4, -2.24, 55.6),
+    160: (0.04, -0.96, 21.2, -0.82, 57.5),
+}
+
+
+def test_the_example_has_all_forty_printed_numbers():
+    result = mbstab.load("motorcycle.yaml").sweep("u", 0.3048 * np.array(list(TABLE)))
+    for values, (capsize, *pairs) in zip(result.branches, TABLE.values(), strict=True):
+        assert np.min(np.abs(values - capsize)) <= 0.005
+        for real, imag in zip(pairs[::2], pairs[1::2], strict=True):
+            near = values[np.argmin(np.abs(values - complex(real, imag)))]
+            assert abs(near.real - real) <= 0.005
+            assert abs(near.imag - imag) <= (0.05 if imag >= 10 else 0.005)
+
+
 @pytest.mark.parametrize(
     ("u", "verdict"),
     [
@@ -143,6 +166,12 @@ def test_a_motorcycle_has_the_printed_eigenvalues_and_those_of_its_equations(u):
 )
 def test_a_motorcycle_is_stable_between_weave_and_capsize(u, verdict):
     assert mbstab.loads(MOTORCYCLE).eig(u=u).verdict == verdict
+
+
+@pytest.mark.parametrize(("u", "mass"), [(3, 0.2), (10, 1e-6), pytest.param(50, 1e-9, marks=pytest.mark.long)])
+def test_a_slow_motorcycle_and_one_with_light_wheels_are_known_to_run_steadily(u, mass):
+    found = mbstab.loads(MOTORCYCLE).eig(u=u, w_f=mass, w_r=mass)
+    assert (found.verdict, found.counts.neutral, found.counts.expected) == ("unstable", 5, 14)
 
 
 def test_wheels_may_leave_their_mass_to_the_frames():

@@ -338,11 +338,12 @@ class Reference:
             return moved
 
         def residual(x: Sequence[Ball]) -> list[Ball]:
-            return [self.dynamics(put(x), still)[2][k] for k in chosen]
+            E = ball_matrices.vector(self.system.closing.dynamics(put(x), still, self.time).E)
+            return [E[self.rows[k]] for k in chosen]
 
         def jacobian(x: Sequence[Ball]) -> Matrix:
-            J = self.dynamics(put(x), still)[4]
-            return [[J[k][i] for i in columns] for k in chosen]
+            J = ball_matrices.matrix(self.system.closing.dynamics(put(x), still, self.time).J)
+            return [[J[self.rows[k]][i] for i in columns] for k in chosen]
 
         names = [self.system.names[i] for i in columns]
         return put(self._solve(residual, jacobian, [q[i] for i in columns], "the assembled position", names, chosen))

@@ -252,11 +252,15 @@ class ElementComparison:
                 q = q + sizes * step
                 if float(np.max(np.abs(step))) < 1e-13:
                     break
-            for _ in range(2 if system.n_c else 0):
+            # Rows are linear in the speeds, up to slips.
+            for _ in range(TOLERANCES.newton_steps_onto_rows if system.n_n else 2 * bool(n_h)):
                 state = system.dynamics(q, u, time)
                 if system.n_n:
                     shortest = self._shortest(state.J)
-                u = u + sizes * shortest(-state.V)
+                change = sizes * shortest(-state.V)
+                u = u + change
+                if np.all(np.abs(change) <= 1e-13 * np.max(np.abs(u / sizes)) * sizes):
+                    break
         except (MbstabError, ValueError, RuntimeError, np.linalg.LinAlgError):
             return None
         state = system.dynamics(q, u, time)
