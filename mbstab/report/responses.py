@@ -85,7 +85,8 @@ def _zeros_text(zeros: Zeros) -> list[str]:
     each = [f"{eigenvalue(z)} ± {e:.0e}" for z, e in pairs]
     lines = wrap(f"zeros (1/s, with errors): {', '.join(each) or 'none'}", WIDTH)
     words = {True: "minimum phase", False: "not minimum phase", None: "whether it is minimum phase is not decided"}
-    lines.append(words[zeros.minimum_phase])
+    reserve = ", as far as rounding errors tell" if zeros.hidden and zeros.minimum_phase is not None else ""
+    lines.append(words[zeros.minimum_phase] + reserve)
     if zeros.hidden:
         what = "that the input does not reach or the output does not see, as far as rounding errors tell"
         listed = ", ".join(eigenvalue(s) for s in zeros.hidden if s.imag >= 0.0)

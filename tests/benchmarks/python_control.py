@@ -71,18 +71,18 @@ def compared(control, model, closed):
         single = system[i, j]
         theirs = max(theirs, worst([single(1j * omega) for omega in OMEGA], known))
         own = max(own, worst(exact.of(channel)(OMEGA)[0], known))
-        seen = channel.seen()
-        minimal = control.ss(seen.A, seen.B[:, None], seen.C[None], channel.D[:1, None])
-        found = every.of(channel).values
+        minimal = control.minreal(single, verbose=False)
+        answer = every.of(channel)
+        found = answer.values
         if len(found):
             other = np.array(minimal.zeros())
             zeros = max(zeros, *(np.min(np.abs(other - z)) / max(abs(z), 1.0) for z in found))
-        largest = largest_gain(channel)
+        largest = largest_gain(answer, exact.of(channel))
         if np.isfinite(largest.value):
             peak = max(abs(minimal(1j * x)) for x in np.append(np.geomspace(1e-3, 1e3, 2001), largest.frequency))
             gains = max(gains, abs(largest.value / peak - 1.0))
         *_, at = control.stability_margins(minimal, returnall=True)[:5]
-        for x in margins(channel, exact.of(channel), None).phase:
+        for x in margins(answer, exact.of(channel), None).phase:
             if len(at):
                 crossings = max(crossings, float(np.min(np.abs(at - x.frequency))) / x.frequency)
     return theirs, own, zeros, gains, crossings

@@ -9,7 +9,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear.control import ControlModel
 from mbstab.analysis.linear.frequency import FrequencyResponse
-from mbstab.analysis.linear.margins import LargestGain, Margins, largest_gain, margins
+from mbstab.analysis.linear.margins import LargestGain, Margins, closed_loop, largest_gain, margins
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.linear.transfer import Channel, channels
 from mbstab.analysis.linear.zeros import TransferZeros, Zeros
@@ -94,9 +94,9 @@ def answer(
     x = frequencies(all_zeros, *ends, points)
     values, errors = exact.over(x)
     at = [exact.number(c) for c in found]
-    judged = found if len(all_zeros.poles) <= TOLERANCES.margin_states else []
+    judged = zip(found, zeros, strict=True) if len(all_zeros.poles) <= TOLERANCES.zero_states else ()
+    of = [(z, exact.of(c), closed_loop(z, all_zeros.of(c, 1.0))) for c, z in judged]
     return Response(
         kind, tuple(found), x, tuple(values[k] for k in at), tuple(errors[k] for k in at), zeros, all_zeros.poles,
-        tuple(margins(c, exact.of(c), all_zeros.of(c, 1.0).minimum_phase) for c in judged),
-        tuple(map(largest_gain, judged)), exact,
+        tuple(margins(*x) for x in of), tuple(largest_gain(*x[:2]) for x in of), exact,
     )  # fmt: skip

@@ -349,8 +349,6 @@ class Tolerances:
     """Columns of inputs and rows of outputs that change by no more than this fraction are constant."""
     pivot: Final = 0.1
     """The rates of the chosen coordinates are states unless their smallest pivot is less than this fraction."""
-    unreached: Final = 1e-11
-    """What an input moves by no more than this fraction of the largest it does not move."""
     residue_kept: Final = 30.0
     """A singular value of the moments of a pole is different from 0 if it is this many times its error …"""
     residue_dropped: Final = 1.0
@@ -363,6 +361,8 @@ class Tolerances:
     """Zeros of channels with more states are not computed: that would take minutes."""
     sparse_response: Final = 100
     """s E − A of this size or larger is factorized as a sparse matrix."""
+    singular_response: Final = 4.0
+    """s E − A is singular if its reciprocal condition is at most this many roundings."""
     refinements_of_response: Final = 4
     """Maximum number of residuals that are looked at …"""
     residual_of_response: Final = 100.0
@@ -371,24 +371,32 @@ class Tolerances:
     """… and the largest of them, relative to its terms, with which a value is known at all."""
     scalings_of_response: Final = 4
     """Rounds in which rows and columns of s E − A are scaled before it is factorized."""
-    roundings_of_zeros: Final = 100.0
-    """The matrix of zeros is known to this many roundings of its norm."""
-    crossing_search: Final = 1e-3
-    """Eigenvalues whose real part is at most this fraction of their size may belong to a crossing …"""
-    newton_steps_crossing: Final = 30
-    """… which Newton's method finds in at most this many steps …"""
-    crossing_found: Final = 1e-14
-    """… and which is found if the last one is no longer than this, relative to the frequency."""
+    calibration: Final = 1e-3
+    """A response is known where its relative error is at most this."""
+    factored_off: Final = 1e-6
+    """The product of its zeros and eigenvalues differs from a response by at most this, besides their errors."""
+    end_of_response: Final = 1e-4
+    """Crossings are looked for from this fraction of the smallest zero or eigenvalue to as far beyond the largest …"""
+    halvings: Final = 80
+    """… with at most this many halvings of intervals, …"""
+    narrowest: Final = 1e-14
+    """… until they are as narrow as this, relative to the frequency, …"""
+    most_intervals: Final = 20_000
+    """… and at most this many together."""
+    beside_crossing: Final = (1e-13, 1e-11, 1e-9, 1e-7)
+    """Where a crossing lies at the end of an interval, signs are compared this far beside it, relatively."""
     crossing_apart: Final = 1e-9
     """Crossings closer than this, relative to the frequency, are one."""
-    real_response: Final = 1e-10
-    """A response is real if its imaginary part is at most this fraction of it at all samples."""
+    undamped: Final = 1e-3
+    """An eigenvalue known to this fraction of its size, whose real part may be zero, has no damping."""
+    newton_steps_crossing: Final = 30
+    """Maximum number of Newton steps to the frequency of the largest gain."""
+    gain_found: Final = 1e-12
+    """The logarithm of the largest gain is looked for to this."""
     level_step: Final = 1e-9
-    """The largest gain is known to this, relatively, unless rounding is larger."""
-    summit: Final = 1e-4
-    """The largest gain is improved within this fraction of its frequency."""
-    margin_states: Final = 150
-    """Margins and norms of channels with more states are not computed: that would take minutes."""
+    """The largest gain is said to be known to this, relatively, unless its error is larger."""
+    errors_of_real: Final = 3.0
+    """A response is real if its imaginary part is at most this many times its error at all samples."""
     independent_states: Final = 1e-8
     """The smallest singular value of the unit rows of states must be larger."""
 

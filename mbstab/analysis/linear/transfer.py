@@ -9,35 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.control import ControlModel
 from mbstab.analysis.linear.responding import responding
-from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError, UsageError, suggestion
 from mbstab.records import dataclass
-
-
-@dataclass(frozen=True)
-class Seen:
-    """The part of a system that an input reaches and an output sees.
-
-    Attributes
-    ----------
-    A, B, C : ndarray, shapes (n, n), (n,), (n,)
-    hidden : int
-        How many eigenvalues are not in it.
-    doubt : str
-        Why this number is not decided; empty if it is.
-    """
-
-    A: Array
-    B: Array
-    C: Array
-    hidden: int
-    doubt: str
 
 
 @dataclass(frozen=True)
@@ -68,20 +44,6 @@ class Channel:
     def vanishes(self) -> bool:
         """Whether it is exactly zero: nothing leads from the input to the output."""
         return not np.any(self.C) and not np.any(self.D)
-
-    def at(self, omega: Array) -> Complex:
-        """Return G(iω) at angular frequencies (rad/s); infinite, with a part that is nan, on a pole."""
-        found = np.zeros(len(omega), dtype=complex)
-        if self.vanishes:
-            return found
-        for k, s in enumerate(1j * np.asarray(omega)):
-            try:
-                x = np.linalg.solve(s * np.eye(len(self.A)) - self.A, self.B.astype(complex))
-            except np.linalg.LinAlgError:
-                found[k] = complex(np.inf, np.nan)
-                continue
-            found[k] = self.C @ x + self.D @ s ** np.arange(3)
-        return found
 
     def step(self, times: Array, impulse: bool = False) -> Array:
         """Return the output after a unit step, or a unit impulse, of the input at time 0, without its impulses.
@@ -123,64 +85,6 @@ class Channel:
                 f"{times[at]:g} s\nhint: ask for a shorter time"
             )
         return out
-
-    def seen(self) -> Seen:
-        """Return what of the states the input reaches and the output sees."""
-        ranks = _Ranks()
-        A, B, C = _reached(self.A, self.B, self.C, ranks)
-        A_t, C_t, B_t = _reached(A.T, C, B, ranks)
-        doubt = ranks.doubt
-        if not len(A_t) and not np.any(self.D) and not self.vanishes:
-            doubt = f"the response is below {TOLERANCES.unreached:g} of the sizes of A, B and C"
-        return Seen(A_t.T, B_t, C_t, len(self.A) - len(A_t), doubt)
-
-
-class _Ranks:
-    """Decisions whether a number vanishes beside another, and how clear they are."""
-
-    def __init__(self) -> None:
-        self.kept, self.dropped = np.inf, 0.0
-
-    def vanishes(self, value: float, size: float) -> bool:
-        """Whether a value is zero beside a size."""
-        part = value / size if size > 0.0 else np.inf if value > 0.0 else 0.0
-        if part <= TOLERANCES.unreached:
-            self.dropped = max(self.dropped, part)
-            return True
-        self.kept = min(self.kept, part)
-        return False
-
-    @property
-    def doubt(self) -> str:
-        """What is not clear; empty if all is."""
-        if self.kept >= max(ALGEBRA.singular_value_kept, ALGEBRA.rank_gap * self.dropped):
-            return ""
-        return f"{self.kept:.1e} was taken for different from 0, and {self.dropped:.1e} for 0"
-
-
-def _reached(A: Array, B: Array, C: Array, ranks: _Ranks) -> tuple[Array, Array, Array]:
-    """Return a system on the smallest subspace that contains B and that A maps into itself."""
-    size = float(np.linalg.norm(A))
-    basis = np.zeros((len(A), 0))
-    x, scale = B, float(np.linalg.norm(B))
-    while basis.shape[1] < len(A):
-        for _ in range(2):
-            x = x - basis @ (basis.T @ x)
-        length = float(np.linalg.norm(x))
-        if ranks.vanishes(length, scale):
-            break
-        basis = np.column_stack([basis, x / length])
-        x, scale = A @ basis[:, -1], size
-    return basis.T @ A @ basis, basis.T @ B, C @ basis
-
-
-def simple_eigenvalues(A: Array, size: float) -> tuple[Complex, Array]:
-    """Return eigenvalues and first-order estimates of their errors, for a matrix known to roundings of a size."""
-    from scipy.linalg import eig
-
-    values, left, right = eig(A, left=True)
-    condition = 1.0 / np.maximum(np.abs(np.sum(left.conj() * right, axis=0)), EPS)
-    return values, TOLERANCES.roundings_of_zeros * EPS * size * condition
 
 
 def number_of(name: str, known: tuple[str, ...], what: str, listed: str) -> int:

@@ -42,6 +42,10 @@ class Zeros:
         Sorted by their real parts.
     errors : ndarray
         Radii of discs about them that contain as many zeros; those of clusters overlap.
+    poles : ndarray of complex (1/s)
+        Eigenvalues that the input reaches and the output sees.
+    pole_errors : ndarray
+        Their error bounds; of a group of which others are hidden, what it is wide.
     hidden : tuple of complex (1/s)
         Eigenvalues that the input does not reach or the output does not see; of a group those with the largest real
         parts.
@@ -53,9 +57,17 @@ class Zeros:
 
     values: Complex
     errors: Array
+    poles: Complex
+    pole_errors: Array
     hidden: tuple[complex, ...]
     vanishes: bool
     doubt: str = ""
+
+    @classmethod
+    def none(cls, hidden: tuple[complex, ...] = (), vanishes: bool = False, doubt: str = "") -> Zeros:
+        """Return the answer without zeros."""
+        nothing = np.zeros(0, dtype=complex), np.zeros(0)
+        return cls(*nothing, *nothing, hidden, vanishes, doubt)
 
     @property
     def minimum_phase(self) -> bool | None:
@@ -73,11 +85,12 @@ class _Doubt(Exception):
 
 @dataclass(frozen=True)
 class Group:
-    """Eigenvalues that are judged together: their centre, the radius of a circle about them, and their values."""
+    """Eigenvalues that are judged together: their centre, the radius of a circle about them, values, error bounds."""
 
     centre: complex
     radius: float
     values: tuple[complex, ...]
+    errors: tuple[float, ...]
 
 
 def groups_of(poles: Complex, bounds: Array) -> list[Group]:
@@ -96,7 +109,7 @@ def groups_of(poles: Complex, bounds: Array) -> list[Group]:
             if others and not 4.0 * spread < radius:
                 joined = g, others[int(np.argmin(gaps))]
                 break
-            found.append(Group(centre, radius, tuple(poles[g].tolist())))
+            found.append(Group(centre, radius, tuple(poles[g].tolist()), tuple(bounds[g].tolist())))
         if joined is None:
             return found
         first, k = joined
@@ -158,19 +171,22 @@ class TransferZeros:
     def __init__(self, exact: FrequencyResponse) -> None:
         self.exact = exact
         found = eigenvalues(exact.model.linear).eigenvalues
-        self.poles = np.array([e.value for e in found], dtype=complex)
+        values = np.array([e.value for e in found], dtype=complex)
+        zero = np.array([e.kind == "neutral" for e in found]) & (
+            np.abs(values) <= TOLERANCES.slow_eigenvalue * np.max(np.abs(values), initial=0.0)
+        )
+        self.poles = np.where(zero, 0.0, values)
         self.bounds = np.array([0.0 if e.kind == "neutral" else e.error_bound for e in found])
         self._known: dict[complex, tuple[Complex, Array, Complex]] = {}
 
     def of(self, channel: Channel, shift: float = 0.0) -> Zeros:
         """Return the zeros of G(s) + shift, from one input to one output."""
-        none = np.zeros(0, dtype=complex), np.zeros(0)
         if channel.vanishes and not shift:
-            return Zeros(*none, tuple(self.poles.tolist()), True)
+            return Zeros.none(tuple(self.poles.tolist()), True)
         if len(self.poles) > TOLERANCES.zero_states:
-            return Zeros(*none, (), False, f"zeros are not computed for {len(self.poles)} states")
+            return Zeros.none(doubt=f"zeros are not computed for {len(self.poles)} states")
         if not np.isfinite(self.bounds).all():
-            return Zeros(*none, (), False, "not all eigenvalues are known")
+            return Zeros.none(doubt="not all eigenvalues are known")
         at = self.exact.number(channel)
 
         def values(s: complex) -> tuple[complex, float, complex]:
@@ -194,7 +210,7 @@ def find(values: Values, poles: Complex, bounds: Array) -> Zeros:
         All eigenvalues, each as often as it is one, and their error bounds.
     """
     try:
-        seen, hidden = _seen(values, groups_of(poles, bounds))
+        seen, known, hidden = _seen(values, groups_of(poles, bounds))
         size = float(np.max(np.abs(poles), initial=0.0)) or 1.0
         fall, far = excess(values, size)
         if len(seen) < fall:
@@ -205,25 +221,28 @@ def find(values: Values, poles: Complex, bounds: Array) -> Zeros:
         if not np.isfinite(errors).all():
             raise _Doubt("zeros beside eigenvalues are not known")
     except _Doubt as reason:
-        return Zeros(np.zeros(0, dtype=complex), np.zeros(0), (), False, str(reason))
+        return Zeros.none(doubt=str(reason))
     rank = np.lexsort((found.imag, found.real))
-    return Zeros(found[rank], errors[rank], hidden, False)
+    return Zeros(found[rank], errors[rank], seen, known, hidden, False)
 
 
-def _seen(values: Values, groups: Sequence[Group]) -> tuple[Complex, tuple[complex, ...]]:
-    """Return the poles of G, and the other eigenvalues."""
-    seen, hidden = list[complex](), list[complex]()
+def _seen(values: Values, groups: Sequence[Group]) -> tuple[Complex, Array, tuple[complex, ...]]:
+    """Return the poles of G, their errors, and the other eigenvalues."""
+    seen, hidden, errors = list[complex](), list[complex](), list[float]()
     for group in groups:
         if group.centre.imag < 0.0 and group.radius < -group.centre.imag:
             continue
         count = order(group, values)
         own = sorted(group.values, key=lambda s: (s.real, s.imag))
         parts = own[:count], own[count:]
+        wide = max((abs(s - x) for s in own for x in own), default=0.0) if 0 < count < len(own) else 0.0
+        pairs = 2 if group.centre.imag > group.radius else 1
+        errors += [wide + max(group.errors)] * (pairs * count)
         for target, part in zip((seen, hidden), parts, strict=True):
             target += part
-            if group.centre.imag > group.radius:
+            if pairs == 2:
                 target += [s.conjugate() for s in part]
-    return np.array(seen, dtype=complex), tuple(hidden)
+    return np.array(seen, dtype=complex), np.array(errors), tuple(hidden)
 
 
 def _ratio(values: Values, poles: Complex, z: complex) -> tuple[complex, float, complex]:
