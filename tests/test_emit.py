@@ -43,6 +43,8 @@ DIVISORS = {
     "spatial_differential": {"scale", "sum of squares"},
     "planar_creep": {"half_gauge", "radius", "sum of products"},
     "planar_distance": {"length"},
+    "planar_magic_tyre": {"sqrt", "1 + square", "peak", "shape_factor"},
+    "planar_relaxed_magic_tyre": {"sqrt", "1 + square", "peak", "shape_factor"},
     "planar_relaxed_tyre": {"sqrt"},
     "planar_roller_distance": {"sqrt"},
     "planar_roller_slip": {"sqrt"},
@@ -52,6 +54,8 @@ DIVISORS = {
     "spatial_distance": {"length"},
     "spatial_equal_turns": {"1 + sum of products"},
     "spatial_mount_torque": {"sqrt"},
+    "spatial_magic_tyre": {"sqrt", "sum of squares", "1 + square", "cornering", "peak", "shape_factor"},
+    "spatial_relaxed_magic_tyre": {"sqrt", "1 + square", "peak", "shape_factor"},
     "spatial_relaxed_tyre": {"sqrt"},
     "spatial_screw": {"lead", "pi"},
     "spatial_spring": {"sqrt"},
@@ -147,6 +151,10 @@ def divisors(function):
                     case ast.BinOp(ast.BinOp(a, ast.Mult(), b), ast.Add(), ast.BinOp(c, ast.Mult(), d)):
                         squares = ast.dump(a) == ast.dump(b) and ast.dump(c) == ast.dump(d)
                         yield "sum of squares" if squares else "sum of products"
+                    case ast.BinOp(ast.Constant(1), ast.Add(), ast.BinOp(a, ast.Mult(), b)) if ast.dump(a) == ast.dump(
+                        b
+                    ):
+                        yield "1 + square"
                     case ast.BinOp(ast.BinOp(), ast.Add(), ast.BinOp(_, ast.Mult(), _)) as sum_ if ast.unparse(
                         sum_
                     ).startswith("1 + "):

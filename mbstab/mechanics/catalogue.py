@@ -123,6 +123,8 @@ class Field:
         Fields that must be given with it.
     motions : tuple of str
         Of joints: the motion that each of them must have.
+    most : float or None
+        The largest value that a number may have.
     columns : tuple of str
         Of curves: the numbers of the entry that may be columns of the file instead.
     """
@@ -134,6 +136,7 @@ class Field:
     required: bool = False
     default: str | None = None
     sign: Sign = "any"
+    most: float | None = None
     choices: tuple[str, ...] = ()
     dimensions: tuple[int, ...] = (2, 3)
     made: bool = False

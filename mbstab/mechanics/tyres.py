@@ -1,10 +1,13 @@
 """Tyres: side force and aligning moment of a wheel that rolls with a slip angle.
 
 The slip angle α is that of the speed of the contact against the plane of the wheel, sin α = v_y/|v| with v_x of the
-centre and v_y of the contact, positive to the left of the heading; the lean γ is positive to the right. At small slip
-the side force −C z, z = α + γ C_γ/C, acts a pneumatic trail t behind the contact: its moment there is −t cos α times
-the force. With a relaxation length σ the slip z is a first-order state, z' = |v|/σ (α + γ C_γ/C − z): it follows over
-the distance travelled (Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7).
+centre and v_y of the contact, positive to the left of the heading; the lean γ is positive to the right. Of the
+slip z = α + γ C_γ/C comes the side force −C z, with a peak D that of the Magic Formula,
+−D sin(S atan(x − E (x − atan x))) with x = C z/(S D), the shape factor S and the curvature factor E: it has the same
+slope C where nothing slips (Bakker, Nyborg, Pacejka, SAE 870421, 1987).
+The force acts a pneumatic trail t behind the contact: its moment there is −t cos α times the force. With a relaxation
+length σ the slip z is a first-order state, z' = |v|/σ (α + γ C_γ/C − z): it follows over the distance travelled
+(Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7).
 """
 
 from __future__ import annotations
@@ -58,10 +61,20 @@ def _settled(at: _Rolling, p: Any) -> Any:
     return slip + p.camber[0] / p.cornering[0] * at.lean if at.lean != 0 else slip
 
 
+def _side_force(p: Any, slip: Any) -> Any:
+    """Return the side force at a slip: linear, or by the Magic Formula where there is a peak."""
+    import sympy
+
+    if not hasattr(p, "peak"):
+        return -p.cornering[0] * slip
+    x = p.cornering[0] / (p.shape_factor[0] * p.peak[0]) * slip
+    return -p.peak[0] * sympy.sin(p.shape_factor[0] * sympy.atan(x - p.curvature_factor[0] * (x - sympy.atan(x))))
+
+
 def _acting(at: _Rolling, p: Any, slip: Any) -> Load:
     import sympy
 
-    force = -p.cornering[0] * slip
+    force = _side_force(p, slip)
     moment = -p.trail[0] * at.along / at.speed * force
     return Load(power=((sympy.Matrix([force, moment]), sympy.Matrix([at.across, at.turn])),))
 
@@ -88,6 +101,7 @@ _PLACES: dict[str, tuple[tuple[str, int], ...]] = {
 }
 _CAMBER: dict[str, tuple[tuple[str, int], ...]] = {"planar": (), "spatial": (("camber", 1),)}
 _FORCE = (("cornering", 1), ("trail", 1))
+_MAGIC = tuple((name, 1) for name in ("peak", "shape_factor", "curvature_factor"))
 _AT_REST = (
     "the slip of a tyre has no value where its wheel does not move over the ground: give the body a speed under "
     "reference: rates:, or hold a wheel that stands by a contact instead"
@@ -97,8 +111,16 @@ ELEMENTS = tuple(
     element
     for frame, place in _PLACES.items()
     for element in (
-        Element("tyre", "force", (frame,), 1, (*place, *_FORCE, *_CAMBER[frame]), _tyre, hint=_AT_REST),
-        Element("relaxed_tyre", "force", (frame,), 1, (*place, *_FORCE), _relaxed_tyre, states=1, hint=_AT_REST),
+        *(
+            element
+            for magic, law in (("", _FORCE), ("magic_", (*_FORCE, *_MAGIC)))
+            for element in (
+                Element(f"{magic}tyre", "force", (frame,), 1, (*place, *law, *_CAMBER[frame]), _tyre, hint=_AT_REST),
+                Element(
+                    f"relaxed_{magic}tyre", "force", (frame,), 1, (*place, *law), _relaxed_tyre, states=1, hint=_AT_REST
+                ),
+            )
+        ),
         Element(
             "tyre_relaxation",
             "nonholonomic",
@@ -133,11 +155,15 @@ def _camber(item: Item) -> tuple[Any, ...]:
 
 def _tyre_elements(item: Item) -> Iterable[ElementUse]:
     body, place = _place(item)
-    force = item.number("cornering_stiffness"), item.number("trail")
+    force = [item.number("cornering_stiffness"), item.number("trail")]
+    name = "tyre"
+    if item.given("peak"):
+        name = "magic_tyre"
+        force += [item.number(key) for key, _ in _MAGIC]
     if item.given("relaxation_length"):
-        yield ElementUse("relaxed_tyre", (body, item.state), (*place, *force))
+        yield ElementUse(f"relaxed_{name}", (body, item.state), (*place, *force))
     else:
-        yield ElementUse("tyre", (body,), (*place, *force, *_camber(item)))
+        yield ElementUse(name, (body,), (*place, *force, *_camber(item)))
 
 
 def _relaxation(item: Item) -> Iterable[ElementUse]:
@@ -165,7 +191,14 @@ _WHERE = {
     ),
 }
 _STIFFNESS = (
-    Field("cornering_stiffness", "number", "side force over slip angle", "N/rad", required=True, sign="positive"),
+    Field(
+        "cornering_stiffness",
+        "number",
+        "side force over slip angle at small slip",
+        "N/rad",
+        required=True,
+        sign="positive",
+    ),
     Field(
         "camber_stiffness",
         "number",
@@ -174,6 +207,23 @@ _STIFFNESS = (
         default="0",
         dimensions=(3,),
     ),
+    Field(
+        "peak",
+        "number",
+        "largest side force, D of the Magic Formula; without it the side force is linear",
+        "N",
+        sign="positive",
+        needs=("shape_factor",),
+    ),
+    Field(
+        "shape_factor",
+        "number",
+        "C of the Magic Formula, for side forces about 1.3",
+        sign="positive",
+        most=2.0,
+        needs=("peak",),
+    ),
+    Field("curvature_factor", "number", "E of the Magic Formula", default="0", most=1.0, needs=("peak",)),
     Field("trail", "number", "pneumatic trail: distance of the side force behind the contact", "m", default="0"),
     Field(
         "relaxation_length",

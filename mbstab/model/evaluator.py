@@ -98,7 +98,7 @@ class Evaluator:
                 self.complain(quantity, f"the width of {function}() must {broken[0]}, got {broken[1]:g}", hint)
 
     def _has_sign(self, value: Number, quantity: Quantity, field: Field) -> bool:
-        broken = broken_sign(value, field.sign)
+        broken = broken_sign(value, field.sign, field.most)
         if broken is None:
             return True
         rule, shown = broken

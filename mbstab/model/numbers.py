@@ -31,8 +31,23 @@ def is_finite(value: Number) -> bool:
     return not isinstance(value, float) or math.isfinite(value)
 
 
-def broken_sign(value: Number, sign: Sign) -> tuple[str, float] | None:
-    """Return the rule that a value breaks, such as ``be positive``, and the value; None if it has the sign."""
+def broken_sign(value: Number, sign: Sign, most: float | None = None) -> tuple[str, float] | None:
+    """Return the rule that a value breaks, such as ``be positive``, and the value; None if it has the sign.
+
+    Parameters
+    ----------
+    value : number
+    sign : str
+    most : float, optional
+        The largest value that is allowed; it counts if the value has the sign.
+    """
+    broken = _broken(value, sign)
+    if broken is None and most is not None:
+        broken = _failing(value, value <= most + _blur(value), f"be at most {most:g}")
+    return broken
+
+
+def _broken(value: Number, sign: Sign) -> tuple[str, float] | None:
     match sign:
         case "positive":
             good, rule = value > 0, "be positive"
@@ -42,6 +57,10 @@ def broken_sign(value: Number, sign: Sign) -> tuple[str, float] | None:
             good, rule = value != 0, "not be zero"
         case _:
             return None
+    return _failing(value, good, rule)
+
+
+def _failing(value: Number, good: Any, rule: str) -> tuple[str, float] | None:
     if all_of(good):
         return None
     shown = value[~good].flat[0] if getattr(value, "shape", ()) else value

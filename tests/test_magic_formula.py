@@ -1,0 +1,201 @@
+"""Tyres with the Magic Formula: published forces, the linear tyre at small slip, and cars in steady turns."""
+
+import mpmath
+import pytest
+
+import mbstab
+from mbstab.compiler.kernels import planar_magic_tyre
+from mbstab.errors import ModelFileError
+from mbstab.model.arithmetic import mpmath_arithmetic
+
+CAR = """\
+mbstab: 1
+title: Car on tyres with the Magic Formula, seen from above
+parameters:
+  {{u: {{value: 10, unit: m/s}}, a: 1.189, b: 1.696, I: 3508, t_p: 0.03, sigma: 0.5, steer: 0,
+   m: 16975/9.81, F_f: 4, F_r: 4}}
+bodies:
+  car: {{type: planar, mass: m, inertia: I, points: {{front: [a, 0], rear: [-b, 0]}}}}
+forces:
+  front: {{type: tyre, at: car.front, along: [cos(steer), sin(steer)], trail: t_p, {front}{more}}}
+  rear: {{type: tyre, at: car.rear, trail: t_p, {rear}{more}}}
+reference:
+  coordinates: {{car: {{x: 0, y: 0, theta: 0}}}}
+  rates: {{car: {{x: u}}}}
+"""
+CORNERING = "cornering_stiffness: 1078*sin(1.82*atan(0.208*{0}))/deg"
+BAKKER = CORNERING + ", peak: (1011 - 22.1*{0})*{0}, shape_factor: 1.3, curvature_factor: 0.707 - 0.354*{0}"
+
+
+def car(law, more=""):
+    """Return the text of a car whose tyres depend on the loads F_f and F_r (kN)."""
+    return CAR.format(front=law.format("F_f"), rear=law.format("F_r"), more=more)
+
+
+LINEAR, MAGIC = car(CORNERING), car(BAKKER)
+RELAXED = car(BAKKER, ", relaxation_length: sigma")
+
+
+def bakker(load):
+    """Return peak, cornering stiffness (N/rad) and curvature factor of a tyre under a load (kN)."""
+    D = (1011 - mpmath.mpf("22.1") * load) * load
+    K = 1078 * mpmath.sin(mpmath.mpf("1.82") * mpmath.atan(mpmath.mpf("0.208") * load))
+    return D, K / mpmath.radians(1), mpmath.mpf("0.707") - mpmath.mpf("0.354") * load
+
+
+def magic(load, slip):
+    """Return the side force over the load (kN), Bakker 1987."""
+    D, K, E = bakker(load)
+    C = mpmath.mpf("1.3")
+    B = K / C / D
+    return D * mpmath.sin(C * mpmath.atan((1 - E) * B * slip + E * mpmath.atan(B * slip)))
+
+
+@pytest.mark.parametrize(
+    ("load", "forces"),
+    [
+        (2, ["676.252311507103", "1197.056401939161", "1828.900014505994", "1932.81947869261"]),
+        (4, ["1009.378096087319", "1911.059839057859", "3389.600985092467", "3688.347232805343"]),
+        (8, ["1029.932127010582", "2061.016428964508", "4821.906642820278", "6576.224290313273"]),
+    ],
+)
+def test_the_forces_are_those_of_a_published_tyre(load, forces):
+    with mpmath.workdps(30):
+        D, K, E = bakker(load)
+        for degrees, force in zip((1, 2, 5, 10), forces, strict=True):
+            slip = mpmath.radians(degrees)
+            speeds = [20 * mpmath.cos(slip), -20 * mpmath.sin(slip), 0]
+            tyre = [0, 0, 1, 0, K, 0, D, mpmath.mpf("1.3"), E]
+            _, found, _ = planar_magic_tyre.dynamics(mpmath_arithmetic(), [0, 0, 0], speeds, tyre, [])
+            assert abs(-found - mpmath.mpf(force)) < 1e-11
+
+
+@pytest.mark.parametrize("load", [1, 4, 8])
+def test_at_small_slip_the_tyre_is_the_linear_one(load):
+    one, other = (mbstab.loads(text).eig(F_f=load, F_r=4).values() for text in (MAGIC, LINEAR))
+    assert len(one) == len(other) == 2
+    for x, y in zip(one, other, strict=True):
+        assert abs(x - y) <= 4 * 2.0**-53 * abs(y)
+
+
+def rates(state, thrust, steer, loads, relaxed):
+    """Return the rates of the speeds along and across, of the yaw rate, and of the slips that the forces follow."""
+    a, b, m, inertia, t, sigma = (1.189, 1.696, 16975 / 9.81, 3508, 0.03, 0.5)
+    vx, vy, r = state[:3]
+    force, moment, lags = [thrust, mpmath.mpf(0)], mpmath.mpf(0), []
+    for i, (x, angle) in enumerate(((a, steer), (-b, mpmath.mpf(0)))):
+        speed = mpmath.hypot(vx, vy + r * x)
+        alpha = mpmath.atan2(vy + r * x, vx) - angle
+        slip = state[3 + i] if relaxed else alpha
+        side = -magic(loads[i], slip)
+        across = side * mpmath.cos(angle)
+        force = [force[0] - side * mpmath.sin(angle), force[1] + across]
+        moment += x * across - t * mpmath.cos(alpha) * side
+        lags.append(speed / sigma * (alpha - slip))
+    return [force[0] / m + vy * r, force[1] / m - vx * r, moment / inertia, *(lags if relaxed else [])]
+
+
+def turning(u, steer, loads, relaxed):
+    """Return the steady state of a car in a turn, its thrust, and the eigenvalues, from 40 digits."""
+    mpf = mpmath.mpf
+    u, steer = mpf(u), mpf(steer)
+
+    def slips(v, r):
+        return [mpmath.atan2(v + r * 1.189, u) - steer, mpmath.atan2(v - r * 1.696, u)]
+
+    def unbalanced(v, r, thrust):
+        return rates([u, v, r, *slips(v, r)], thrust, steer, loads, relaxed)[:3]
+
+    v, r, thrust = mpmath.findroot(unbalanced, (mpf("-0.2"), u * steer / 3, 500))
+    state = [u, v, r, *(slips(v, r) if relaxed else [])]
+    columns = []
+    for k in range(len(state)):
+
+        def moved(x, k=k):
+            return rates([*state[:k], x, *state[k + 1 :]], thrust, steer, loads, relaxed)
+
+        h = mpf(10) ** -20
+        columns.append([(y - x) / (2 * h) for x, y in zip(moved(state[k] - h), moved(state[k] + h), strict=True)])
+    return state, slips(v, r), thrust, mpmath.eig(mpmath.matrix(columns).T, left=False, right=False)
+
+
+def in_a_turn(text, state, thrust, slips, relaxed):
+    """Return the text of a car in a steady turn about the origin."""
+    u, v, r = map(float, state[:3])
+    engine = f"forces:\n  engine: {{type: force, at: car, vector: [{float(thrust)!r}, 0], frame: body}}"
+    states = f", front_slip: {float(slips[0])!r}, rear_slip: {float(slips[1])!r}" if relaxed else ""
+    return text[: text.index("reference:")].replace("forces:", engine) + (
+        f"reference:\n  steady: {{axis: z, rate: {r!r}}}\n"
+        f"  coordinates: {{car: {{x: {v / r!r}, y: {-u / r!r}, theta: 0}}{states}}}\n"
+        f"  rates: {{car: {{theta: {r!r}}}}}\n"
+    )
+
+
+def found_in(values, expected, part):
+    """Whether every one of the expected values is among those found."""
+    return all(min(abs(mpmath.mpc(x) - y) for x in values) <= part * abs(y) for y in expected)
+
+
+@pytest.mark.parametrize(("relaxed", "steer", "loads"), [(False, 0.08, (6, 5)), (True, 0.08, (6, 5))])
+def test_a_car_in_a_steady_turn_has_the_eigenvalues_of_its_speeds(relaxed, steer, loads):
+    with mpmath.workdps(40):
+        state, slips, thrust, expected = turning(12, steer, loads, relaxed)
+        assert max(map(abs, slips)) > 0.03
+        text = in_a_turn(RELAXED if relaxed else MAGIC, state, thrust, slips, relaxed)
+        found = mbstab.loads(text).eig(F_f=loads[0], F_r=loads[1], steer=steer).values()
+        assert len(found) == len(expected)
+        assert found_in(found, expected, 1e-13)
+
+
+def in_space(text):
+    """Return the text of the same car in space, on four wheels that do not lift."""
+    body = "{type: spatial, mass: m, inertia: [600, 3000, I], points: {front: [a, 0, 0], rear: [-b, 0, 0]}}"
+    contacts = """\
+contacts:
+  front: {type: wheel, center: car.front, axle: [-sin(steer), cos(steer), 0], radius: 0.3, motion: frictionless}
+  rear: {type: wheel, center: car.rear, axle: y, radius: 0.25, tube: 0.05, motion: frictionless}
+constraints: {upright: {holonomic: car.phi}}
+"""
+    text = text.replace(text[text.index("{type: planar") : text.index("\nforces:")], body)
+    text = text.replace("at: car.front, along: [cos(steer), sin(steer)]", "contact: front").replace(
+        "0], frame", "0, 0], frame"
+    )
+    text = text.replace("at: car.rear", "contact: rear").replace("forces:", contacts + "forces:")
+    return text.replace(", theta: 0}", ", z: 0.3, phi: 0, theta: 0, psi: 0}").replace("{theta:", "{psi:")
+
+
+@pytest.mark.parametrize("relaxed", [False, True])
+def test_wheels_on_contacts_in_space_turn_as_those_seen_from_above(relaxed):
+    with mpmath.workdps(40):
+        state, slips, thrust, expected = turning(12, 0.08, (6, 5), relaxed)
+        text = in_space(in_a_turn(RELAXED if relaxed else MAGIC, state, thrust, slips, relaxed))
+        found = mbstab.loads(text).eig(F_f=6, F_r=5, steer=0.08).values()
+        assert found_in(found, expected, 1e-13)
+
+
+def test_a_simulated_car_loses_the_energy_that_its_tyres_take():
+    run = mbstab.loads(MAGIC).simulate(to=0.2, points=3, tol=1e-8, perturb={"car.theta": 0.2})
+    energy = run.kinetic + run.potential
+    assert run.work[-1] < -100.0
+    assert energy - run.work == pytest.approx(energy[0], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("peak: (", "peak: -(", "146: forces.front.peak: peak must be positive, got -3690.4 N"),
+        ("factor: 1.3", "factor: 2.1", "183: forces.front.shape_factor: shape factor must be at most 2, got 2.1"),
+        ("factor: 1.3", "factor: 0", "183: forces.front.shape_factor: shape factor must be positive, got 0"),
+        (
+            "0.707 - 0.354*F_f",
+            "1.01",
+            "206: forces.front.curvature_factor: curvature factor must be at most 1, got 1.01",
+        ),
+        (", shape_factor: 1.3", "", "10: forces.front.peak: the key 'shape_factor' is missing"),
+        ("peak: (1011 - 22.1*F_f)*F_f, ", "", "10: forces.front.shape_factor: the key 'peak' is missing"),
+    ],
+)
+def test_bad_coefficients_are_refused(old, new, message):
+    with pytest.raises(ModelFileError) as caught:
+        mbstab.loads(MAGIC.replace(old, new, 1)).eig()
+    assert str(caught.value).startswith(f"<text>:9:{message}")
