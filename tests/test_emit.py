@@ -42,6 +42,7 @@ DIVISORS = {
     "spatial_rack_spring": {"scale", "sum of squares"},
     "spatial_differential": {"scale", "sum of squares"},
     "planar_creep": {"half_gauge", "radius", "sum of products"},
+    "spatial_creep": {"half_gauge", "radius", "sum of products"},
     "planar_distance": {"length"},
     "planar_magic_tyre": {"sqrt", "1 + square", "peak", "shape_factor"},
     "planar_relaxed_magic_tyre": {"sqrt", "1 + square", "peak", "shape_factor"},
@@ -117,6 +118,20 @@ def test_a_kernel_stays_within_its_budget_of_operations(name):
         assert count <= budget
 
 
+def in_words(total):
+    """Return what a sum of products consists of, or its text."""
+    terms = [total]
+    while isinstance(terms[0], ast.BinOp) and isinstance(terms[0].op, ast.Add):
+        terms[:1] = [terms[0].left, terms[0].right]
+    one = "1 + " if ast.unparse(terms[0]) == "1" else ""
+    products = terms[1:] if one else terms
+    if not all(isinstance(term, ast.BinOp) and isinstance(term.op, ast.Mult) for term in products):
+        return ast.unparse(total)
+    squares = all(ast.dump(term.left) == ast.dump(term.right) for term in products)
+    kind = "squares" if squares else "products"
+    return one + ("square" if squares and len(products) == 1 else f"sum of {kind}")
+
+
 def divisors(function):
     """Yield what a function divides by, with names replaced by what they stand for."""
     steps = {
@@ -148,17 +163,8 @@ def divisors(function):
                         yield called
                     case ast.Subscript(slice=ast.Constant(value)):
                         yield value
-                    case ast.BinOp(ast.BinOp(a, ast.Mult(), b), ast.Add(), ast.BinOp(c, ast.Mult(), d)):
-                        squares = ast.dump(a) == ast.dump(b) and ast.dump(c) == ast.dump(d)
-                        yield "sum of squares" if squares else "sum of products"
-                    case ast.BinOp(ast.Constant(1), ast.Add(), ast.BinOp(a, ast.Mult(), b)) if ast.dump(a) == ast.dump(
-                        b
-                    ):
-                        yield "1 + square"
-                    case ast.BinOp(ast.BinOp(), ast.Add(), ast.BinOp(_, ast.Mult(), _)) as sum_ if ast.unparse(
-                        sum_
-                    ).startswith("1 + "):
-                        yield "1 + sum of products"
+                    case ast.BinOp(_, ast.Add(), _) as total:
+                        yield in_words(total)
                     case other:
                         yield ast.unparse(other)
 

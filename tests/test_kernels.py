@@ -722,19 +722,25 @@ def magic_formula(slip, p):
 
 
 def creep(b, p, s, u, w):
-    """Return the power of creep and of the load, with the wheelset's coordinates along and across the rails."""
+    """Return the power of creep and of the load, with the wheelset's coordinates along and across the rails.
+
+    In space the lateral motion is that of the point of the wheelset a radius below its middle.
+    """
     rails = p["rails"]
-    left = np.array([-rails[1], rails[0]])
     f11, f22, f23, f33, half, conicity, radius, load = (
         p[x][0] for x in ("f11", "f22", "f23", "f33", "half_gauge", "conicity", "radius", "load")
     )
-    velocity, speed = left @ b[0].velocity(p["point"], u[0]), rails @ b[0].velocity(p["point"], u[0])
+    up = p.get("normal", [0, 0, 1])
+    left = np.array([-rails[1], rails[0]]) if b[0].size == 2 else np.cross(up, rails)
+    contact = p["point"] - (b[0].matrix().T @ (radius * up) if b[0].size == 3 else 0 * p["point"])
+    velocity, virtual = (left @ b[0].velocity(contact, x[0]) for x in (u, w))
+    rate, turn = (b[0].spin(x[0]) @ up[-len(b[0].spin(x[0])) :] for x in (u, w))
+    speed = rails @ b[0].velocity(p["point"], u[0])
     off, yaw = left @ (b[0].place(p["point"]) - p["origin"]), left @ (b[0].matrix() @ p["along"])
-    virtual, turn = left @ b[0].velocity(p["point"], w[0]), w[0][2]
     power = -load * conicity * (off / half * virtual - half * yaw * turn)
     for side in (1, -1):
-        x = -side * (half * u[0][2] / speed + conicity * off / radius)
-        y, spin = velocity / speed - yaw, u[0][2] / speed
+        x = -side * (half * rate / speed + conicity * off / radius)
+        y, spin = velocity / speed - yaw, rate / speed
         power += -f11 * x * (-side * half * turn) - (f22 * y + f23 * spin) * virtual + (f23 * y - f33 * spin) * turn
     return power
 

@@ -1,11 +1,13 @@
-"""Wheelsets on straight rails, seen from above: linear creep of conical wheels, and gravitational stiffness.
+"""Wheelsets on straight rails: linear creep of conical wheels, and gravitational stiffness.
 
-The rails lie along a direction of the ground, the contacts at ±e beside the middle. With the displacement y across
+The rails lie along a direction of the ground, the contacts at ±e beside the middle, in space r_0 below the axle, where
+the forces act. With the displacement y across
 the track, the yaw ψ from it and the speed V along it, the creepages of a wheel on the side ± are ξ_x = ∓(e ψ'/V +
 λ y/r_0), ξ_y = y'/V − sin ψ and ξ_s = ψ'/V, and the rails act with F_x = −f_11 ξ_x, F_y = −f_22 ξ_y − f_23 ξ_s and
 M = f_23 ξ_y − f_33 ξ_s (Kalker, Three-Dimensional Elastic Bodies in Rolling Contact, 1990). The axle turns at V/r_0.
 Under the load W the cone lifts one side and lowers the other: W λ/e draws the wheelset back to the middle, and its
-yaw turns it away with W e λ (Wickens, Fundamentals of Rail Vehicle Dynamics, 2003).
+yaw turns it away with W e λ (Wickens, Fundamentals of Rail Vehicle Dynamics, 2003). In space a joint, such as planar,
+carries the wheelset over the track.
 """
 
 from __future__ import annotations
@@ -22,9 +24,14 @@ def _creep(frames: Any, p: Any, s: Any) -> Load:
     import sympy
 
     (frame,) = frames
-    left = sympy.Matrix([-p.rails[1], p.rails[0]])
-    axle, velocity, turn = frame.direction(p.along), frame.velocity(p.point), frame.u[2]
-    across, speed = left.dot(velocity), p.rails.dot(velocity)
+    axle, velocity = frame.direction(p.along), frame.velocity(p.point)
+    if frame.dimension == 2:
+        left = sympy.Matrix([-p.rails[1], p.rails[0]])
+        across, turn = left.dot(velocity), frame.u[2]
+    else:
+        left, spins = p.normal.cross(p.rails), frame.angular_velocity()
+        across, turn = left.dot(velocity - p.radius[0] * spins.cross(p.normal)), p.normal.dot(spins)
+    speed = p.rails.dot(velocity)
     yaw, off = left.dot(axle), left.dot(frame.position(p.point) - p.origin)
     half, rise = p.half_gauge[0], p.conicity[0] / p.radius[0]
     slip = across / speed - yaw
@@ -36,20 +43,22 @@ def _creep(frames: Any, p: Any, s: Any) -> Load:
     return Load(power=((sympy.Matrix([side, moment]), sympy.Matrix([across, turn])),))
 
 
-_PLACE = (("point", 2), ("along", 2), ("rails", 2), ("origin", 2))
+_PLACE = tuple((name, 0) for name in ("point", "along", "rails", "origin"))
+_NORMAL: dict[str, tuple[tuple[str, int], ...]] = {"planar": (), "spatial": (("normal", 3),)}
 _SIZES = ("half_gauge", "conicity", "radius", "f11", "f22", "f23", "f33", "load")
 
-ELEMENTS = (
+ELEMENTS = tuple(
     Element(
         "creep",
         "force",
-        ("planar",),
+        (frame,),
         1,
-        (*_PLACE, *((name, 1) for name in _SIZES)),
+        (*_PLACE, *normal, *((name, 1) for name in _SIZES)),
         _creep,
         hint="creep has no value where a wheelset does not move along the rails: give the body a speed along them "
         "under reference: rates:",
-    ),
+    )
+    for frame, normal in _NORMAL.items()
 )
 
 # --- kinds ----------------------------------------------------------------------------------------------------------
@@ -58,35 +67,40 @@ ELEMENTS = (
 def _wheelset(item: Item) -> Iterable[ElementUse]:
     middle = item.marker("at")
     place = (*middle.point, *item.direction("along"), *item.direction("rails"), *item.vector("origin"))
-    yield ElementUse("creep", (middle.body,), (*place, *(item.number(name) for name in _SIZES)))
+    normal = item.direction("normal") if item.dimension == 3 else ()
+    yield ElementUse("creep", (middle.body,), (*place, *normal, *(item.number(name) for name in _SIZES)))
 
 
 def _look(item: Item) -> tuple[Look, ...]:
     return (Look("blade", (item.marker("at"),), item.direction("along")),)
 
 
+_FIELDS = (
+    Field("at", "marker", "middle of the axle: body or body.point", required=True),
+    Field("along", "direction", "rolling direction in the frame of the body", default="x"),
+    Field("rails", "level direction", "direction of the rails", default="x"),
+    Field("normal", "ground direction", "normal of the track, upwards", default="z", dimensions=(3,)),
+    Field("origin", "vector", "a point in the middle of the track", "m", default="0"),
+    Field("half_gauge", "number", "half distance of the contacts", "m", required=True, sign="positive"),
+    Field("conicity", "number", "slope of the treads", "rad", required=True),
+    Field("radius", "number", "rolling radius in the middle", "m", required=True, sign="positive"),
+    Field("f11", "number", "creep along the rail, of one wheel", "N", required=True, sign="nonnegative"),
+    Field("f22", "number", "creep across it, of one wheel", "N", required=True, sign="nonnegative"),
+    Field("f23", "number", "coupling of lateral creep and spin", "N*m", default="0"),
+    Field("f33", "number", "spin creep", "N*m^2", default="0", sign="nonnegative"),
+    Field("load", "number", "load of the axle, for gravitational stiffness", "N", default="0"),
+)
+
 KINDS: dict[tuple[str, int], Kind] = {
-    ("creep", 2): Kind(
+    ("creep", dimension): Kind(
         "creep",
-        "wheelset with conical wheels on straight rails, seen from above: Kalker's linear creep on both wheels, "
-        "and gravitational stiffness",
-        (2,),
-        (
-            Field("at", "marker", "middle of the axle: body or body.point", required=True),
-            Field("along", "direction", "rolling direction in the frame of the body", default="x"),
-            Field("rails", "ground direction", "direction of the rails", default="x"),
-            Field("origin", "vector", "a point in the middle of the track", "m", default="0"),
-            Field("half_gauge", "number", "half distance of the contacts", "m", required=True, sign="positive"),
-            Field("conicity", "number", "slope of the treads", "rad", required=True),
-            Field("radius", "number", "rolling radius in the middle", "m", required=True, sign="positive"),
-            Field("f11", "number", "creep along the rail, of one wheel", "N", required=True, sign="nonnegative"),
-            Field("f22", "number", "creep across it, of one wheel", "N", required=True, sign="nonnegative"),
-            Field("f23", "number", "coupling of lateral creep and spin", "N*m", default="0"),
-            Field("f33", "number", "spin creep", "N*m^2", default="0", sign="nonnegative"),
-            Field("load", "number", "load of the axle, for gravitational stiffness", "N", default="0"),
-        ),
+        f"wheelset with conical wheels on straight rails{where}: Kalker's linear creep on both wheels, and "
+        "gravitational stiffness",
+        (dimension,),
+        tuple(field for field in _FIELDS if dimension in field.dimensions),
         _wheelset,
         transmits=True,
         look=_look,
     )
+    for dimension, where in ((2, ", seen from above"), (3, ", carried by a joint"))
 }

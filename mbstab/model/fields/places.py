@@ -11,6 +11,7 @@ from mbstab.mechanics.catalogue import GROUND, Field, Marker, Number, Vector
 from mbstab.model.evaluator import Evaluator
 from mbstab.model.fields.base import DIRECTION, NUMBER, NUMBERS, TEXT, VECTOR, FieldKind, Owner, Reading, object_schema
 from mbstab.model.names import owner_of_point
+from mbstab.model.numbers import all_of
 from mbstab.model.schema import MARKER_FIELDS, Components, MarkerValue
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 
@@ -143,6 +144,22 @@ class GroundDirectionField(DirectionField):
         return reading.quantities.direction(node, path, None)
 
 
+class LevelDirectionField(GroundDirectionField):
+    """A direction in ground axes, in space across the direction of the field ``normal``."""
+
+    name = "level direction"
+
+    def check(self, owner: Owner, field: Field, numbers: Vector, time: Number) -> None:
+        """Refuse a direction that is not across the normal."""
+        evaluator, written = owner.evaluator, owner.entry.values
+        if len(numbers) == 2 or evaluator.symbolic:
+            return
+        normal = evaluator.vector(written["normal"])
+        rise = vectors.dot(numbers, normal)
+        if not all_of(rise * rise <= 1e-16 * vectors.dot(normal, normal)):
+            evaluator.complain(written[field.name], f"{field.name} must lie across normal", "correct one of the two")
+
+
 class DirectionsField(FieldKind):
     """A direction in the frames of the two bodies that the entry joins, the same or a list of two."""
 
@@ -233,6 +250,7 @@ KINDS = (
     MarkersField(),
     DirectionField(),
     GroundDirectionField(),
+    LevelDirectionField(),
     DirectionsField(),
     ZeroField(),
     PointsField(),

@@ -1,0 +1,231 @@
+"""Cooperrider's complex bogie in space, against its equations in 40 digits and published critical speeds."""
+
+import re
+from functools import cache
+
+import mpmath
+import numpy as np
+import pytest
+
+import mbstab
+from mbstab.errors import ModelFileError, NumericalError
+
+# The constants of creep of Vermeulen and Johnson, and exchanged, as some have used them.
+R1 = {"f_11": 6.563e6 / 0.54219, "f_22": 6.563e6 / 0.60252}
+R2 = {"f_11": 6.563e6 / 0.60252, "f_22": 6.563e6 / 0.54219}
+
+
+BOGIE = """\
+mbstab: 1
+title: Cooperrider's complex bogie on straight track, linear creep
+source: >
+  Kaas-Petersen (1986), Chaos in a railway bogie, Acta Mechanica 61, 89-107: two wheelsets (lateral, yaw) and a frame
+  (lateral, yaw, roll) under a car body that moves straight on. The creep is that of Vermeulen and Johnson (1964),
+  0.54219 along the rails and 0.60252 across; exchanged they give the often quoted 68.66 m/s to 0.03 %.
+
+parameters:
+  V: {value: 60, unit: m/s, description: speed}
+  f_11: {value: 6.563e6/0.54219, unit: N, description: creep of a wheel along the rails}
+  f_22: {value: 6.563e6/0.60252, unit: N, description: creep of a wheel across them}
+  a: {value: 0.716, unit: m, sign: positive, description: half distance of the contacts}
+  gamma: {value: 0.05, unit: rad, description: conicity}
+  r_0: {value: 0.4572, unit: m, sign: positive, description: rolling radius in the middle}
+  b: {value: 1.074, unit: m, description: half distance of the axles}
+  d_1: {value: 0.62, unit: m, description: half distance of the primary springs}
+  d_2: {value: 0.68, unit: m, description: half distance of the secondary springs}
+  h_1: {value: 0.0762, unit: m, description: depth of the primary springs below the centre of mass}
+  h_2: {value: 0.6584, unit: m, description: height of the secondary springs above it}
+  k_1: {value: 1823e3, unit: N/m, description: "primary spring, lateral"}
+  k_2: {value: 3646e3, unit: N/m, description: "primary spring, longitudinal and vertical"}
+  k_4: {value: 182300, unit: N/m, description: "secondary spring, lateral"}
+  k_5: {value: 333300, unit: N/m, description: "secondary spring, vertical"}
+  k_6: {value: 2.71e6, unit: N*m, description: "secondary springs, yaw"}
+  D_1: {value: 20e3, unit: N*s/m, description: "secondary damper, vertical"}
+  D_2: {value: 29.2e3, unit: N*s/m, description: "secondary damper, lateral"}
+
+bodies:
+  frame:
+    {type: spatial, mass: 2918.9, inertia: [6780, 6780, 6780],
+     points: {front: [b, 0, -h_1], rear: [-b, 0, -h_1], top: [0, 0, h_2]}}
+  front: {type: spatial, mass: 1022, inertia: [678, 80, 678]}
+  rear: {type: spatial, mass: 1022, inertia: [678, 80, 678]}
+
+joints:
+  front: {type: planar, between: [front, ground], axis: z}
+  rear: {type: planar, between: [rear, ground], axis: z}
+
+constraints:
+  height: {holonomic: frame.z - h_1}
+  pitch: {holonomic: frame.theta}
+
+drives:
+  frame: {type: coordinate, coordinate: frame.x, position: V*t}
+  front: {type: coordinate, coordinate: front.x, position: V*t + b}
+  rear: {type: coordinate, coordinate: rear.x, position: V*t - b}
+
+forces:
+  front_creep: {type: creep, at: front, half_gauge: a, conicity: gamma, radius: r_0, f11: f_11, f22: f_22}
+  rear_creep: {type: creep, at: rear, half_gauge: a, conicity: gamma, radius: r_0, f11: f_11, f22: f_22}
+  front_springs:
+    {type: bushing, between: [front, frame.front], stiffness: [0, 2*k_1, 0],
+     torsional_stiffness: [2*k_2*d_1**2, 0, 2*k_2*d_1**2]}
+  rear_springs:
+    {type: bushing, between: [rear, frame.rear], stiffness: [0, 2*k_1, 0],
+     torsional_stiffness: [2*k_2*d_1**2, 0, 2*k_2*d_1**2]}
+  secondary:
+    {type: bushing, between: [frame.top, ground], stiffness: [0, 2*k_4, 0], damping: [0, 2*D_2, 0],
+     torsional_stiffness: [2*k_5*d_2**2, 0, k_6], torsional_damping: [2*D_1*d_2**2, 0, 0]}
+
+reference:
+  coordinates:
+    frame: {x: 0, y: 0, phi: 0, psi: 0}
+    front: {x: b, y: 0, psi: 0}
+    rear: {x: -b, y: 0, psi: 0}
+"""
+
+
+@cache
+def bogie():
+    return mbstab.loads(BOGIE)
+
+
+def equations(V, f_11, f_22):
+    """Return M, C, K for y₁, ψ₁, y₂, ψ₂ of the wheelsets, and y, ψ, φ of the frame, spring by spring."""
+    mpf = mpmath.mpf
+    a, b, d1, d2, h1, h2, slope, r0 = map(mpf, ("0.716", "1.074", "0.62", "0.68", "0.0762", "0.6584", "0.05", "0.4572"))
+    k1, k2, k3, k4, k5, k6 = map(mpf, ("1823e3", "3646e3", "3646e3", "182300", "333300", "2.71e6"))
+    f11, f22 = mpf(f_11), mpf(f_22)
+    M = mpmath.diag([1022, 678, 1022, 678, mpf("2918.9"), 6780, 6780])
+    C, K = mpmath.zeros(7), mpmath.zeros(7)
+
+    def add(to, coefficient, **stretch):
+        row = mpmath.matrix([stretch.get(x, 0) for x in ("y1", "p1", "y2", "p2", "y", "psi", "phi")])
+        to += coefficient * row * row.T
+        return to
+
+    K = add(K, 2 * k1, y1=1, y=-1, psi=-b, phi=-h1)
+    K = add(K, 2 * k1, y2=1, y=-1, psi=b, phi=-h1)
+    K = add(K, 2 * k2 * d1**2, p1=1, psi=-1)
+    K = add(K, 2 * k2 * d1**2, p2=1, psi=-1)
+    K = add(K, 2 * k4, y=1, phi=-h2)
+    K = add(K, k6, psi=1)
+    K = add(K, 2 * k5 * d2**2 + 4 * k3 * d1**2, phi=1)
+    C = add(C, 2 * mpf("29.2e3"), y=1, phi=-h2)
+    C = add(C, 2 * mpf("20e3") * d2**2, phi=1)
+    for y, p in ((0, 1), (2, 3)):
+        C[y, y] += 2 * f22 / V
+        K[y, p] -= 2 * f22
+        C[p, p] += 2 * f11 * a**2 / V
+        K[p, y] += 2 * f11 * a * slope / r0
+    return M, C, K
+
+
+def expected(V, **constants):
+    """Return the eigenvalues, from 40 digits."""
+    with mpmath.workdps(40):
+        M, C, K = equations(mpmath.mpf(V), **constants)
+        A = mpmath.zeros(14)
+        A[:7, 7:] = mpmath.eye(7)
+        A[7:, :7], A[7:, 7:] = -(M**-1) * K, -(M**-1) * C
+        return mpmath.eig(A, left=False, right=False)
+
+
+def hunting(guess, **constants):
+    """Return the critical speed and its frequency: det(K − ω² M + iω C) = 0."""
+    with mpmath.workdps(40):
+
+        def determinant(V, w):
+            M, C, K = equations(V, **constants)
+            found = mpmath.det((K - w**2 * M + 1j * w * C) / mpmath.mpf("1e6"))
+            return [found.real, found.imag]
+
+        return [float(x) for x in mpmath.findroot(determinant, guess)]
+
+
+@pytest.mark.parametrize(("V", "constants"), [(60, R1), (80, R1), (80, R2)])
+def test_a_bogie_has_the_eigenvalues_of_its_equations(V, constants):
+    found = bogie().eig(V=V, **constants)
+    assert len(found.values()) == 14
+    for value in expected(V, **constants):
+        assert np.min(np.abs(found.values() - complex(value))) < 1e-12 * abs(value)
+    assert found.verdict == ("asymptotically stable" if V < 65 else "unstable")
+
+
+@pytest.mark.parametrize(
+    ("constants", "guess", "digits", "published"),
+    [(R1, (65, 24), 65.28777395144450868, None), (R2, (69, 25), 68.64245831049231592, 68.66)],
+)
+def test_a_bogie_hunts_above_its_critical_speed(constants, guess, digits, published):
+    (critical,) = bogie().sweep("V", [60.0, 75.0], **constants).critical
+    speed, frequency = hunting(guess, **constants)
+    assert speed == pytest.approx(digits, rel=1e-15)
+    assert critical.value == pytest.approx(speed, rel=1e-11)
+    assert critical.frequency == pytest.approx(frequency, rel=1e-11)
+    assert published is None or critical.value == pytest.approx(published, rel=3e-4)
+
+
+def test_the_answer_is_proven():
+    pytest.importorskip("flint")
+    assert bogie().certify().verdict == "asymptotically stable"
+    assert bogie().certify(V=80).verdict == "unstable"
+
+
+WHEELSET = """\
+mbstab: 1
+title: Wheelset in space on rails along z, its load upright along y
+parameters: {V: {value: 40, unit: m/s}}
+bodies: {wheelset: {type: spatial, mass: 1022, inertia: [700, 678, 740]}}
+HELD
+drives: {travel: {type: coordinate, coordinate: wheelset.z, position: V*t}}
+forces:
+  creep:
+    {type: creep, at: wheelset, along: z, rails: z, normal: y, origin: [0.5, 0, 0], half_gauge: 0.75, conicity: 0.05,
+     radius: 0.4572, f11: 1.2e7, f22: 1.1e7, f23: 2.5e4, f33: 120, load: 2e5}
+  springs:
+    {type: bushing, between: [wheelset, ground.o], stiffness: [1e6, 0, 0], torsional_stiffness: [0, 1.5e6, 3e6]}
+ground: {points: {o: [0.5, 0, 0]}}
+reference: {coordinates: {wheelset: {x: 0.5, z: 0, theta: 0}}}
+"""
+
+
+@pytest.mark.parametrize("rolls", [False, True])
+def test_creep_acts_at_the_rails_where_the_wheelset_may_roll(rolls):
+    """The contacts move sideways with x − r₀ φ, and their force rolls the wheelset; f₂₂, f₂₃ and f₃₃ by creepages."""
+    held = "constraints: {pitch: {holonomic: wheelset.phi}, height: {holonomic: wheelset.y}}"
+    if not rolls:
+        held = "joints: {track: {type: planar, between: [wheelset, ground], axis: y}}"
+    found = mbstab.loads(WHEELSET.replace("HELD", held)).eig().values()
+    V, e, r0, slope, load, f11, f22, f23, f33 = 40.0, 0.75, 0.4572, 0.05, 2e5, 1.2e7, 1.1e7, 2.5e4, 120.0
+    # Coordinates x, yaw about y, roll about z; the contact lies below, at x + r₀ roll.
+    contact, yaw = np.array([1.0, 0.0, r0]), np.array([0.0, 1.0, 0.0])
+    middle = np.array([1.0, 0.0, 0.0])
+    C = (2 * f22 * np.outer(contact, contact) + 2 * f23 * (np.outer(contact, yaw) - np.outer(yaw, contact))) / V
+    C += (2 * f11 * e**2 + 2 * f33) * np.outer(yaw, yaw) / V
+    K = np.diag([1e6, 1.5e6 - load * slope * e, 3e6]) - 2 * f22 * np.outer(contact, yaw) + 2 * f23 * np.outer(yaw, yaw)
+    K += 2 * f11 * e * slope / r0 * np.outer(yaw, middle) + load * slope / e * np.outer(contact, middle)
+    M = np.diag([1022.0, 678.0, 740.0])
+    n = 3 if rolls else 2
+    M, C, K = M[:n, :n], C[:n, :n], K[:n, :n]
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    assert len(found) == 2 * n
+    for value in np.linalg.eigvals(A):
+        assert np.min(np.abs(found - value)) < 1e-11 * abs(value)
+
+
+def test_creep_in_space_has_no_value_at_rest():
+    with pytest.raises(NumericalError, match=r"<text>:\d+:\d+: forces.front_creep .*\n.*give the body a speed along"):
+        bogie().eig(V=0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("half_gauge: a", "half_gauge: -a", "half gauge must be positive, got -0.716 m"),
+        ("at: front, half", "at: front, rails: [1, 0], half", "expected 3 numbers, got 2"),
+        ("at: front, half", "at: front, rails: [1, 0, 1e-3], half", "rails must lie across normal"),
+        ("at: front, half", "at: front, normal: [0, 0, 0], half", "a direction must have a length"),
+    ],
+)
+def test_bad_creep_is_refused(old, new, message):
+    with pytest.raises(ModelFileError, match=rf"<text>:\d+:\d+: forces\.front_creep.*{re.escape(message)}"):
+        mbstab.loads(BOGIE.replace(old, new, 1)).eig()
