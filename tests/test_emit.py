@@ -10,6 +10,7 @@ import pytest
 from mbstab.compiler.derive import Derived, derive
 from mbstab.compiler.emit import KERNELS, emit, shipped
 from mbstab.compiler.tape import Product, Sum, Tape
+from mbstab.compiler.user import moved_kernel
 from mbstab.mechanics.catalogue import Element, Load
 from mbstab.mechanics.elements import ELEMENTS
 from mbstab.model.arithmetic import FLOAT, symbol_arithmetic
@@ -204,6 +205,11 @@ def test_a_dissipation_function_that_does_not_vanish_with_its_coefficients_is_re
         derive(bushing(lambda c, v: c[0] ** 2 * v[0] ** 2), "planar")
     with pytest.raises(ValueError, match="a sum of coefficients"):
         derive(bushing(lambda c, v: v[0] ** 2), "planar")
+
+
+def test_the_coefficients_of_what_has_a_potential_do_not_change_with_the_motion():
+    with pytest.raises(ValueError, match="no parameters that change with the motion"):
+        moved_kernel("planar_spring", "planar", ((4, parse("2 + x").root, True),), ("x",), ())
 
 
 # --- the tape -------------------------------------------------------------------------------------------------------

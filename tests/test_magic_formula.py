@@ -5,7 +5,7 @@ import pytest
 
 import mbstab
 from mbstab.compiler.kernels import planar_magic_tyre
-from mbstab.errors import ModelFileError
+from mbstab.errors import ModelFileError, NumericalError
 from mbstab.model.arithmetic import mpmath_arithmetic
 
 CAR = """\
@@ -78,43 +78,56 @@ def test_at_small_slip_the_tyre_is_the_linear_one(load):
         assert abs(x - y) <= 4 * 2.0**-53 * abs(y)
 
 
-def rates(state, thrust, steer, loads, relaxed):
+def single_track(steer, loads):
+    """Return the wheels of a car: their places, their angles, and their loads (kN) from speed and yaw rate."""
+    return [(1.189, 0.0, steer, lambda vx, r: loads[0]), (-1.696, 0.0, 0, lambda vx, r: loads[1])]
+
+
+def double_track(steer, loads, transfer):
+    """Return those of a car whose load moves to the outer wheels with its lateral acceleration."""
+    return [
+        (x, y, angle, lambda vx, r, own=load / 2, side=y: own - transfer * vx * r * mpmath.sign(side))
+        for (x, _, angle, _), load in zip(single_track(steer, loads), loads, strict=True)
+        for y in (0.75, -0.75)
+    ]
+
+
+def rates(state, thrust, wheels, relaxed):
     """Return the rates of the speeds along and across, of the yaw rate, and of the slips that the forces follow."""
-    a, b, m, inertia, t, sigma = (1.189, 1.696, 16975 / 9.81, 3508, 0.03, 0.5)
+    m, inertia, t, sigma = 16975 / 9.81, 3508, 0.03, 0.5
     vx, vy, r = state[:3]
     force, moment, lags = [thrust, mpmath.mpf(0)], mpmath.mpf(0), []
-    for i, (x, angle) in enumerate(((a, steer), (-b, mpmath.mpf(0)))):
-        speed = mpmath.hypot(vx, vy + r * x)
-        alpha = mpmath.atan2(vy + r * x, vx) - angle
+    for i, (x, y, angle, load) in enumerate(wheels):
+        along, across = vx - r * y, vy + r * x
+        alpha = mpmath.atan2(across, along) - angle
         slip = state[3 + i] if relaxed else alpha
-        side = -magic(loads[i], slip)
-        across = side * mpmath.cos(angle)
-        force = [force[0] - side * mpmath.sin(angle), force[1] + across]
-        moment += x * across - t * mpmath.cos(alpha) * side
-        lags.append(speed / sigma * (alpha - slip))
+        side = -magic(load(vx, r), slip)
+        push = [-side * mpmath.sin(angle), side * mpmath.cos(angle)]
+        force = [force[0] + push[0], force[1] + push[1]]
+        moment += x * push[1] - y * push[0] - t * mpmath.cos(alpha) * side
+        lags.append(mpmath.hypot(along, across) / sigma * (alpha - slip))
     return [force[0] / m + vy * r, force[1] / m - vx * r, moment / inertia, *(lags if relaxed else [])]
 
 
-def turning(u, steer, loads, relaxed):
-    """Return the steady state of a car in a turn, its thrust, and the eigenvalues, from 40 digits."""
-    mpf = mpmath.mpf
-    u, steer = mpf(u), mpf(steer)
+def turning(u, wheels, relaxed=False):
+    """Return the steady state of a car in a turn, its slips, its thrust, and the eigenvalues, from 40 digits."""
+    u = mpmath.mpf(u)
 
     def slips(v, r):
-        return [mpmath.atan2(v + r * 1.189, u) - steer, mpmath.atan2(v - r * 1.696, u)]
+        return [mpmath.atan2(v + r * x, u - r * y) - angle for x, y, angle, _ in wheels]
 
     def unbalanced(v, r, thrust):
-        return rates([u, v, r, *slips(v, r)], thrust, steer, loads, relaxed)[:3]
+        return rates([u, v, r, *slips(v, r)], thrust, wheels, relaxed)[:3]
 
-    v, r, thrust = mpmath.findroot(unbalanced, (mpf("-0.2"), u * steer / 3, 500))
+    v, r, thrust = mpmath.findroot(unbalanced, (mpmath.mpf("-0.2"), u * wheels[0][2] / 3, 500))
     state = [u, v, r, *(slips(v, r) if relaxed else [])]
     columns = []
     for k in range(len(state)):
 
         def moved(x, k=k):
-            return rates([*state[:k], x, *state[k + 1 :]], thrust, steer, loads, relaxed)
+            return rates([*state[:k], x, *state[k + 1 :]], thrust, wheels, relaxed)
 
-        h = mpf(10) ** -20
+        h = mpmath.mpf(10) ** -20
         columns.append([(y - x) / (2 * h) for x, y in zip(moved(state[k] - h), moved(state[k] + h), strict=True)])
     return state, slips(v, r), thrust, mpmath.eig(mpmath.matrix(columns).T, left=False, right=False)
 
@@ -139,7 +152,7 @@ def found_in(values, expected, part):
 @pytest.mark.parametrize(("relaxed", "steer", "loads"), [(False, 0.08, (6, 5)), (True, 0.08, (6, 5))])
 def test_a_car_in_a_steady_turn_has_the_eigenvalues_of_its_speeds(relaxed, steer, loads):
     with mpmath.workdps(40):
-        state, slips, thrust, expected = turning(12, steer, loads, relaxed)
+        state, slips, thrust, expected = turning(12, single_track(steer, loads), relaxed)
         assert max(map(abs, slips)) > 0.03
         text = in_a_turn(RELAXED if relaxed else MAGIC, state, thrust, slips, relaxed)
         found = mbstab.loads(text).eig(F_f=loads[0], F_r=loads[1], steer=steer).values()
@@ -167,10 +180,75 @@ constraints: {upright: {holonomic: car.phi}}
 @pytest.mark.parametrize("relaxed", [False, True])
 def test_wheels_on_contacts_in_space_turn_as_those_seen_from_above(relaxed):
     with mpmath.workdps(40):
-        state, slips, thrust, expected = turning(12, 0.08, (6, 5), relaxed)
+        state, slips, thrust, expected = turning(12, single_track(0.08, (6, 5)), relaxed)
         text = in_space(in_a_turn(RELAXED if relaxed else MAGIC, state, thrust, slips, relaxed))
         found = mbstab.loads(text).eig(F_f=6, F_r=5, steer=0.08).values()
         assert found_in(found, expected, 1e-13)
+
+
+TRACKS = """\
+mbstab: 1
+title: Car on four tyres whose loads follow the lateral acceleration, seen from above
+parameters:
+  {u: {value: 12, unit: m/s}, steer: 0.08, F_f: 6, F_r: 5, transfer: 0.2, a: 1.189, b: 1.696, sigma: 0.5}
+definitions:
+  moved: transfer*vx(car)*rate(car.theta)
+bodies:
+  car:
+    {type: planar, mass: 16975/9.81, inertia: 3508,
+     points: {fl: [a, 0.75], fr: [a, -0.75], rl: [-b, 0.75], rr: [-b, -0.75]}}
+forces:
+reference:
+"""
+
+
+def double_track_text():
+    text = TRACKS
+    for name, load in (
+        ("fl", "F_f/2 - moved"),
+        ("fr", "F_f/2 + moved"),
+        ("rl", "F_r/2 - moved"),
+        ("rr", "F_r/2 + moved"),
+    ):
+        along = "along: [cos(steer), sin(steer)], " if name[0] == "f" else ""
+        tyre = f"  {name}: {{type: tyre, at: car.{name}, {along}trail: 0.03, {BAKKER.format(f'({load})')}}}\n"
+        text = text.replace("reference:", f"{tyre}reference:")
+    return text
+
+
+def test_loads_may_follow_the_motion():
+    """In a turn the outer wheels carry more, and the loads change with the disturbance too."""
+    with mpmath.workdps(40):
+        state, slips, thrust, expected = turning(12, double_track(0.08, (6, 5), 0.2))
+        found = mbstab.loads(in_a_turn(double_track_text(), state, thrust, slips, False)).eig().values()
+        assert len(found) == len(expected)
+        assert found_in(found, expected, 1e-12)
+        held = double_track_text().replace("vx(car)*rate(car.theta)", repr(float(state[0] * state[2])))
+        held = mbstab.loads(in_a_turn(held, state, thrust, slips, False)).eig().values()
+        assert not found_in(held, expected, 1e-3)
+
+
+@pytest.mark.parametrize("relaxed", [False, True])
+@pytest.mark.parametrize("change", [str, in_space])
+def test_loads_that_follow_the_motion_count_in_space_and_with_relaxation(relaxed, change):
+    text = (RELAXED if relaxed else MAGIC).replace("*F_f", "*(F_f - 2*rate(car.theta))")
+    with mpmath.workdps(40):
+        front, rear = single_track(0.08, (6, 5))
+        wheels = [(*front[:3], lambda vx, r: 6 - 2 * r), rear]
+        state, slips, thrust, expected = turning(12, wheels, relaxed)
+        text = change(in_a_turn(text, state, thrust, slips, relaxed))
+        if change is in_space:
+            text = text.replace("rate(car.theta)", "rate(car.psi)")
+        found = mbstab.loads(text).eig(F_f=6, F_r=5, steer=0.08).values()
+        assert found_in(found, expected, 1e-12)
+
+
+def test_a_wheel_without_load_is_refused():
+    text = MAGIC.replace("*F_f,", "*(F_f - rate(car.theta)),").replace(
+        "rates: {car: {x: u}}", "rates: {car: {x: u, theta: 5}}"
+    )
+    with pytest.raises(NumericalError, match=r"<text>:9:10: forces.front has no finite(.|\n)*must stay positive"):
+        mbstab.loads(text).system().dynamics([0.0, 0.0, 0.0], [10.0, 0.0, 5.0])
 
 
 def test_a_simulated_car_loses_the_energy_that_its_tyres_take():

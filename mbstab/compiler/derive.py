@@ -19,11 +19,11 @@ A = dD/dt and J = D_u. Given functions of time enter as s with their derivatives
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from fractions import Fraction
-from types import SimpleNamespace
-from typing import Any
+from types import MappingProxyType, SimpleNamespace
+from typing import Any, Protocol
 
 from mbstab.compiler.tape import Tape, Term
 from mbstab.mechanics.bodies import TENSOR_SIZE
@@ -57,7 +57,25 @@ def parameter_sizes(element: Element, frame: str) -> list[tuple[str, int]]:
     return [(name, sizes.get(size, size)) for name, size in element.parameters]
 
 
-def derive(element: Element, frame: str) -> Derived:
+class Given(Protocol):
+    """Parameters of an element that are expressions, and what these contain.
+
+    Attributes
+    ----------
+    coordinates : int
+        How many coordinates they contain; their names are q0, q1, …, those of their rates u0, ….
+    numbers : int
+        How many numbers; their names are p0, p1, ….
+    """
+
+    coordinates: int
+    numbers: int
+
+    def terms(self, tape: Tape, time: str) -> dict[int, Term]:
+        """Return the expressions by the number of the parameter, base rotations not counted."""
+
+
+def derive(element: Element, frame: str, given: Given | None = None) -> Derived:
     """Derive everything a kernel returns from the definition of an element.
 
     Parameters
@@ -65,32 +83,34 @@ def derive(element: Element, frame: str) -> Derived:
     element : Element
     frame : str
         One of `Element.frames`.
+    given : Given, optional
+        Parameters that are expressions. What they contain follows the coordinates and parameters of the element, and
+        the time its given functions.
     """
-    import sympy
-
     from mbstab.mechanics.frames import Frame
 
     kinds = [*[frame] * element.slots, *["coordinate"] * element.states]
     frames = [Frame(kind, number + 1) for number, kind in enumerate(kinds)]
-    p = SimpleNamespace()
-    flat: list[Any] = []
-    for name, size in parameter_sizes(element, frame):
-        symbols = [sympy.Symbol(f"{name}_{i + 1}" if size > 1 else name, real=True) for i in range(size)]
-        setattr(p, name, sympy.Matrix(symbols))
-        flat += symbols
-    s = [sympy.Symbol(f"s{i + 1}", real=True) for i in range(element.signals)]
+    p, flat, s = _symbols(element, frame)
     defined = element.define(frames, p, s)
     tape = Tape()
-    put = from_symbols(tape)
-    definition: Any
-    if isinstance(defined, Load):
-        pairs = tuple(([put(x) for x in force], [put(x) for x in velocity]) for force, velocity in defined.power)
-        definition = Load(put(defined.potential), put(defined.dissipation), pairs)
-    else:
-        definition = [put(row) for row in defined] if isinstance(defined, list) else put(defined)
     q, u, a = ([x.name for f in frames for x in getattr(f, name)] for name in "qua")
-    parameters = [x.name for x in (*(b for f in frames for b in f.base), *flat)]
-    derived = differentiate(tape, element.role, definition, q, u, a, [x.name for x in s], parameters)
+    signals = [x.name for x in s]
+    terms: dict[int, Term] = {}
+    if given is not None:
+        if element.role != "nonholonomic" and not (
+            isinstance(defined, Load) and defined.potential == defined.dissipation == 0
+        ):
+            raise ValueError("what has a potential has no parameters that change with the motion")
+        signals.append(f"s{len(s) + 1}")
+        terms = given.terms(tape, signals[-1])
+        for names, letter in ((q, "q"), (u, "u"), (a, "a")):
+            names += [f"{letter}{i}" for i in range(given.coordinates)]
+    put = from_symbols(tape, {flat[i]: term for i, term in terms.items()})
+    definition = _on_tape(defined, put)
+    parameters = [x.name for f in frames for x in f.base] + [x.name for i, x in enumerate(flat) if i not in terms]
+    parameters += [f"p{i}" for i in range(given.numbers if given else 0)]
+    derived = differentiate(tape, element.role, definition, q, u, a, signals, parameters)
     # Derived last: the text of the other functions depends on the order of their steps.
     if element.role == "inertia":
         return replace(derived, potential=_potential(-put(defined.subs({x: 0 for frame in frames for x in frame.u}))))
@@ -98,6 +118,26 @@ def derive(element: Element, frame: str) -> Derived:
         return derived
     damping = None if definition.power else _coefficients(tape, definition.dissipation, parameters)
     return replace(derived, potential=_potential(definition.potential), damping=damping)
+
+
+def _symbols(element: Element, frame: str) -> tuple[SimpleNamespace, list[Any], list[Any]]:
+    """Return the parameters of an element by name and one after the other, and its given functions, as symbols."""
+    import sympy
+
+    p, flat = SimpleNamespace(), []
+    for name, size in parameter_sizes(element, frame):
+        symbols = [sympy.Symbol(f"{name}_{i + 1}" if size > 1 else name, real=True) for i in range(size)]
+        setattr(p, name, sympy.Matrix(symbols))
+        flat += symbols
+    return p, flat, [sympy.Symbol(f"s{i + 1}", real=True) for i in range(element.signals)]
+
+
+def _on_tape(defined: Any, put: Callable[[Any], Term]) -> Any:
+    """Return the definition of an element with the terms of a tape."""
+    if isinstance(defined, Load):
+        pairs = tuple(([put(x) for x in force], [put(x) for x in velocity]) for force, velocity in defined.power)
+        return Load(put(defined.potential), put(defined.dissipation), pairs)
+    return [put(row) for row in defined] if isinstance(defined, list) else put(defined)
 
 
 def _potential(energy: Term) -> dict[str, Entries]:
@@ -115,12 +155,12 @@ def _coefficients(tape: Tape, dissipation: Term, parameters: list[str]) -> tuple
     return tuple(i for i, _ in found)
 
 
-def from_symbols(tape: Tape) -> Callable[[Any], Term]:
-    """Return the function that puts SymPy expressions on a tape."""
+def from_symbols(tape: Tape, given: Mapping[Any, Term] = MappingProxyType({})) -> Callable[[Any], Term]:
+    """Return the function that puts SymPy expressions on a tape; `given` says what some symbols are there."""
     import sympy
 
     f = tape.arithmetic()
-    known: dict[Any, Term] = {}
+    known: dict[Any, Term] = dict(given)
 
     def put(x: Any) -> Term:
         if x not in known:

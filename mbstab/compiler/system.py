@@ -27,12 +27,12 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from itertools import chain
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -42,7 +42,7 @@ from mbstab.compiler.placed import Acting, Placed
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of, signals_at
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
-from mbstab.mechanics.catalogue import GROUND, ElementUse, Role
+from mbstab.mechanics.catalogue import GROUND, ElementUse, Moved, Role
 from mbstab.mechanics.elements import ELEMENTS, kernel_name
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.evaluator import Law
@@ -50,6 +50,9 @@ from mbstab.model.expressions import Expression
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Entry, is_state, unit_of
 from mbstab.records import dataclass
+
+if TYPE_CHECKING:
+    from mbstab.compiler.measured import Measured
 
 Array = npt.NDArray[np.float64]
 T = TypeVar("T")
@@ -271,7 +274,7 @@ class System:
         pieced = {
             item.entry.path
             for item in self.scene.items
-            if any(expression.pieced(self.names) for expression in item.entry.equations.values())
+            if any(expression.pieced(self.names) for expression in item.entry.expressions())
         }
         for e in self._elements:
             if e.rows:
@@ -282,7 +285,7 @@ class System:
             written = e.kernel.__name__ == "user"
             places = getattr(e.kernel, "DAMPING", None)
             damping = None if places is None else tuple(e.parameters[i] for i in places)
-            analytic = not written or e.path not in pieced
+            analytic = e.path not in pieced
             found.append(Acting(e.path, columns, written, e.takes_acceleration, damping, analytic, frozenset(slots), e))
         return found
 
@@ -331,11 +334,12 @@ class System:
             path = entry.path if entry else f"bodies.{self.scene.bodies[use.slots[0]].name}"
             if isinstance(use, ElementUse):
                 name = self._kernel_name(use)
-                kernel = _kernel(name)
                 columns, bases = self._columns(use, name)
-                placed.append(
-                    Placed(kernel, columns, rows, (*bases, *use.parameters), use.laws, role == "inertia", path)
-                )
+                if any(isinstance(x, Moved) for x in use.parameters):
+                    placed.append(self._place_moved(use, name, columns, bases, rows, path))
+                    continue
+                kernel, numbers = _kernel(name), (*bases, *use.parameters)
+                placed.append(Placed(kernel, columns, rows, numbers, use.laws, role == "inertia", path))
             else:
                 assert entry is not None
                 placed.append(self._place_expressions(use, entry, role, rows))
@@ -360,23 +364,49 @@ class System:
             bases += self.scene.bodies[body].base
         return (*columns, *use.slots[element.slots :]), tuple(bases)
 
+    def _place_moved(
+        self, use: ElementUse, name: str, columns: tuple[int, ...], bases: tuple[Any, ...], rows: Any, path: str
+    ) -> Placed:
+        """Place an element some of whose numbers change with the motion."""
+        from mbstab.compiler.user import moved_kernel
+
+        moved = {i: x for i, x in enumerate(use.parameters) if isinstance(x, Moved)}
+        coordinates, parameters, measures = self._contents(x.expression for x in moved.values())
+        places = tuple((i, x.expression.root, x.positive) for i, x in moved.items())
+        frame = name.removesuffix(f"_{ELEMENTS[name].name}")
+        kernel = moved_kernel(name, frame, places, coordinates, parameters, tuple(measures))
+        own = (x for i, x in enumerate(use.parameters) if i not in moved)
+        numbers = (*bases, *own, *self._numbers(parameters, measures))
+        more = (self.names.index(x) for x in coordinates)
+        return Placed(kernel, (*columns, *more), rows, numbers, (*use.laws, _TIME), False, path)
+
     def _place_expressions(
         self, equations: dict[str, Expression], entry: Entry, role: str, rows: tuple[int, ...]
     ) -> Placed:
-        from mbstab.compiler.measured import measured
         from mbstab.compiler.user import user_kernel
 
         number = {name: i for i, name in enumerate(self.names)}
         acted, expressions = tuple(equations) if role == "force" else (), tuple(equations.values())
+        coordinates, parameters, measures = self._contents(expressions, acted)
+        kernel = user_kernel(role, expressions, acted, coordinates, parameters, tuple(measures))
+        columns = tuple(number[name] for name in coordinates)
+        values = self._numbers(parameters, measures)
+        return Placed(kernel, columns, rows, values, (_TIME,), False, entry.path, len(parameters))
+
+    def _contents(
+        self, expressions: Iterable[Expression], acted: tuple[str, ...] = ()
+    ) -> tuple[tuple[str, ...], tuple[str, ...], dict[Measured, tuple[Any, ...]]]:
+        """Return the coordinates, parameters and measures in expressions, and those that are acted on."""
+        from mbstab.compiler.measured import measured
+
         used = {name for e in expressions for name in (*e.names(), *e.rates())} | set(acted)
         measures = measured(self.scene, used) if self.scene.measures else {}
         used.update(name for measure in measures for body in measure.bodies for name in body)
         coordinates = tuple(name for name in self.names if name in used)
-        parameters = tuple(name for name in self.scene.parameters if name in used)
-        kernel = user_kernel(role, expressions, acted, coordinates, parameters, tuple(measures))
-        values = (*(self.scene.parameters[name] for name in parameters), *chain.from_iterable(measures.values()))
-        columns = tuple(number[name] for name in coordinates)
-        return Placed(kernel, columns, rows, values, (_TIME,), False, entry.path, len(parameters))
+        return coordinates, tuple(name for name in self.scene.parameters if name in used), measures
+
+    def _numbers(self, parameters: tuple[str, ...], measures: dict[Measured, tuple[Any, ...]]) -> tuple[Any, ...]:
+        return (*(self.scene.parameters[name] for name in parameters), *chain.from_iterable(measures.values()))
 
     # --- numbers ----------------------------------------------------------------------------------------------------
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mbstab.compiler.measured import Measured
 from mbstab.model.expressions import Expression, Node
+
+if TYPE_CHECKING:
+    from mbstab.compiler.derive import Derived
+    from mbstab.compiler.tape import Tape, Term
 
 
 def user_kernel(
@@ -47,32 +52,97 @@ def _kernel(
     measures: tuple[Measured, ...],
 ) -> Any:
     from mbstab.compiler.derive import differentiate
-    from mbstab.compiler.emit import emit
     from mbstab.compiler.tape import Tape
     from mbstab.mechanics.catalogue import Load
 
-    q, u, a = ([f"{x}{i}" for i in range(len(coordinates))] for x in ("q", "u", "a"))
-    own = sum(x.size for x in measures)
-    p = [f"p{i}" for i in range(len(parameters) + own)]
+    contents = Contents(coordinates, parameters, measures)
+    q, u, a = ([f"{x}{i}" for i in range(contents.coordinates)] for x in ("q", "u", "a"))
     tape = Tape()
-    inputs = zip((*coordinates, *parameters, "t"), (*q, *p[: len(parameters)], "s1"), strict=True)
-    names = {name: tape.input(symbol) for name, symbol in inputs}
-    rates = {name: tape.input(symbol) for name, symbol in zip(coordinates, u, strict=True)}
-    total = tape.tangent({names[name]: rates[name] for name in coordinates})
-    numbers = map(tape.input, p[len(parameters) :])
-    f = tape.arithmetic()
-    for measure in measures:
-        value = tape.term(measure.of(f, names, numbers, lambda x: total(tape.term(x))))
-        names[measure.name], rates[measure.name] = value, value if measure.kind.speed else total(value)
-    definition: Any = [tape.term(Expression("", root).evaluate(names, f, rates)) for root in roots]
+    definition, rates = contents.on(tape, "s1", roots)
     if role == "force":
         definition = Load(power=((definition, [rates[name] for name in rows]),))
-    derived = differentiate(tape, role, definition, q, u, a, ["s1"], p)
-    source = emit(derived, f"{role} expressions of a model file")
+    p = [f"p{i}" for i in range(contents.numbers)]
+    return _module("user", differentiate(tape, role, definition, q, u, a, ["s1"], p))
+
+
+@lru_cache(maxsize=256)
+def moved_kernel(
+    name: str,
+    frame: str,
+    moved: tuple[tuple[int, Node, bool], ...],
+    coordinates: tuple[str, ...],
+    parameters: tuple[str, ...],
+    measures: tuple[Measured, ...] = (),
+) -> Any:
+    """Return the kernel of an element some of whose parameters are expressions of the motion.
+
+    Parameters
+    ----------
+    name, frame : str
+        The element and its frame.
+    moved : tuple of (int, Node, bool)
+        Number of the parameter, its expression, and whether it must be positive.
+    coordinates, parameters, measures : tuple
+        As in `user_kernel`; they follow those of the element.
+    """
+    from mbstab.compiler.derive import derive
+    from mbstab.mechanics.elements import ELEMENTS
+
+    return _module(name, derive(ELEMENTS[name], frame, _Moving(Contents(coordinates, parameters, measures), moved)))
+
+
+class Contents:
+    """What expressions contain, as inputs of a kernel: q0 … and u0 … the coordinates and rates, p0 … the numbers."""
+
+    def __init__(
+        self, coordinates: tuple[str, ...], parameters: tuple[str, ...], measures: tuple[Measured, ...]
+    ) -> None:
+        self._coordinates, self._parameters, self._measures = coordinates, parameters, measures
+        self.coordinates = len(coordinates)
+        self.numbers = len(parameters) + sum(x.size for x in measures)
+
+    def on(self, tape: Tape, time: str, roots: Iterable[Node]) -> tuple[Any, dict[str, Term]]:
+        """Return expressions on a tape, and the rates of the coordinates and measures."""
+        n = len(self._parameters)
+        inputs = {name: f"q{i}" for i, name in enumerate(self._coordinates)}
+        inputs |= {name: f"p{i}" for i, name in enumerate(self._parameters)} | {"t": time}
+        names = {name: tape.input(symbol) for name, symbol in inputs.items()}
+        rates = {name: tape.input(f"u{i}") for i, name in enumerate(self._coordinates)}
+        total = tape.tangent({names[name]: rates[name] for name in self._coordinates})
+        numbers = (tape.input(f"p{i}") for i in range(n, self.numbers))
+        f = tape.arithmetic()
+        for measure in self._measures:
+            value = tape.term(measure.of(f, names, numbers, lambda x: total(tape.term(x))))
+            names[measure.name], rates[measure.name] = value, value if measure.kind.speed else total(value)
+        return [tape.term(Expression("", root).evaluate(names, f, rates)) for root in roots], rates
+
+
+class _Moving:
+    """The parameters of an element that are expressions; see `mbstab.compiler.derive.Given`."""
+
+    def __init__(self, contents: Contents, moved: tuple[tuple[int, Node, bool], ...]) -> None:
+        self.coordinates, self.numbers = contents.coordinates, contents.numbers
+        self._contents, self._moved = contents, moved
+
+    def terms(self, tape: Tape, time: str) -> dict[int, Term]:
+        """Return the expressions; one that must be positive is the square of its root."""
+        found, _ = self._contents.on(tape, time, [root for _, root, _ in self._moved])
+        f = tape.arithmetic()
+        terms: dict[int, Term] = {}
+        for (i, _, positive), term in zip(self._moved, found, strict=True):
+            root = tape.term(f.sqrt(term)) if positive else term
+            terms[i] = root * root if positive else term
+        return terms
+
+
+def _module(name: str, derived: Derived) -> ModuleType:
+    """Return a kernel made of what was derived."""
+    from mbstab.compiler.emit import emit
+
     module: dict[str, Any] = {}
     # The text is safe: it was generated from the parsed terms, not taken from the file.
-    exec(compile(source, "<user kernel>", "exec"), module)
+    exec(compile(emit(derived, "expressions of a model file"), "<user kernel>", "exec"), module)
     functions = [key for key in ("dynamics", "linearize", "linearize_rows") if key in module]
-    kernel = ModuleType("user")
+    kernel = ModuleType(name)
     vars(kernel).update({key: module[key] for name in functions for key in (name, name.upper())})
     return kernel

@@ -189,6 +189,22 @@ class Triad:
 
 
 @dataclass(frozen=True)
+class Moved:
+    """A number that changes with the motion.
+
+    Attributes
+    ----------
+    expression : Expression
+        Of coordinates, rates, states and time.
+    positive : bool
+        Whether it must be positive; where it is not, the element has no finite equations.
+    """
+
+    expression: Any
+    positive: bool
+
+
+@dataclass(frozen=True)
 class ElementUse:
     """One element at work in a scene.
 
@@ -199,7 +215,8 @@ class ElementUse:
     slots : tuple of int
         Body numbers, or coordinate numbers where the element's frame is ``coordinate``, and of its states.
     parameters : tuple
-        Its numbers, in the order of `Element.parameters`, flattened.
+        Its numbers, in the order of `Element.parameters`, flattened. Those of forces of power only, and of rows, may be
+        `Moved`.
     laws : tuple
         Functions of time, as the model reader made them.
     labels : tuple of str

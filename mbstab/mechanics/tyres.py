@@ -7,7 +7,8 @@ slip z = α + γ C_γ/C comes the side force −C z, with a peak D that of the M
 slope C where nothing slips (Bakker, Nyborg, Pacejka, SAE 870421, 1987).
 The force acts a pneumatic trail t behind the contact: its moment there is −t cos α times the force. With a relaxation
 length σ the slip z is a first-order state, z' = |v|/σ (α + γ C_γ/C − z): it follows over the distance travelled
-(Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7).
+(Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7). Coefficients may be expressions of the load, and this
+one of the motion.
 """
 
 from __future__ import annotations
@@ -104,7 +105,8 @@ _FORCE = (("cornering", 1), ("trail", 1))
 _MAGIC = tuple((name, 1) for name in ("peak", "shape_factor", "curvature_factor"))
 _AT_REST = (
     "the slip of a tyre has no value where its wheel does not move over the ground: give the body a speed under "
-    "reference: rates:, or hold a wheel that stands by a contact instead"
+    "reference: rates:, or hold a wheel that stands by a contact instead; a cornering stiffness or a peak that changes "
+    "with the motion must stay positive"
 )
 
 ELEMENTS = tuple(
@@ -193,8 +195,8 @@ _WHERE = {
 _STIFFNESS = (
     Field(
         "cornering_stiffness",
-        "number",
-        "side force over slip angle at small slip",
+        "moving number",
+        "side force over slip angle at small slip; may change with the motion, as the load does",
         "N/rad",
         required=True,
         sign="positive",
@@ -209,8 +211,9 @@ _STIFFNESS = (
     ),
     Field(
         "peak",
-        "number",
-        "largest side force, D of the Magic Formula; without it the side force is linear",
+        "moving number",
+        "largest side force, D of the Magic Formula, which may change with the motion; without it the side force is "
+        "linear",
         "N",
         sign="positive",
         needs=("shape_factor",),
@@ -223,7 +226,14 @@ _STIFFNESS = (
         most=2.0,
         needs=("peak",),
     ),
-    Field("curvature_factor", "number", "E of the Magic Formula", default="0", most=1.0, needs=("peak",)),
+    Field(
+        "curvature_factor",
+        "moving number",
+        "E of the Magic Formula, which may change with the motion",
+        default="0",
+        most=1.0,
+        needs=("peak",),
+    ),
     Field("trail", "number", "pneumatic trail: distance of the side force behind the contact", "m", default="0"),
     Field(
         "relaxation_length",

@@ -191,6 +191,10 @@ class Entry:
         value = next(self.values[key] for key in ("on", "rate", self.kind.written) if key in self.values)
         return value if isinstance(value, dict) else {self.kind.written: value}
 
+    def expressions(self) -> list[Expression]:
+        """Return its expressions, of which those of its equations and of some of its numbers contain coordinates."""
+        return [x for x in (*self.equations.values(), *self.values.values()) if isinstance(x, Expression)]
+
 
 @dataclass(frozen=True)
 class Steady:

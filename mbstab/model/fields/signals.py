@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from mbstab.mechanics.catalogue import Field, Number
+from mbstab.mechanics.catalogue import Field, Moved, Number
 from mbstab.model.fields.base import BY_NAME, NUMBER, NUMBERS, FieldKind, Owner, Reading
 from mbstab.model.schema import Quantity
 from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
@@ -32,6 +32,27 @@ class SignalField(FieldKind):
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of a number or an expression."""
         return {**NUMBER}
+
+
+class MovingNumberField(SignalField):
+    """A number that may change with the motion."""
+
+    name = "moving number"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
+        """Return its expression."""
+        return reading.quantities.quantity(node, path, field.unit, time=True, state=True)
+
+    def numbers(self, owner: Owner, field: Field, value: Quantity) -> Number | Moved:
+        """Return the number, or how it changes."""
+        if value.rates() or not set(value.names()) <= set(owner.evaluator.parameters):
+            return Moved(value, field.sign == "positive")
+        return owner.evaluator.number(value, field)
+
+    def check(self, owner: Owner, field: Field, numbers: Number | Moved, time: Number) -> None:
+        """Require positive widths of smoothing."""
+        if isinstance(numbers, Moved):
+            owner.evaluator.check_widths(numbers.expression)
 
 
 class NumbersField(FieldKind):
@@ -119,4 +140,4 @@ class GainsField(FieldKind):
         return {**BY_NAME}
 
 
-KINDS = (SignalField(), NumbersField(), MatrixField(), GainsField())
+KINDS = (SignalField(), MovingNumberField(), NumbersField(), MatrixField(), GainsField())
