@@ -135,6 +135,10 @@ def in_ground(model, change):
             entry["normal"] = change(written(entry.get("normal", "y"), n))
         if entry["type"] in ("wheel", "ellipsoid"):
             entry["normal"] = change(written(entry.get("normal", "z"), n))
+        if entry["type"] == "creep" and n == 3:
+            entry |= {
+                key: change(written(entry.get(key, usual), n)) for key, usual in (("rails", "x"), ("normal", "z"))
+            }
         if "direction" in entry:
             entry["direction"] = change(written(entry["direction"], n))
 

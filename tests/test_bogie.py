@@ -2,6 +2,7 @@
 
 import re
 from functools import cache
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -15,73 +16,7 @@ R1 = {"f_11": 6.563e6 / 0.54219, "f_22": 6.563e6 / 0.60252}
 R2 = {"f_11": 6.563e6 / 0.60252, "f_22": 6.563e6 / 0.54219}
 
 
-BOGIE = """\
-mbstab: 1
-title: Cooperrider's complex bogie on straight track, linear creep
-source: >
-  Kaas-Petersen (1986), Chaos in a railway bogie, Acta Mechanica 61, 89-107: two wheelsets (lateral, yaw) and a frame
-  (lateral, yaw, roll) under a car body that moves straight on. The creep is that of Vermeulen and Johnson (1964),
-  0.54219 along the rails and 0.60252 across; exchanged they give the often quoted 68.66 m/s to 0.03 %.
-
-parameters:
-  V: {value: 60, unit: m/s, description: speed}
-  f_11: {value: 6.563e6/0.54219, unit: N, description: creep of a wheel along the rails}
-  f_22: {value: 6.563e6/0.60252, unit: N, description: creep of a wheel across them}
-  a: {value: 0.716, unit: m, sign: positive, description: half distance of the contacts}
-  gamma: {value: 0.05, unit: rad, description: conicity}
-  r_0: {value: 0.4572, unit: m, sign: positive, description: rolling radius in the middle}
-  b: {value: 1.074, unit: m, description: half distance of the axles}
-  d_1: {value: 0.62, unit: m, description: half distance of the primary springs}
-  d_2: {value: 0.68, unit: m, description: half distance of the secondary springs}
-  h_1: {value: 0.0762, unit: m, description: depth of the primary springs below the centre of mass}
-  h_2: {value: 0.6584, unit: m, description: height of the secondary springs above it}
-  k_1: {value: 1823e3, unit: N/m, description: "primary spring, lateral"}
-  k_2: {value: 3646e3, unit: N/m, description: "primary spring, longitudinal and vertical"}
-  k_4: {value: 182300, unit: N/m, description: "secondary spring, lateral"}
-  k_5: {value: 333300, unit: N/m, description: "secondary spring, vertical"}
-  k_6: {value: 2.71e6, unit: N*m, description: "secondary springs, yaw"}
-  D_1: {value: 20e3, unit: N*s/m, description: "secondary damper, vertical"}
-  D_2: {value: 29.2e3, unit: N*s/m, description: "secondary damper, lateral"}
-
-bodies:
-  frame:
-    {type: spatial, mass: 2918.9, inertia: [6780, 6780, 6780],
-     points: {front: [b, 0, -h_1], rear: [-b, 0, -h_1], top: [0, 0, h_2]}}
-  front: {type: spatial, mass: 1022, inertia: [678, 80, 678]}
-  rear: {type: spatial, mass: 1022, inertia: [678, 80, 678]}
-
-joints:
-  front: {type: planar, between: [front, ground], axis: z}
-  rear: {type: planar, between: [rear, ground], axis: z}
-
-constraints:
-  height: {holonomic: frame.z - h_1}
-  pitch: {holonomic: frame.theta}
-
-drives:
-  frame: {type: coordinate, coordinate: frame.x, position: V*t}
-  front: {type: coordinate, coordinate: front.x, position: V*t + b}
-  rear: {type: coordinate, coordinate: rear.x, position: V*t - b}
-
-forces:
-  front_creep: {type: creep, at: front, half_gauge: a, conicity: gamma, radius: r_0, f11: f_11, f22: f_22}
-  rear_creep: {type: creep, at: rear, half_gauge: a, conicity: gamma, radius: r_0, f11: f_11, f22: f_22}
-  front_springs:
-    {type: bushing, between: [front, frame.front], stiffness: [0, 2*k_1, 0],
-     torsional_stiffness: [2*k_2*d_1**2, 0, 2*k_2*d_1**2]}
-  rear_springs:
-    {type: bushing, between: [rear, frame.rear], stiffness: [0, 2*k_1, 0],
-     torsional_stiffness: [2*k_2*d_1**2, 0, 2*k_2*d_1**2]}
-  secondary:
-    {type: bushing, between: [frame.top, ground], stiffness: [0, 2*k_4, 0], damping: [0, 2*D_2, 0],
-     torsional_stiffness: [2*k_5*d_2**2, 0, k_6], torsional_damping: [2*D_1*d_2**2, 0, 0]}
-
-reference:
-  coordinates:
-    frame: {x: 0, y: 0, phi: 0, psi: 0}
-    front: {x: b, y: 0, psi: 0}
-    rear: {x: -b, y: 0, psi: 0}
-"""
+BOGIE = (Path(__file__).parents[1] / "models" / "bogie.yaml").read_text(encoding="utf-8")
 
 
 @cache
