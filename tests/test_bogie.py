@@ -88,7 +88,10 @@ def test_a_bogie_has_the_eigenvalues_of_its_equations(V, constants):
 
 @pytest.mark.parametrize(
     ("constants", "guess", "digits", "published"),
-    [(R1, (65, 24), 65.28777395144450868, None), (R2, (69, 25), 68.64245831049231592, 68.66)],
+    [
+        pytest.param(R1, (65, 24), 65.28777395144450868, None, marks=pytest.mark.long),
+        (R2, (69, 25), 68.64245831049231592, 68.66),
+    ],
 )
 def test_a_bogie_hunts_above_its_critical_speed(constants, guess, digits, published):
     (critical,) = bogie().sweep("V", [60.0, 75.0], **constants).critical
