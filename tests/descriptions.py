@@ -214,8 +214,9 @@ def renamed_and_reordered(model):
         body, dot, rest = word.partition(".")
         return names.get(body, body) + dot + rest
 
-    # The axis along which a controller acts stands in the second body; the cart would lean on its rail.
-    kept = [model["joints"][entry["joint"]] for entry in entries(model) if entry["type"] == "pid"]
+    # The axis along which a controller acts stands in the second body; the cart would lean on its rail. Targets and
+    # voltages count their angles from the second body, too.
+    kept = [model["joints"][entry["joint"]] for entry in entries(model) if entry["type"] in ("pid", "motor")]
     for entry in entries(model):
         rename_and_swap(entry, other, dimension(model), entry in kept)
     in_velocities(model, lambda word: f"vx({other(word)})")
@@ -346,9 +347,11 @@ def mirrored(model):
     for entry in entries(model):
         for key in {"tyre": ("along",), "creep": ("along", "rails")}.get(entry["type"], ()):
             entry.setdefault(key, "x")
-        if entry["type"] == "pid":
+        if entry["type"] == "pid" and model["joints"][entry["joint"]]["type"] == "prismatic":
             # What it controls in the examples is an angle, what it acts on a travel.
             negated(entry, "PID")
+        elif entry["type"] == "pid":
+            negated(entry, ("target",))
         for key in ("axis", "along", "rails", "vector"):
             if key in entry:
                 entry[key] = reflect(written(entry[key], 2))
@@ -409,16 +412,26 @@ def turn_entry(entry, turn, flat, model):
             entry[key] = ends(entry.get(key, usual))
     elif "axis" in entry:
         entry["axis"] = ends(entry["axis"])
-    if kind == "pid":
-        entry["target"] = PLANAR_ANGLE
+    if "joint" in entry and "ground" in model["joints"][entry["joint"]]["between"]:
+        count_from_turned_ground(entry, model["joints"][entry["joint"]]["type"])
     if kind == "joint" and not flat and "position" in entry:
         # Its angle counts from a direction that is across the axis, z in the examples.
         joint = model["joints"][entry["joint"]]
         joint["zero"] = [turn(AXES["x"]) if word == "ground" else AXES["x"] for word in joint["between"]]
     if kind == "force" and entry.get("frame") != "body":
         entry["vector"] = turn(entry["vector"])
-    if kind == "joint_spring" and "ground" in model["joints"][entry["joint"]]["between"]:
+
+
+def count_from_turned_ground(entry, joint):
+    """Let what acts along a joint with the ground count the angle from the axes that turn with the scene."""
+    if entry["type"] == "pid":
+        entry["target"] = f"({entry.get('target', 0)}) + {PLANAR_ANGLE}"
+    if entry["type"] == "joint_spring" and joint != "prismatic":
         entry["rest"] = f"({entry.get('rest', 0)}) + {PLANAR_ANGLE}"
+    if entry["type"] == "motor":
+        entry["voltage"] = entry["voltage"].replace(
+            f"angle({entry['joint']})", f"(angle({entry['joint']}) - {PLANAR_ANGLE})"
+        )
 
 
 def mirrored_in_space(model):
@@ -472,6 +485,11 @@ SMALL = {
     "N": ("(g*mm/ms^2)", 1.0),
     "rad": ("deg", 180.0 / math.pi),
     "deg": ("rad", math.pi / 180.0),
+    "rpm": ("(deg/s)", 6.0),
+    "V": ("(g*mm^2/ms^3/A)", 1.0),
+    "A": ("A", 1.0),
+    "ohm": ("(V/A)", 1.0),
+    "H": ("(V*ms/A)", 1e3),
 }
 
 

@@ -127,7 +127,7 @@ def test_what_does_not_exist_is_refused_as_by_the_system(driven):
     quick, u = Fused(driven), np.zeros(6)
     with pytest.raises(NumericalError, match=r"forces\.f has no finite equations here"):
         quick.dynamics(np.full(6, -0.3), u)
-    with pytest.raises(NumericalError, match="overflow"):
+    with pytest.raises(NumericalError, match="not finite"):
         quick.equations(np.full(6, 0.3), np.full(6, 1e200))
     with pytest.raises(ExpressionError, match="math domain error"):
         quick.residuals(np.full(6, 0.3), u, 10.0)

@@ -50,7 +50,9 @@ SPIN_AXIS = {
         *("governor", "governor_paper", "rotating_pendulum", "bead_on_hoop", "bricard"),
     )
 }
-MOVABLE = [name for name in MODELS if name in PLANAR or name in SPIN_AXIS]
+# Wheels of a train turn freely together: a symmetry only where the origins of their frames lie on their axles.
+TRAINS = {"gear_train", "differential"}
+MOVABLE = [name for name in MODELS if name in SPIN_AXIS or (name in PLANAR and name not in TRAINS)]
 PLANAR_SHIFT = (0.13, -0.21)
 
 
@@ -136,11 +138,25 @@ SYSTEMS = {
 
 
 def scales(length, mass, time):
-    return {"kg": mass, "m": length, "mm": length, "s": time, "N": mass * length / time**2, "rad": 1.0, "deg": 1.0}
+    return {"kg": mass, "m": length, "mm": length, "s": time, "N": mass * length / time**2, "rad": 1.0, "deg": 1.0} | {
+        "V": mass * length**2 / time**3,
+        "ohm": mass * length**2 / time**3,
+        "H": mass * length**2 / time**2,
+        "A": 1.0,
+    }
 
 
 # Numbers outside their parameters would have to be scaled too in the others.
-WRITTEN = {"slider_crank", "trailer", "car", "car_relaxation", "car_trailer", "rigid_rotor", "rotor_stator"}
+WRITTEN = {
+    "slider_crank",
+    "trailer",
+    "car",
+    "car_relaxation",
+    "car_trailer",
+    "rigid_rotor",
+    "rotor_stator",
+    "rotor_table",
+} | TRAINS
 # The size of a state is one in whatever unit, and its family is not found where it is far from that.
 ALL_IN_PARAMETERS = sorted(set(PLAIN) - WRITTEN - {"cart_pendulum"})
 
