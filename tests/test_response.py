@@ -326,3 +326,22 @@ def test_a_pair_of_zeros_is_printed_once():
     (line,) = [x for x in response_text(result, "").splitlines() if x.startswith("zeros")]
     assert len(result.zeros[0].values) == 2
     assert line.count("±") == 2  # of the pair, and of its error
+
+
+def test_an_input_that_is_a_parameter_does_not_move_what_counts_from_the_reference():
+    # The offset of the gear is that of the guess; the target stands there too. By hand: 16/(5 s^2 + 4 s + 16).
+    geared = """mbstab: 1
+parameters: {q: {value: 0.3, unit: rad}}
+bodies: {motor: {type: planar, mass: 1, inertia: 1}, load: {type: planar, mass: 1, inertia: 1}}
+joints:
+  a: {type: revolute, between: [motor, ground]}
+  b: {type: revolute, between: [load, ground]}
+  g: {type: gear, joints: [a, b], ratio: 2}
+forces: {c: {type: state_feedback, joint: a, gains: {angle(b) - q: -8, rate(angle(b)): -2}}}
+inputs: {set: {type: parameter, parameter: q}}
+outputs: {load: load.theta}
+"""
+    for reference in ("{find: equilibrium, guess: {load: {theta: q}}}", "{coordinates: {load: {theta: q}}}"):
+        model = mbstab.loads(f"{geared}reference: {reference}\n").state_space()
+        gain, _, _ = FrequencyResponse(model).at(2j)
+        assert gain.item() == pytest.approx(16 / (-20 + 8j + 16), rel=1e-12)

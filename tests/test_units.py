@@ -6,10 +6,16 @@ from fractions import Fraction
 import mpmath
 import pytest
 
+import mbstab
+from mbstab.compiler.system import System
+from mbstab.errors import ModelFileError, UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.expressions import ExpressionError, parse
 from mbstab.model.functions import FUNCTIONS
+from mbstab.model.parameters import bound
+from mbstab.model.reader import read_model_text
 from mbstab.model.units import LITERAL, NONE, UNITS, UNKNOWN, dimension_of, exact_factor, parse_unit, show
+from mbstab.model.values import evaluate
 
 KG, M, S = (tuple(Fraction(int(i == j)) for i in range(4)) for j in range(3))
 
@@ -38,6 +44,13 @@ def infer(text):
         ("m", 1.0, M),
         ("mm", 1e-3, M),
         ("cm", 1e-2, M),
+        ("um", 1e-6, M),
+        ("mrad", 1e-3, NONE),
+        ("MN", 1e6, NEWTON),
+        ("kW", 1e3, dimension(1, 2, -3)),
+        ("kPa", 1e3, dimension(1, -1, -2)),
+        ("MPa", 1e6, dimension(1, -1, -2)),
+        ("GPa", 1e9, dimension(1, -1, -2)),
         ("km", 1e3, M),
         ("kg", 1.0, KG),
         ("g", 1e-3, KG),
@@ -136,6 +149,8 @@ def test_what_is_no_unit_is_refused_at_its_place(text, message, position):
     [
         ("Kg", "did you mean 'kg'?"),
         ("hz", "did you mean 'Hz'?"),
+        ("Nm", "write N*m"),
+        ("mN", "known units: " + ", ".join(UNITS)),
         ("lightyear", "known units: " + ", ".join(UNITS)),
     ],
 )
@@ -241,3 +256,55 @@ def test_a_transcendental_function_takes_no_length(name):
     assert infer(f"{name}(L/L)") == LITERAL
     with pytest.raises(ExpressionError, match=rf"{name}\(\) takes a plain number or an angle"):
         infer(f"{name}(L)")
+
+
+# --- turns ----------------------------------------------------------------------------------------------------------
+
+TURNING = """mbstab: 1
+parameters: {{f: {{value: 2, unit: {unit}}}, s: {{value: 0.1, unit: rad}}, T: {{value: 3, unit: s}}}}
+bodies: {{disk: {{type: planar, mass: 1, inertia: 1}}}}
+joints: {{axle: {{type: revolute, between: [disk, ground]}}}}
+reference: {{rates: {{disk: {{theta: "{rate}"}}}}}}
+"""
+
+
+@pytest.mark.parametrize("unit", ["Hz", "1/min", "1/h", "min^-1"])
+@pytest.mark.parametrize("rate", ["f", "2*f", "-f", "f*T/T", "f + 1", "abs(f)", "sin(f*T)"])
+def test_turns_are_no_angle(unit, rate):
+    with pytest.raises(ModelFileError, match="f counts turns") as caught:
+        mbstab.loads(TURNING.format(unit=unit, rate=rate))
+    assert "write 2*pi*f" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("unit", "rate"),
+    [
+        *(("Hz", rate) for rate in ("2*pi*f", "f*2*pi", "6.2832*f", "f*s", "360*deg*f", "sin(2*pi*f*T)*2*pi*f", "1/T")),
+        *((unit, "f") for unit in ("rpm", "rad/s", "deg/s", "1/s", "rad/min", "mrad/s")),
+    ],
+)
+def test_angles_are_accepted(unit, rate):
+    mbstab.loads(TURNING.format(unit=unit, rate=rate))
+
+
+@pytest.mark.parametrize(
+    ("unit", "setting", "value"),
+    [
+        ("rad/s", "50 Hz", None),
+        ("rpm", "50 Hz", None),
+        ("rad/s", "3000 1/min", None),
+        ("rad/s", "3000 rpm", 100 * math.pi),
+        ("rad/s", "50 1/s", 50.0),
+        ("Hz", "3000 rpm", None),
+        ("Hz", "50 rad/s", None),
+        ("Hz", "3000 1/min", 50.0),
+    ],
+)
+def test_settings_in_turns_and_in_angles(unit, setting, value):
+    mechanism = mbstab.loads(TURNING.format(unit=unit, rate="1/T"))
+    if value is None:
+        with pytest.raises(UsageError, match="turns"):
+            mechanism.eig(f=setting)
+    else:
+        system = System(evaluate(bound(read_model_text(TURNING.format(unit=unit, rate="1/T")), {"f": setting})))
+        assert system.scene.parameters["f"] == pytest.approx(value, rel=1e-15)

@@ -10,6 +10,7 @@ from mbstab.model import units
 from mbstab.model.expressions import Expression
 from mbstab.model.nodes import NodeReader
 from mbstab.model.schema import Components, Entry, MeasureValue, Parameter, TableValue, entry_word
+from mbstab.model.turns import Counted
 from mbstab.model.yamlfile import Mapping as MappingNode
 from mbstab.model.yamlfile import Scalar, YamlNode
 
@@ -23,6 +24,8 @@ class Names:
         2 for a planar scene, 3 for a spatial one.
     parameters, units : dict
         Parameters by name, and what is known of their units.
+    counted : dict of Counted
+        What parameters count: radians or turns.
     state_units : dict
         Units of the states that have one, as they are written.
     bodies : dict of Entry
@@ -51,6 +54,7 @@ class Names:
         self.dimension = 3
         self.parameters: dict[str, Parameter] = {}
         self.units: dict[str, units.Known] = {}
+        self.counted: dict[str, Counted] = {}
         self.state_units: dict[str, str] = {}
         self.bodies: dict[str, Entry] = {}
         self.joints: dict[str, Kind] = {}

@@ -23,6 +23,7 @@ from mbstab.model.schema import (
     after_number,
     parse_finite,
 )
+from mbstab.model.turns import counted_by, one_counts_turns
 from mbstab.model.units import UNITS, exact_factor, parse_unit
 
 T = TypeVar("T")
@@ -179,6 +180,13 @@ def _end(model: Model, name: str, text: str) -> tuple[Expression, str | None]:
     found, expected = parse_unit(unit)[1], parse_unit(own)[1]
     if found != expected:
         raise ExpressionError(f"{unit} is not a unit of {name}, which is declared in {own}", 0, f"give it in {own}")
+    if one_counts_turns(unit, own):
+        message = (
+            f"{unit} counts turns, and {name} is declared in {own}"
+            if counted_by(unit).turns
+            else (f"{name} counts turns in {own}, and {unit} measures an angle")
+        )
+        raise ExpressionError(message, 0, f"give it in {own}; a turn is 2*pi rad")
     return expression, unit
 
 

@@ -20,6 +20,7 @@ from mbstab.model.schema import (
     is_state,
     parse_finite,
 )
+from mbstab.model.turns import require_angle
 from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
 
 AXES = {"x": 0, "y": 1, "z": 2}
@@ -182,6 +183,7 @@ class QuantityReader:
         ------
         ExpressionError
         """
+        require_angle(expression, self.names.counted, unit)
         found = units.dimension_of(expression, self.names.units)
         if unit in ("", "1") or isinstance(found, str):
             return

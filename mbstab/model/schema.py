@@ -13,6 +13,7 @@ from mbstab.mechanics.catalogue import Kind, Sign
 from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.functions import TABULATED
 from mbstab.model.hermite import OutsideTable, monotone_slopes, no_slopes, spline_slopes
+from mbstab.model.units import UNITS
 from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import Document
 from mbstab.records import dataclass
@@ -416,7 +417,7 @@ def unit_of(coordinate: str) -> str:
 SIGNS: tuple[Sign, ...] = ("positive", "nonnegative", "nonzero")
 PARAMETER_FIELDS = {
     "value": "number or expression",
-    "unit": "unit of the value",
+    "unit": "unit of the value: a product or quotient of " + ", ".join(UNITS) + "; Hz counts turns",
     "sign": "values it may have, also with --set and in a sweep; any if not given: one of " + ", ".join(SIGNS),
     "description": "what it is",
 }

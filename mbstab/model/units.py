@@ -32,10 +32,12 @@ UNITS: dict[str, tuple[float, Dimension]] = {
     "1": (1.0, NONE),
     "rad": (1.0, NONE),
     "deg": (CONSTANTS["deg"], NONE),
+    "mrad": (1e-3, NONE),
     "kg": (1.0, _dimension(1, 0, 0)),
     "g": (1e-3, _dimension(1, 0, 0)),
     "t": (1e3, _dimension(1, 0, 0)),
     "m": (1.0, _dimension(0, 1, 0)),
+    "um": (1e-6, _dimension(0, 1, 0)),
     "mm": (1e-3, _dimension(0, 1, 0)),
     "cm": (1e-2, _dimension(0, 1, 0)),
     "km": (1e3, _dimension(0, 1, 0)),
@@ -47,9 +49,14 @@ UNITS: dict[str, tuple[float, Dimension]] = {
     "rpm": (CONSTANTS["pi"] / 30.0, _dimension(0, 0, -1)),
     "N": (1.0, _dimension(1, 1, -2)),
     "kN": (1e3, _dimension(1, 1, -2)),
+    "MN": (1e6, _dimension(1, 1, -2)),
     "J": (1.0, _dimension(1, 2, -2)),
     "W": (1.0, _dimension(1, 2, -3)),
+    "kW": (1e3, _dimension(1, 2, -3)),
     "Pa": (1.0, _dimension(1, -1, -2)),
+    "kPa": (1e3, _dimension(1, -1, -2)),
+    "MPa": (1e6, _dimension(1, -1, -2)),
+    "GPa": (1e9, _dimension(1, -1, -2)),
     "A": (1.0, _dimension(0, 0, 0, 1)),
     "mA": (1e-3, _dimension(0, 0, 0, 1)),
     "V": (1.0, _dimension(1, 2, -3, -1)),
@@ -59,6 +66,9 @@ UNITS: dict[str, tuple[float, Dimension]] = {
     "F": (1.0, _dimension(-1, -2, 4, 2)),
 }
 """Factor to SI and dimension of every unit a file may name."""
+
+_MEANT = {"Nm": "N*m", "Nms": "N*m*s", "Ns": "N*s", "sec": "s", "degree": "deg", "degrees": "deg", "kph": "km/h"}
+"""Words that are not units, and what those who write them mean."""
 
 _POWER = r"\s*(?:(?:\^|\*\*)\s*(?P<power>-?[0-9]{1,2}))?\s*"
 _FACTOR = re.compile(r"\s*(?P<name>[A-Za-z]+|1)" + _POWER)
@@ -83,10 +93,11 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
         If the text is not a product of known units.
     """
     factor, dimension = 1.0, NONE
-    for name, power, at in _factors(text):
+    for name, power, at in factors(text):
         if name not in UNITS:
-            alike = [unit for unit in UNITS if unit.lower() == name.lower()]  # Kg is kg, not g
-            hint = suggestion(alike[0], alike) if alike else suggestion(name, UNITS)
+            # Kg is kg, not g; mN is not MN.
+            alike = [unit for unit in UNITS if unit.lower() == name.lower() and unit[0] != "M"]
+            hint = suggestion(alike[0], alike) if alike else f"write {_MEANT[name]}" if name in _MEANT else ""
             hint = hint or "known units: " + ", ".join(UNITS)
             raise ExpressionError(f"unknown unit {name!r}", at, hint)
         try:
@@ -99,7 +110,7 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
     return factor, dimension
 
 
-def _factors(text: str) -> Iterator[tuple[str, int, int]]:
+def factors(text: str) -> Iterator[tuple[str, int, int]]:
     """Return the name, the power and the position of each factor of a unit, brackets multiplied out."""
     found: list[tuple[str, int, int]] = []
     opened: list[tuple[int, int, int]] = []  # of each open bracket: the first factor in it, its sign, its position
@@ -143,7 +154,7 @@ def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
     The float in `UNITS` is only the nearest double; its shortest decimals are the exact factor.
     """
     above, below = arithmetic.number("1"), arithmetic.number("1")
-    for name, power, _ in _factors(text):
+    for name, power, _ in factors(text):
         if name == "deg":
             factor = arithmetic.constants["deg"]
         elif name == "rpm":
@@ -159,8 +170,8 @@ def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
 
 
 _SI = {
-    "deg": "rad", "g": "kg", "t": "kg", "mm": "m", "cm": "m", "km": "m", "ms": "s", "min": "s", "h": "s", "kN": "N",
-    "mA": "A", "mH": "H",
+    "deg": "rad", "mrad": "rad", "g": "kg", "t": "kg", "um": "m", "mm": "m", "cm": "m", "km": "m", "ms": "s",
+    "min": "s", "h": "s", "kN": "N", "MN": "N", "kW": "W", "kPa": "Pa", "MPa": "Pa", "GPa": "Pa", "mA": "A", "mH": "H",
 }  # fmt: skip
 """Units with a factor, and what they become without it; rpm becomes rad/s."""
 

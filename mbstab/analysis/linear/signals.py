@@ -18,11 +18,12 @@ from mbstab.compiler.system import Array, System
 from mbstab.mechanics.catalogue import ElementUse, Kind
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.duals import Dual, dual_arithmetic
+from mbstab.model.evaluator import Evaluator
 from mbstab.model.expressions import Binary, Name
 from mbstab.model.jets import Jet
 from mbstab.model.quantities import constant
 from mbstab.model.scene import ItemValues, Scene
-from mbstab.model.schema import Entry, Model, Parameter, Quantity
+from mbstab.model.schema import Entry, Model, Parameter, Quantity, Reference
 from mbstab.model.units import si_unit
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
@@ -155,4 +156,22 @@ def _changed(model: Model, item: ItemValues) -> System:
             model, entries={**model.entries, "drives": drives}, parameters={**model.parameters, SIGNAL: none}
         )
     nominal = 0.0 if name == SIGNAL else float(item.evaluator.parameters[name])
+    model = replace(model, reference=_held(model.reference, item.evaluator))
     return System(evaluate(model, {name: Dual(nominal, 1.0)}, dual_arithmetic(FLOAT)))
+
+
+def _held(reference: Reference, evaluator: Evaluator) -> Reference:
+    """Return the reference with numbers: no input moves it, nor what counts from it, such as the offset of a gear."""
+
+    def numbers(values: dict[str, Quantity]) -> dict[str, Quantity]:
+        return {
+            name: constant(repr(float(evaluator.number(value))), value.location, value.path)
+            for name, value in values.items()
+        }
+
+    return replace(
+        reference,
+        coordinates=numbers(reference.coordinates),
+        rates=numbers(reference.rates),
+        guess=numbers(reference.guess),
+    )

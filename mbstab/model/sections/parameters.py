@@ -10,6 +10,7 @@ from mbstab.model.functions import CALLED
 from mbstab.model.names import in_order
 from mbstab.model.quantities import QuantityReader, constant
 from mbstab.model.schema import PARAMETER_FIELDS, SIGNS, Parameter, Quantity
+from mbstab.model.turns import count, counted_by
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
 from mbstab.records import dataclass
 
@@ -95,6 +96,7 @@ class ParameterReader:
     def _parameter(self, name: str, written: _Written) -> Parameter:
         value, unit, factor = written.value, written.unit, written.factor
         expression = self.quantities.expression(value, f"parameters.{name}")
+        self.names.counted[name] = counted_by(unit) if unit else count(expression, self.names.counted)
         if unit:
             self.names.units[name] = units.parse_unit(unit)[1]
             if not expression.literal:
