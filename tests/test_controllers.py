@@ -275,3 +275,16 @@ def test_an_algebraic_loop_is_told(states, message):
     said = bad("u: {type: pid, joint: axle, of: angle(axle), P: 1}", f"states: {{{states}}}")
     assert message in said
     assert "<text>:8:" in said
+
+
+@pytest.mark.parametrize("below", [[1, 30], [1, 60], [1, 1000], [1, 1e-3], [1e-3, 2]])
+def test_an_equilibrium_with_a_controller_is_isolated_whatever_its_time_constants(below):
+    # At rest the force is -x times the last coefficients' quotient, which is no 0.
+    text = f"""mbstab: 1
+bodies: {{a: {{type: planar_point, mass: 1}}}}
+constraints: {{line: {{holonomic: a.y}}}}
+forces: {{c: {{type: transfer_function, coordinate: a.x, signal: -a.x, numerator: [2, 1], denominator: {below}}}}}
+reference: {{coordinates: {{a: {{x: 0}}}}}}
+"""
+    (found,) = mbstab.loads(text).equilibria()
+    assert not found.open

@@ -512,22 +512,43 @@ def _open_directions(search: Search, at: State, known: list[Symmetry]) -> list[s
 
 
 def _loose(balance: Balance, at: State) -> Array:
-    """Return the directions of [Δq; Δc], as columns, that keep the balance to first order."""
-    _, s, right = np.linalg.svd(_reduced(balance, at))
+    """Return the directions of [Δq; Δc], as orthonormal columns, that keep the balance to first order."""
+    reduced, basis = _reduced(balance, at)
+    _, s, right = np.linalg.svd(reduced)
     rank = int(np.sum(s > TOLERANCES.isolated_singular_value * max(float(s[0]), 1e-300))) if len(s) else 0
-    null: Array = right[rank:].T
+    null: Array = np.linalg.qr(basis @ right[rank:].T)[0]
     return null
 
 
-def _reduced(balance: Balance, at: State) -> Array:
-    """Return the derivative of the residuals by [Δq; Δc], without the directions in which multipliers act."""
+def _reduced(balance: Balance, at: State) -> tuple[Array, Array]:
+    """Return the derivative of the residuals along a basis of [Δq; Δc], without the directions of multipliers, and it.
+
+    First-order states that settle follow the other coordinates; others keep a column with a largest entry of 1.
+    """
     G, moving = balance.jacobian(at), balance.moving
+    basis = np.eye(moving)
+    columns, rows = balance.system.states
+    states = np.flatnonzero(np.isin(balance.open, columns))
+    if len(states) and balance.with_speeds:
+        own = balance.system.n_q + balance.n_h + np.flatnonzero(np.isin(balance.rows, rows))
+        largest = np.max(np.abs(G[own]), axis=1, initial=0.0)
+        G[own] /= np.maximum(largest, 1e-300)[:, None]
+        sizes = np.max(np.abs(G[:, states]), axis=0)
+        basis[states, states] = 1.0 / np.maximum(sizes, 1e-300)
+        Z, others = G[np.ix_(own, states)], np.delete(np.arange(moving), states)
+        if Z.shape[0] == Z.shape[1] and rank_of(Z / np.maximum(np.max(np.abs(Z), axis=0), 1e-300)).rank == len(states):
+            basis[np.ix_(states, others)] = -np.linalg.solve(Z, G[np.ix_(own, others)])
+            basis = basis[:, others]
+    along = G[:, :moving] @ basis
+    if len(states):
+        rows_of_forces = np.maximum(np.max(np.abs(along), axis=1, initial=0.0), 1.0)[:, None]
+        along, G = along / rows_of_forces, G / rows_of_forces
     forces = G[:, moving:]
     if not forces.size:
-        return G[:, :moving]
+        return along, basis
     size = max(float(np.max(np.abs(forces))), 1e-300)
-    result: Array = rank_of(forces.T / size).null.T @ G[:, :moving]
-    return result
+    result: Array = rank_of(forces.T / size).null.T @ along
+    return result, basis
 
 
 def _continues(search: Search, at: State, vector: Array) -> bool:
