@@ -27,6 +27,8 @@ POSITIVE = {
     "tube",
     "rest",
     "cornering",
+    "peak",
+    "shape_factor",
     "relaxation",
     "half_gauge",
     "scale",

@@ -68,6 +68,35 @@ def test_the_command_writes_and_draws_it(tmp_path):
     assert len(lines) == 3
 
 
+def test_speeds_count_in_the_unit_of_the_parameter_and_unstable_ones_are_marked(tmp_path):
+    """Internal damping c_i: unstable above (1 + c/c_i) sqrt(k/m), here 60 rad/s; Jeffcott's amplitude is there, too."""
+    text = JEFFCOTT.replace("n: {value: 10, unit: rad/s}", "n: {value: 100, unit: rpm}")
+    inner = (
+        "  inner: {type: expression, on: {disk.x: -8*(rate(disk.x) + n*disk.y), disk.y: -8*(rate(disk.y) - n*disk.x)}}"
+    )
+    path = tmp_path / "rotor.yaml"
+    path.write_text(text.replace("outputs:", f"{inner}\noutputs:"))
+    arguments = ("response", str(path), "--unbalance", "disk", "--speed", "n", "--measured", "u")
+    arguments += ("--from", "500 rpm", "--to", "600", "--points", "3")
+    result = run(*arguments, "--plot", "unbalance", "--pictures", str(tmp_path / "a.png"))
+    assert result.exit_code == 0
+    assert "n (rpm)" in result.stdout
+    rows = [line.split() for line in result.stdout.splitlines() if line.strip().startswith(("500", "550", "600"))]
+    assert [len(row) for row in rows] == [3, 3, 4]
+    assert rows[-1][-1] == "unstable"
+    assert "Unstable at 1 of 3 speeds" in result.stdout
+    data = json.loads(run(*arguments, "--format", "json").stdout)
+    np.testing.assert_allclose(data["speed"], np.array([500, 550, 600]) * np.pi / 30)
+    assert data["verdicts"][:2] == [data["verdicts"][0]] * 2
+    assert data["verdicts"][2] == "unstable"
+    line = run(*arguments, "--format", "csv").stdout.splitlines()[-1]
+    assert line.endswith(",unstable")
+    # The whirl stands still in the disk, where the inner damping has nothing to do.
+    speed = data["speed"][2]
+    r = speed**2 / (4500 - 5 * speed**2 + 8j * speed)
+    assert complex(data["outputs"][0]["real"][2], data["outputs"][0]["imag"][2]) == pytest.approx(r, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("point", "speed", "message"),
     [
@@ -94,7 +123,7 @@ def test_a_turning_frame_is_refused():
     ("arguments", "message"),
     [
         (("--unbalance", "disk"), "go together"),
-        (("--unbalance", "disk", "--speed", "n"), "needs the range of the spin"),
+        (("--unbalance", "disk", "--speed", "n"), "--from is missing"),
         (("--unbalance", "disk", "--speed", "n", "--step", "1"), "goes with none of"),
         (("--unbalance", "disk", "--speed", "n", "--from", "1", "--to", "2", "--plot", "bode"), "drawn as unbalance"),
     ],

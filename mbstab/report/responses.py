@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.errors import counted
+from mbstab.model.words import UNSTABLE
 from mbstab.report import WIDTH
 from mbstab.report.export import to_csv
 from mbstab.report.tables import eigenvalue, table
@@ -180,15 +181,27 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
     }
 
 
-def unbalance_text(result: UnbalanceResponse, title: str) -> str:
-    """Return the answer of ``mbstab response --unbalance`` as text."""
+def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: float) -> str:
+    """Return the answer of ``mbstab response --unbalance`` as text, speeds in `unit`, which is `factor` rad/s."""
     lines = [title, ""] if title else []
-    rows = np.unique(np.linspace(0, len(result.speeds) - 1, ROWS).round().astype(int))
+    rows, speeds = np.unique(np.linspace(0, len(result.speeds) - 1, ROWS).round().astype(int)), result.speeds / factor
     for name, own, values in zip(result.outputs, result.units, result.values, strict=True):
         lines.append(f"From an unbalance at {result.point} to {name}" + (f" ({own})" if own else ""))
         angle = phase(values)
-        body = [[f"{x:.6g}" for x in (result.speeds[k], abs(values[k]), angle[k])] for k in rows]
-        lines += [table([f"{result.parameter} (rad/s)", "amplitude", "phase (°)"], body), ""]
+        body = [
+            [*(f"{x:.6g}" for x in (speeds[k], abs(values[k]), angle[k])), UNSTABLE if result.unstable[k] else ""]
+            for k in rows
+        ]
+        heads = [f"{result.parameter} ({unit})", "amplitude", "phase (°)", ""]
+        shown = len(heads) if np.any(result.unstable[rows]) else len(heads) - 1
+        lines += [table(heads[:shown], [row[:shown] for row in body]), ""]
+    if np.any(result.unstable):
+        ends = " to ".join(f"{x:.6g}" for x in np.unique(speeds[result.unstable][[0, -1]]))
+        lines += wrap(
+            f"Unstable at {int(np.sum(result.unstable))} of {len(speeds)} speeds, {ends} {unit}: these amplitudes are "
+            "those of the steady solution, which the rotor leaves.",
+            WIDTH,
+        )
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
@@ -196,21 +209,22 @@ def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[st
     """Return the JSON object of ``mbstab response --unbalance``.
 
     Keys: ``model``, ``title``, ``kind``, ``point``, ``parameter``, ``speed`` (rad/s) and ``outputs``: ``name``,
-    ``unit``, ``real`` and ``imag``, for an unbalance of 1 kg m.
+    ``unit``, ``real`` and ``imag``, for an unbalance of 1 kg m; ``verdicts`` of the motion without it.
     """
     found = [
         {"name": name, "unit": own, "real": values.real, "imag": values.imag}
         for name, own, values in zip(result.outputs, result.units, result.values, strict=True)
     ]
     head = {"model": model, "title": title, "kind": "unbalance", "point": result.point, "parameter": result.parameter}
-    return head | {"speed": result.speeds, "outputs": found}
+    return head | {"speed": result.speeds, "outputs": found, "verdicts": list(result.verdicts)}
 
 
 def unbalance_csv(result: UnbalanceResponse) -> str:
     """Return one line for each speed, with all outputs."""
     heads = [f"{result.parameter} (rad/s)", *(f"{name} {part}" for name in result.outputs for part in ("real", "imag"))]
     columns = [part for values in result.values for part in (values.real, values.imag)]
-    return to_csv(heads, np.column_stack([result.speeds, *columns]).tolist())
+    lines = np.column_stack([result.speeds, *columns]).tolist()
+    return to_csv([*heads, "verdict"], [[*line, verdict] for line, verdict in zip(lines, result.verdicts, strict=True)])
 
 
 def response_csv(result: Response) -> str:

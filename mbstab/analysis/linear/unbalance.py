@@ -14,6 +14,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear.control import ControlModel, control_model
+from mbstab.analysis.linear.eigenvalues import eigenvalues
 from mbstab.analysis.linear.frequency import FrequencyResponse
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.tolerances import TOLERANCES
@@ -27,6 +28,7 @@ from mbstab.model.evaluator import Evaluator
 from mbstab.model.parameters import bound, settings_in_si
 from mbstab.model.schema import Entry, Model
 from mbstab.model.values import evaluate
+from mbstab.model.words import UNSTABLE
 from mbstab.records import dataclass
 
 NAMES = ("unbalance along e1", "unbalance along e2")
@@ -49,6 +51,8 @@ class UnbalanceResponse:
         Names, and units such as ``m/(kg*m)``, empty where they are not known.
     values : ndarray of complex, shape (outputs, n)
         z of the module's text; its phase is relative to the unbalance. Infinite at an undamped critical speed.
+    verdicts : tuple of str
+        Of the motion without unbalance at each speed. Where it is unstable, no rotor answers like this.
     """
 
     point: str
@@ -57,6 +61,12 @@ class UnbalanceResponse:
     outputs: tuple[str, ...]
     units: tuple[str, ...]
     values: Complex
+    verdicts: tuple[str, ...]
+
+    @property
+    def unstable(self) -> Array:
+        """Where the motion without unbalance is unstable, shape (n,)."""
+        return np.array([verdict == UNSTABLE for verdict in self.verdicts])
 
 
 def unbalance(
@@ -90,17 +100,18 @@ def unbalance(
     points = tuple(model.bodies[body].values.get("points") or ())
     if own:
         number_of(own, points, f"point of {body!r}", "its points")
-    found = []
+    found, verdicts = [], []
     for speed in speeds.tolist():
         here = bound(model, settings_in_si({parameter: speed}))
         resting = _linear(replace(here, inputs={}, outputs={}))
+        verdicts.append(eigenvalues(resting).verdict)
         forced = _forced(here, resting, number, own, _axis(resting, number, parameter, speed))
         found.append(_amplitudes(forced, goals, speed))
     outputs = goals or tuple(model.outputs)
     units = dict(zip(forced.outputs, forced.output_units, strict=True))
     return UnbalanceResponse(
         point, parameter, speeds, outputs, tuple(f"{units[x]}/(kg*m)" if units[x] else "" for x in outputs),
-        np.array(found, dtype=complex).T,
+        np.array(found, dtype=complex).T, tuple(verdicts),
     )  # fmt: skip
 
 

@@ -33,8 +33,10 @@ PICTURES = ("bode", "nyquist", "step", "impulse", "unbalance")
 @force_option
 @click.option("--input", "sources", multiple=True, metavar="NAME", help="From this input; may be repeated; else all.")
 @click.option("--measured", "goals", multiple=True, metavar="NAME", help="To this output; may be repeated; else all.")
-@click.option("--from", "start", type=float, metavar="OMEGA", help="First frequency (rad/s).")
-@click.option("--to", "stop", type=float, metavar="OMEGA", help="Last frequency (rad/s).")
+@click.option(
+    "--from", "start", metavar="OMEGA", help="First frequency (rad/s); with --unbalance first spin, in its own unit."
+)
+@click.option("--to", "stop", metavar="OMEGA", help="Last frequency or spin.")
 @click.option("--points", type=click.IntRange(2, 100_000), default=201, show_default=True, help="How many values.")
 @click.option(
     "--step", type=float, metavar="T", help="The outputs for T seconds after a unit step of an input instead."
@@ -44,7 +46,7 @@ PICTURES = ("bode", "nyquist", "step", "impulse", "unbalance")
     "--unbalance",
     metavar="POINT",
     help="Instead of inputs: the outputs that an unbalance of 1 kg m at this body or body.point causes, over its spin "
-    "from --from to --to.",
+    "from --from to --to. Phases count from the moment at which the unbalance points along x.",
 )
 @click.option("--speed", metavar="PARAMETER", help="With --unbalance: the parameter that is the spin of the body.")
 @click.option("--frozen", is_flag=True, help="Take the equations as they are at the reference time.")
@@ -64,8 +66,8 @@ def response(
     settings: tuple[str, ...],
     sources: tuple[str, ...],
     goals: tuple[str, ...],
-    start: float | None,
-    stop: float | None,
+    start: str | None,
+    stop: str | None,
     points: int,
     step: float | None,
     impulse: float | None,
@@ -80,13 +82,15 @@ def response(
 
     Zeros have error estimates; a transfer function is called minimum phase, or not, only where these decide it.
     Margins are those of the loop in which the output is subtracted from the input.
+    Those of a controller in the file need its loop open: multiply its effort by a parameter that is 0, give an
+    input where the effort acts, and the negative effort as an output.
     Frequencies are those of the eigenvalues and a decade beyond unless --from and --to say others.
 
     Example: mbstab response whipple_bicycle.yaml --input steer_torque
     """
-    duration = _duration(step, impulse, (start, stop))
+    duration = _duration(step, impulse, start is not None or stop is not None)
     if unbalance is not None or speed is not None:
-        _refuse_beside_unbalance(unbalance, speed, duration, bool(sources), frozen, (start, stop))
+        _refuse_beside_unbalance(unbalance, speed, duration, bool(sources), frozen)
     possible = ("bode", "nyquist") if duration is None else ("impulse",) if step is None else ("step",)
     if unbalance is not None:
         possible = ("unbalance",)
@@ -97,24 +101,35 @@ def response(
     wanted = pictures or possible[:1] * (place is not None)
     paths = picture_paths(*picture_stem(place, output.path, Path(mechanism.model.name)), wanted)
     if unbalance is not None and speed is not None:
-        _unbalance(mechanism.model, unbalance, speed, goals, (start or 0.0, stop or 0.0, points), paths, output)
+        _unbalance(mechanism.model, unbalance, speed, goals, (start, stop, points), paths, output)
         return
     from mbstab.analysis.linear.response import answer
 
     found = mechanism.state_space(frozen=frozen)
     warn(found.linear.motion.warnings)
-    result = answer(found, sources, goals, (start, stop), points, duration, step is None)
+    ends = _frequency("--from", start), _frequency("--to", stop)
+    result = answer(found, sources, goals, ends, points, duration, step is None)
     _write(result, mechanism.model, paths, output)
 
 
-def _duration(step: float | None, impulse: float | None, ends: tuple[float | None, float | None]) -> float | None:
+def _frequency(option: str, text: str | None) -> float | None:
+    """Return a frequency that an option gives (rad/s)."""
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"{option} {text}: a frequency is a number in rad/s") from None
+
+
+def _duration(step: float | None, impulse: float | None, ends: bool) -> float | None:
     """Return the duration of a response over time (s), None for one over frequency; refuse what is none."""
     if step is not None and impulse is not None:
         raise UsageError("--step and --impulse exclude each other")
     duration = impulse if step is None else step
     if duration is not None and not 0.0 < duration < float("inf"):
         raise UsageError(f"a response over {duration:g} s: give a positive time")
-    if duration is not None and any(end is not None for end in ends):
+    if duration is not None and ends:
         raise UsageError("--from and --to are frequencies, which --step and --impulse do not have")
     return duration
 
@@ -143,18 +158,12 @@ def _refuse_beside_unbalance(
     duration: float | None,
     sources: bool,
     frozen: bool,
-    ends: tuple[float | None, float | None],
 ) -> None:
     """Refuse what an unbalance response needs and does not have, or cannot have."""
     if point is None or speed is None:
         raise UsageError("--unbalance and --speed go together: the point, and the parameter that is the spin")
     if duration is not None or sources or frozen:
         raise UsageError("--unbalance goes with none of --input, --step, --impulse and --frozen")
-    start, stop = ends
-    if start is None or stop is None or not 0.0 < start < stop < float("inf"):
-        raise UsageError(
-            "--unbalance needs the range of the spin\nhint: give --from and --to in rad/s, positive, the smaller first"
-        )
 
 
 def _unbalance(
@@ -162,20 +171,23 @@ def _unbalance(
     point: str,
     speed: str,
     goals: tuple[str, ...],
-    grid: tuple[float, float, int],
+    grid: tuple[str | None, str | None, int],
     paths: dict[str, Path],
     output: Output,
 ) -> None:
     """Write and draw an unbalance response."""
-    import numpy as np
-
     from mbstab.analysis.linear.unbalance import unbalance
+    from mbstab.model.ranges import sweep_values
     from mbstab.report import export, responses
 
-    found = unbalance(model, point, speed, np.linspace(*grid), goals)
+    speeds = sweep_values(model, speed, *grid)
+    if speeds.min() <= 0.0:
+        raise UsageError(f"--unbalance needs positive spins\nhint: give --from and --to in the unit of {speed}")
+    found = unbalance(model, point, speed, speeds, goals)
+    unit, factor = model.parameters[speed].unit or "rad/s", model.parameters[speed].factor
     output.write(
         {
-            "table": lambda: responses.unbalance_text(found, model.title),
+            "table": lambda: responses.unbalance_text(found, model.title, unit, factor),
             "json": lambda: export.to_json(responses.unbalance_data(found, model.name, model.title)),
             "csv": lambda: responses.unbalance_csv(found),
         }
@@ -183,4 +195,4 @@ def _unbalance(
     for path in paths.values():
         from mbstab.report.pictures.responses import unbalance_picture
 
-        save_picture(unbalance_picture(found, model.title), path)
+        save_picture(unbalance_picture(found, model.title, unit, factor), path)

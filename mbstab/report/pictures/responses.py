@@ -14,7 +14,7 @@ from mbstab.analysis.linear.response import Response
 from mbstab.analysis.linear.transfer import Channel
 from mbstab.analysis.linear.unbalance import UnbalanceResponse
 from mbstab.compiler.system import Array
-from mbstab.report.pictures.drawing import FONT, draw_legend, house_style, titled_figure
+from mbstab.report.pictures.drawing import FONT, UNSTABLE_SHADE, draw_legend, house_style, titled_figure
 from mbstab.report.responses import decibels, phase, unit
 
 STYLES = ("-", "--", "-.", ":")
@@ -74,8 +74,12 @@ def response_picture(result: Response, title: str) -> Figure:
         return figure
 
 
-def unbalance_picture(result: UnbalanceResponse, title: str) -> Figure:
-    """Return the amplitudes and phases of all outputs over the spin."""
+def unbalance_picture(result: UnbalanceResponse, title: str, unit: str, factor: float) -> Figure:
+    """Return the amplitudes and phases of all outputs over the spin, in `unit`, which is `factor` rad/s.
+
+    Speeds at which the motion without unbalance is unstable are shaded.
+    """
+    speeds = result.speeds / factor
     with house_style():
         figure, panels = titled_figure(title, heights=(2.6, 2.0))
         handles, spread = [], 0.0
@@ -83,16 +87,21 @@ def unbalance_picture(result: UnbalanceResponse, title: str) -> Figure:
             style, angle = _style(k), phase(values)
             spread = max(spread, float(angle.max() - angle.min()))
             handles.append(Line2D([], [], label=name + (f" ({own})" if own else ""), **style))
-            panels[0].semilogy(result.speeds, np.abs(values), **style)
-            panels[1].plot(result.speeds, angle, **style)
+            panels[0].semilogy(speeds, np.abs(values), **style)
+            panels[1].plot(speeds, angle, **style)
         for axes in panels:
-            axes.set_xlim(result.speeds[0], result.speeds[-1])
+            axes.set_xlim(*sorted((speeds[0], speeds[-1])))
+            across = axes.get_xaxis_transform()
+            axes.fill_between(
+                speeds, 0.0, 1.0, where=result.unstable, step="mid", transform=across, color=UNSTABLE_SHADE,
+                linewidth=0, zorder=0,
+            )  # fmt: skip
             axes.grid(color="0.85", linewidth=0.6)
         panels[0].set_ylabel("amplitude for 1 kg m")
         panels[0].tick_params(labelbottom=False)
         panels[1].set_ylabel("phase (°)")
         panels[1].yaxis.set_major_locator(MultipleLocator(TURN * (2 if spread > 200.0 else 1)))
-        panels[1].set_xlabel(f"{result.parameter} (rad/s)")
+        panels[1].set_xlabel(f"{result.parameter} ({unit})")
         draw_legend(figure, handles)
         return figure
 
