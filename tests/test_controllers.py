@@ -288,3 +288,20 @@ reference: {{coordinates: {{a: {{x: 0}}}}}}
 """
     (found,) = mbstab.loads(text).equilibria()
     assert not found.open
+
+
+@pytest.mark.parametrize("lag", ["", ", lag: 0.05"])
+def test_the_effort_of_a_controller_is_an_output(lag):
+    text = f"""mbstab: 1
+bodies: {{a: {{type: planar, mass: 2, inertia: 3}}}}
+joints: {{axle: {{type: revolute, between: [a, ground]}}}}
+forces: {{c: {{type: pid, joint: axle, of: angle(axle), P: 40, I: 30, D: 9{lag}}}}}
+inputs: {{push: {{type: torque, body: a}}}}
+outputs:
+  effort: effort(c)
+  same: {"c_effort" if lag else "-40*a.theta + 30*c_integral - 9*rate(a.theta)"}
+reference: {{}}
+"""
+    C = mbstab.loads(text).state_space().C
+    assert np.any(C[0])
+    np.testing.assert_allclose(C[0], C[1], rtol=1e-14)

@@ -104,9 +104,9 @@ _CAMBER: dict[str, tuple[tuple[str, int], ...]] = {"planar": (), "spatial": (("c
 _FORCE = (("cornering", 1), ("trail", 1))
 _MAGIC = tuple((name, 1) for name in ("peak", "shape_factor", "curvature_factor"))
 _AT_REST = (
-    "the slip of a tyre has no value where its wheel does not move over the ground: give the body a speed under "
-    "reference: rates:, or hold a wheel that stands by a contact instead; a cornering stiffness or a peak that changes "
-    "with the motion must stay positive"
+    "the slip of a tyre has no value where its wheel does not move over the ground: give speeds under reference: rates:"
+    " (or reference: steady: {direction: x, speed: …}, where a motion is looked for), or hold a wheel that stands by a "
+    "contact instead; a cornering stiffness or a peak that changes with the motion must stay positive"
 )
 
 ELEMENTS = tuple(

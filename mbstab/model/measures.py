@@ -14,7 +14,7 @@ MEASURES = {
     "place": "component of the place of a point: place(body.point.x) or place(body.x)",
     "force": "component of what a joint, contact, drive or mount transmits to its first body: force(joint.x)",
     "torque": "component of the torque that it transmits: torque(joint.z)",
-    "effort": "force or torque of a spring, a damper, an actuator or a drive: effort(name)",
+    "effort": "force or torque of a spring, damper, actuator, controller, motor or drive: effort(name)",
 }
 """Words of outputs; coordinates stand by themselves, rate(...) and acceleration(...) go with those and with motions."""
 

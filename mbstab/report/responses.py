@@ -60,7 +60,7 @@ def response_text(result: Response, title: str) -> str:
             lines.append(table(["time (s)", f"after a unit {result.kind}"], body))
         lines += _zeros_text(zeros)
         if result.margins:
-            lines += [*_largest_text(result.largest[i]), *_margins_text(result.margins[i], len(zeros.hidden))]
+            lines += [*_largest_text(result.largest[i]), *_margins_text(result.margins[i], zeros)]
         elif result.kind == "frequency":
             lines.append(f"margins and the largest gain are not computed for {len(result.poles)} states")
         lines.append("")
@@ -103,10 +103,18 @@ def _largest_text(found: LargestGain) -> list[str]:
     return wrap(f"largest gain (H∞ norm): {what}", WIDTH)
 
 
-def _margins_text(found: Margins, hidden: int) -> list[str]:
-    words = {True: "stable", False: "unstable", None: "stable or not, which is not decided"}
-    apart = f", apart from the {counted(hidden, 'hidden eigenvalue')}" if hidden else ""
-    lines = wrap(f"with the output subtracted from the input the loop is {words[found.closed]}{apart}", WIDTH)
+def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
+    loop = "the loop in which the output is subtracted from the input is"
+    if zeros.hidden_growing:
+        grows = ", ".join(eigenvalue(s) for s in zeros.hidden_growing if s.imag >= 0.0)
+        said = f"{loop} unstable, whatever its gain: hidden eigenvalues grow ({grows})"
+    elif found.closed is None:
+        said = f"whether {loop} stable is not decided"
+    else:
+        said = f"{loop} {'stable' if found.closed else 'unstable'}"
+        if found.closed and not zeros.hidden_decaying:
+            said += ", apart from hidden eigenvalues that do not decay"
+    lines = wrap(said, WIDTH)
     if found.doubt:
         return lines + wrap(f"margins: not decided: {found.doubt}", WIDTH)
     if found.always_real:

@@ -436,7 +436,7 @@ def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlM
     rate = ports.maps["y"]
     b = [rate[:, n_f + k * m : n_f + (k + 1) * m] for k in range(3)]
     A = _product(S, rate[:, :n_f], inverse)
-    _require_states(S, rate[:, :n_f], A, scale, texts)
+    _require_states(S, rate[:, :n_f], A, scale, texts, given=bool(states))
     B = [_product(S, b[0]) - A @ s[0], _product(S, b[1]) - A @ s[1] + s[0], _product(S, b[2]) + s[1]]
     C = _product(outputs[:, :n_f], inverse)
     _require_told(outputs[:, :n_f], C @ S, list(model.outputs.values()), texts)
@@ -486,10 +486,16 @@ def _state(model: Any, text: str) -> Quantity:
         ) from None
 
 
-def _require_states(S: Array, A: Array, own: Array, scale: Array, texts: Sequence[str]) -> None:
+def _require_states(S: Array, A: Array, own: Array, scale: Array, texts: Sequence[str], given: bool) -> None:
     """Refuse states that depend on each other, or whose rates depend on other things."""
     unit = S * scale[:, None]
     smallest = float(np.linalg.svd(unit, compute_uv=False)[-1]) if len(S) <= S.shape[1] and S.size else 0.0
+    if len(S) and smallest < TOLERANCES.independent_states and not given:
+        raise NumericalError(
+            f"no well conditioned states were found: {', '.join(texts)} nearly depend on each other, {smallest:.1e}, "
+            f"should be {TOLERANCES.independent_states:g} or more\n"
+            "hint: rates and states of very different speeds do that, such as a very short time constant; leave it out"
+        )
     if len(S) and smallest < TOLERANCES.independent_states:
         raise UsageError(
             f"--states {', '.join(texts)}: these states depend on each other: {smallest:.1e}, should be "

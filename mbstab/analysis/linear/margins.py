@@ -96,8 +96,11 @@ class LargestGain:
 def closed_loop(zeros: Zeros, closing: Zeros) -> bool | None:
     """Return whether the closed loop is stable, given the zeros of G and of 1 + G; None: not decided.
 
-    An eigenvalue of which G has a trace that is lost beside 1 is hidden from 1 + G only as far as rounding tells.
+    A hidden eigenvalue that grows does so in any loop. An eigenvalue of which G has a trace that is lost beside 1 is
+    hidden from 1 + G only as far as rounding tells.
     """
+    if zeros.hidden_growing:
+        return False
     if zeros.doubt or closing.doubt or sorted(map(_key, zeros.hidden)) != sorted(map(_key, closing.hidden)):
         return None
     return closing.minimum_phase
@@ -116,7 +119,8 @@ def margins(zeros: Zeros, exact: Exact, closed: bool | None) -> Margins:
     exact : callable
         Returns G(iω) and its error bounds at frequencies (rad/s).
     closed : bool or None
-        Whether all zeros of 1 + G lie left of the imaginary axis; None: not decided.
+        Whether all zeros of 1 + G lie left of the imaginary axis and no hidden eigenvalue right of it; None: not
+        decided.
     """
     if zeros.doubt:
         return Margins(closed, (), (), False, zeros.doubt)

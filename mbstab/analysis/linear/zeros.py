@@ -49,6 +49,8 @@ class Zeros:
     hidden : tuple of complex (1/s)
         Eigenvalues that the input does not reach or the output does not see; of a group those with the largest real
         parts.
+    hidden_errors : ndarray
+        Their error bounds, as `pole_errors`.
     vanishes : bool
         Whether the transfer function is exactly zero: nothing leads from the input to the output.
     doubt : str
@@ -60,14 +62,31 @@ class Zeros:
     poles: Complex
     pole_errors: Array
     hidden: tuple[complex, ...]
+    hidden_errors: Array
     vanishes: bool
     doubt: str = ""
 
     @classmethod
-    def none(cls, hidden: tuple[complex, ...] = (), vanishes: bool = False, doubt: str = "") -> Zeros:
-        """Return the answer without zeros."""
+    def vanishing(cls, poles: Complex, bounds: Array) -> Zeros:
+        """Return the answer where nothing leads from the input to the output."""
         nothing = np.zeros(0, dtype=complex), np.zeros(0)
-        return cls(*nothing, *nothing, hidden, vanishes, doubt)
+        return cls(*nothing, *nothing, tuple(poles.tolist()), bounds, True)
+
+    @classmethod
+    def unknown(cls, doubt: str) -> Zeros:
+        """Return the answer where none is found."""
+        nothing = np.zeros(0, dtype=complex), np.zeros(0)
+        return cls(*nothing, *nothing, (), np.zeros(0), False, doubt)
+
+    @property
+    def hidden_growing(self) -> tuple[complex, ...]:
+        """Hidden eigenvalues right of the imaginary axis."""
+        return tuple(s for s, e in zip(self.hidden, self.hidden_errors, strict=True) if s.real > e)
+
+    @property
+    def hidden_decaying(self) -> bool:
+        """Whether all hidden eigenvalues lie left of the imaginary axis."""
+        return all(s.real < -e for s, e in zip(self.hidden, self.hidden_errors, strict=True))
 
     @property
     def minimum_phase(self) -> bool | None:
@@ -182,11 +201,11 @@ class TransferZeros:
     def of(self, channel: Channel, shift: float = 0.0) -> Zeros:
         """Return the zeros of G(s) + shift, from one input to one output."""
         if channel.vanishes and not shift:
-            return Zeros.none(tuple(self.poles.tolist()), True)
+            return Zeros.vanishing(self.poles, self.bounds)
         if len(self.poles) > TOLERANCES.zero_states:
-            return Zeros.none(doubt=f"zeros are not computed for {len(self.poles)} states")
+            return Zeros.unknown(f"zeros are not computed for {len(self.poles)} states")
         if not np.isfinite(self.bounds).all():
-            return Zeros.none(doubt="not all eigenvalues are known")
+            return Zeros.unknown("not all eigenvalues are known")
         at = self.exact.number(channel)
 
         def values(s: complex) -> tuple[complex, float, complex]:
@@ -210,7 +229,7 @@ def find(values: Values, poles: Complex, bounds: Array) -> Zeros:
         All eigenvalues, each as often as it is one, and their error bounds.
     """
     try:
-        seen, known, hidden = _seen(values, groups_of(poles, bounds))
+        (seen, known), (others, errors_of_others) = _seen(values, groups_of(poles, bounds))
         size = float(np.max(np.abs(poles), initial=0.0)) or 1.0
         fall, far = excess(values, size)
         if len(seen) < fall:
@@ -221,14 +240,14 @@ def find(values: Values, poles: Complex, bounds: Array) -> Zeros:
         if not np.isfinite(errors).all():
             raise _Doubt("zeros beside eigenvalues are not known")
     except _Doubt as reason:
-        return Zeros.none(doubt=str(reason))
+        return Zeros.unknown(str(reason))
     rank = np.lexsort((found.imag, found.real))
-    return Zeros(found[rank], errors[rank], seen, known, hidden, False)
+    return Zeros(found[rank], errors[rank], seen, known, tuple(others.tolist()), errors_of_others, False)
 
 
-def _seen(values: Values, groups: Sequence[Group]) -> tuple[Complex, Array, tuple[complex, ...]]:
-    """Return the poles of G, their errors, and the other eigenvalues."""
-    seen, hidden, errors = list[complex](), list[complex](), list[float]()
+def _seen(values: Values, groups: Sequence[Group]) -> list[tuple[Complex, Array]]:
+    """Return the poles of G with their errors, and the other eigenvalues with theirs."""
+    found: list[tuple[list[complex], list[float]]] = [([], []), ([], [])]
     for group in groups:
         if group.centre.imag < 0.0 and group.radius < -group.centre.imag:
             continue
@@ -237,12 +256,12 @@ def _seen(values: Values, groups: Sequence[Group]) -> tuple[Complex, Array, tupl
         parts = own[:count], own[count:]
         wide = max((abs(s - x) for s in own for x in own), default=0.0) if 0 < count < len(own) else 0.0
         pairs = 2 if group.centre.imag > group.radius else 1
-        errors += [wide + max(group.errors)] * (pairs * count)
-        for target, part in zip((seen, hidden), parts, strict=True):
-            target += part
+        for (targets, errors), part in zip(found, parts, strict=True):
+            targets += part
             if pairs == 2:
-                target += [s.conjugate() for s in part]
-    return np.array(seen, dtype=complex), np.array(errors), tuple(hidden)
+                targets += [s.conjugate() for s in part]
+            errors += [wide + max(group.errors)] * (pairs * len(part))
+    return [(np.array(targets, dtype=complex), np.array(errors)) for targets, errors in found]
 
 
 def _ratio(values: Values, poles: Complex, z: complex) -> tuple[complex, float, complex]:

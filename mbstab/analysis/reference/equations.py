@@ -111,14 +111,16 @@ class Balance:
     def independent_rows(self, q: Array) -> Index:
         """Return rows that are independent at an assembled start: redundant ones would contradict them away from it."""
         system = self.system
-        state = system.dynamics(q, np.zeros(system.n_q))
+        state = system.bodily.dynamics(q, np.zeros(system.n_q))
         J = state.J * self.sizes
         lengths = self._lengths(state.J)
         if np.max(np.abs(state.E[: system.n_h] / lengths[: system.n_h]), initial=0.0) > TOLERANCES.residual:
             return np.arange(system.n_c)
-        left, s, _ = np.linalg.svd(J / lengths[:, None])
+        # Each first-order state has a row of its own.
+        bodily = np.setdiff1d(np.arange(system.n_c), system.states[1])
+        left, s, _ = np.linalg.svd(J[bodily] / lengths[bodily, None])
         dependences = left[:, int(np.sum(s > TOLERANCES.row_independent_part)) :]
-        kept = np.ones(system.n_c, dtype=bool)
+        kept = np.ones(len(bodily), dtype=bool)
         for _ in range(dependences.shape[1]):
             # Without the row of largest weight in a dependence, the others are as independent as can be.
             weights = np.where(kept, np.linalg.norm(dependences, axis=1), 0.0)
@@ -126,7 +128,7 @@ class Balance:
             kept[row] = False
             direction = dependences[row] / weights[row]
             dependences = dependences - np.outer(dependences @ direction, direction)
-        return np.flatnonzero(kept)
+        return np.sort(np.concatenate([bodily[kept], system.states[1]]))
 
     def coefficients(self, c: Array) -> Array:
         """Return the coefficients with the given ones put in."""
@@ -159,7 +161,7 @@ class Balance:
         lengths = self._lengths(J)
         if self.ramp < 1.0:
             # The given rates of drives are scaled by the ramp.
-            V = V - (1.0 - self.ramp) * system.dynamics(q, 0.0 * u).V[..., self.rows]
+            V = V - (1.0 - self.ramp) * system.bodily.dynamics(q, 0.0 * u).V[..., self.rows]
         rows = self._pushing(J) * self.sizes / lengths[..., None]
         nu = -multipliers(rows, force)
         parts = [force + (np.swapaxes(rows, -1, -2) @ nu[..., None])[..., 0], E[..., :n_h] / lengths[..., :n_h]]

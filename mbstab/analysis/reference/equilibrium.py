@@ -301,7 +301,7 @@ class Problem:
             basis = self.family.basis(q)
             given = [i for i, name in enumerate(self.system.names) if name in self.scene.rates]
             rates = np.array([self.scene.rates[self.system.names[i]] for i in given], dtype=float)
-            state = self.system.dynamics(q, basis @ c)
+            state = self.system.bodily.dynamics(q, basis @ c)
             left = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
             c[free] = np.linalg.lstsq(left, -np.concatenate([state.V, (basis @ c)[given] - rates]), rcond=1e-9)[0]
             turns = self.family.axis is not None and 0 in free
@@ -389,7 +389,7 @@ class Problem:
         if flat:
             lines.append(f"the Euler angles of {', '.join(map(repr, flat))} are singular there")
             hint = "give them another base rotation with axes: [phi, theta, psi], so that theta stays away from pi/2"
-        M = self.system.dynamics(state.q, 0.0 * state.q, self.scene.time).M
+        M = self.system.bodily.dynamics(state.q, 0.0 * state.q, self.scene.time).M
         if apart := inertias_too_far_apart(self.system, M, search.sizes):
             return EquilibriumError("\n".join([*lines, apart]))
         pulled = self._nothing_holds(state)

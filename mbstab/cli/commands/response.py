@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
     from mbstab.analysis.linear.response import Response
+    from mbstab.api import Mechanism
     from mbstab.model.schema import Model
 
 PICTURES = ("bode", "nyquist", "step", "impulse", "unbalance")
@@ -105,11 +107,21 @@ def response(
         return
     from mbstab.analysis.linear.response import answer
 
-    found = mechanism.state_space(frozen=frozen)
+    found = _asked(mechanism, sources, goals).state_space(frozen=frozen)
     warn(found.linear.motion.warnings)
     ends = _frequency("--from", start), _frequency("--to", stop)
     result = answer(found, sources, goals, ends, points, duration, step is None)
     _write(result, mechanism.model, paths, output)
+
+
+def _asked(mechanism: Mechanism, sources: tuple[str, ...], goals: tuple[str, ...]) -> Mechanism:
+    """Return the mechanism with those inputs and outputs that are asked for, if it has them: others need no answer."""
+    model = mechanism.model
+    if sources and set(sources) <= set(model.inputs):
+        model = replace(model, inputs={name: model.inputs[name] for name in model.inputs if name in sources})
+    if goals and set(goals) <= set(model.outputs):
+        model = replace(model, outputs={name: model.outputs[name] for name in model.outputs if name in goals})
+    return replace(mechanism, model=model)
 
 
 def _frequency(option: str, text: str | None) -> float | None:

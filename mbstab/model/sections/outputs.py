@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from mbstab.errors import suggestion
 from mbstab.model.arithmetic import CONSTANTS
@@ -26,7 +26,7 @@ def read_outputs(quantities: QuantityReader, node: YamlNode | None, entries: Ent
             nodes.complain(item, path, "expected an expression such as rod.theta or angle(pivot)")
             continue
         try:
-            expression = _parsed(item.text, names.definitions, names.tables)
+            expression = _parsed(item.text, names.definitions, names.tables, entries)
             coordinates = [x for x in names.coordinates if not names.unread(x)]
             _check(expression.names(), entries, names.bodies, coordinates, names.parameters, names.dimension)
         except ExpressionError as error:
@@ -44,14 +44,29 @@ def measured_expression(model: Model, text: str) -> Quantity:
     ExpressionError
         If it is none, or names what the file does not have.
     """
-    expression = _parsed(text, model.definitions, model.tables)
+    expression = _parsed(text, model.definitions, model.tables, model.entries)
     _check(expression.names(), model.entries, model.bodies, model.coordinates(), model.parameters, model.dimension)
     return Quantity(expression.text, expression.root, model.reference.location, text)
 
 
-def _parsed(text: str, definitions: Mapping[str, Expression], tables: Mapping[str, TableValue]) -> Expression:
+def _parsed(
+    text: str, definitions: Mapping[str, Expression], tables: Mapping[str, TableValue], entries: Entries
+) -> Expression:
     measures = tuple(MEASURES)
-    return filled_in(parse(text, measures), definitions, tables, measures)
+    expression = parse(text, measures)
+    written = _written_efforts(entries["forces"])
+    return filled_in(expression, {**definitions, **written}, tables, measures)
+
+
+def _written_efforts(forces: Mapping[str, Entry]) -> dict[str, Expression]:
+    """Return efforts of controllers, motors and expressions along one motion, by what outputs call them."""
+    found = {}
+    for name, entry in forces.items():
+        loads = entry.values.get("on")
+        if entry.kind.effort is None and isinstance(loads, dict) and len(loads) == 1:
+            (load,) = loads.values()
+            found[f"effort({name})"] = Expression(load.text, load.root)
+    return found
 
 
 def _check(
@@ -75,7 +90,9 @@ def _check(
                 raise ExpressionError(f"unknown coordinate {x.owner!r}", at, suggestion(x.owner, known))
             continue
         if x.order and x.kind in TRANSMITTED:
-            raise ExpressionError(f"there is no {DERIVED[x.order - 1]} of a {x.kind}", at, "give the force itself")
+            raise ExpressionError(
+                f"{DERIVED[x.order - 1]}(...) does not take {x.kind}(...)", at, "give the force itself"
+            )
         if x.kind in ("angle", "displacement"):
             _check_joint(x, entries["joints"], at)
         elif x.kind == "place":
@@ -83,7 +100,8 @@ def _check(
             if x.point:
                 _check_known(x.point, bodies[x.owner].values.get("points", {}), f"point of {x.owner!r}", at)
         elif x.kind == "effort":
-            acting = {k: e for s in ("forces", "drives") for k, e in entries[s].items() if e.kind.effort is not None}
+            acting = [k for s in ("forces", "drives") for k, e in entries[s].items() if e.kind.effort is not None]
+            acting += [text[len("effort(") : -1] for text in _written_efforts(entries["forces"])]
             _check_known(x.owner, acting, "force or drive along one motion", at)
         else:
             transmitting = {
@@ -105,7 +123,7 @@ def _check_joint(x: Measure, joints: Mapping[str, Entry], at: int) -> None:
         raise ExpressionError(f"a {joints[x.owner].kind.name} joint has no single {x.kind}", at, hint)
 
 
-def _check_known(word: str, known: Mapping[str, object], what: str, at: int) -> None:
+def _check_known(word: str, known: Collection[str], what: str, at: int) -> None:
     if word not in known:
         raise ExpressionError(f"there is no {what} {word!r}", at, suggestion(word, known))
 
