@@ -132,9 +132,9 @@ _CONTROLLERS = (
         (
             Field("of", "signal", "what is controlled, a coordinate or a measure: body.x, angle(joint)", required=True),
             Field("target", "signal", "what it should be, an expression; 0 if not given"),
-            Field("P", "number", "proportional gain", ""),
-            Field("I", "number", "integral gain", ""),
-            Field("D", "number", "derivative gain", ""),
+            Field("P", "number", "proportional gain: effort for the error; 0 if not given", ""),
+            Field("I", "number", "integral gain, that of P by s; 0 if not given", ""),
+            Field("D", "number", "derivative gain, that of P times s; 0 if not given", ""),
             Field("filter", "number", "time constant of the filter of the derivative", "s", sign="positive"),
             _LAG,
         ),

@@ -286,6 +286,7 @@ _MOUNT_AXES = (
     Field("axis", "directions", f"first of the three axes, {_AXES_OF_MOUNT}", default="x", dimensions=(3,)),
     Field("zero", "zero directions", f"second of the three axes, {_AXES_OF_MOUNT}", default="y", dimensions=(3,)),
 )
+_EACH = "one number for each axis: axis, zero and the one across both; in the plane x and y of the second body"
 _JOINT = Field("joint", "joint", "name of the joint", required=True)
 _FRAME = Field(
     "frame",
@@ -337,8 +338,8 @@ KINDS: dict[tuple[str, int], Kind] = {
                 (
                     _ENDS,
                     *(field for field in _MOUNT_AXES if dimension in field.dimensions),
-                    Field("stiffness", "vector", "along each axis", "N/m", default="0", sign="nonnegative"),
-                    Field("damping", "vector", "along each axis", "N*s/m", default="0", sign="nonnegative"),
+                    Field("stiffness", "vector", _EACH, "N/m", default="0", sign="nonnegative"),
+                    Field("damping", "vector", _EACH, "N*s/m", default="0", sign="nonnegative"),
                     Field("preload", "vector", "force on the first body where the ends meet", "N", default="0"),
                     *(Field(name, shape, doc, unit, default="0", sign=sign) for name, doc, unit, sign in _TURNS),
                 ),

@@ -32,7 +32,7 @@ class CsvFile:
         found: Column = []
         for line, parts in self.lines:
             if number >= len(parts):
-                message = f"this line has {len(parts)} columns, number {number + 1} is asked for"
+                message = f"this line has {len(parts)} values, and the heading {len(self.header)} names"
                 nodes.complain(Location(self.name, line, 1), path, message)
                 return None
             word, at = parts[number]

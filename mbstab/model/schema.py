@@ -438,7 +438,7 @@ INITIAL_FIELDS = {
 FINDS = ("equilibrium", "steady")
 STEADY_FIELDS = {
     "axis": "axis of the turn in ground axes: x, -z or a vector; in the plane z",
-    "rate": "rate of the turn; solved for if not given (rad/s)",
+    "rate": "rate of the turn; solved for if not given; 0 if only bodies spin about their own axes (rad/s)",
     "point": "a point of the axis, the origin if not given (m)",
     "direction": "direction of the translation in ground axes",
     "speed": "speed of the translation; solved for if not given (m/s)",

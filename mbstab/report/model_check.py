@@ -18,8 +18,11 @@ def check_text(report: CheckReport, title: str) -> str:
     """Return the answer of ``mbstab check`` as text."""
     lines = [title, ""] if title else []
     kind = "planar" if report.dimension == 2 else "spatial"
+    coordinates = sum(len(own) for _, own, _ in report.bodies)
+    counts = [counted(len(report.bodies), "body", "bodies"), counted(coordinates, "coordinate")]
+    counts += [counted(report.n_q - coordinates, "first-order state")] if report.n_q > coordinates else []
     lines += [
-        f"{kind} scene, {counted(len(report.bodies), 'body', 'bodies')}, {counted(report.n_q, 'coordinate')}",
+        f"{kind} scene, {', '.join(counts)}",
         table(
             ["body", "coordinates", "mass (kg)"],
             [[n, ", ".join(c), number(m)] for n, c, m in report.bodies],

@@ -238,7 +238,9 @@ def find(values: Values, poles: Complex, bounds: Array) -> Zeros:
             found = _roots(values, seen, len(seen) - fall, size)
             found, errors = _joined(found, _radii(values, seen, found, far))
         if not np.isfinite(errors).all():
-            raise _Doubt("zeros beside eigenvalues are not known")
+            raise _Doubt(
+                "an eigenvalue has hardly any trace in the response, and zeros beside it cannot be told from it"
+            )
     except _Doubt as reason:
         return Zeros.unknown(str(reason))
     rank = np.lexsort((found.imag, found.real))

@@ -91,8 +91,9 @@ class SimulationSettings:
         solver = self.solver or next(iter(solvers))
         object.__setattr__(self, "solver", solver)
         if solver not in solvers:
-            known = ", ".join(filter(None, solvers)) or "none: it is a solver of its own"
-            return [f"the method {self.method} has no solver {solver!r}; solvers: {known}"]
+            known = ", ".join(filter(None, solvers))
+            hint = f"solvers: {known}" if known else "it takes none; --solver goes with --method projection"
+            return [f"the method {self.method} has no solver {solver!r}; {hint}"]
         problems = []
         if self.step is not None and not solvers[solver].fixed:
             problems.append(f"the solver {solver} chooses its own steps; fixed ones go with --method radau or alpha")

@@ -36,7 +36,7 @@ def _command(command: click.Command, context: click.Context) -> str:
     lines = [f"## `{context.command_path}`\n", f"```text\n{usage}\n```\n", _paragraphs(command.help), ""]
     for parameter in command.params:
         record = parameter.get_help_record(context)
-        if record is not None:
+        if record is not None and record[1]:
             lines.append(_filled(f"* `{record[0]}`: {record[1]}", "  "))
     return "\n".join(lines) + "\n"
 

@@ -22,6 +22,8 @@ def _narrow(table: str) -> str:
         return table
     rows = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in table.splitlines()]
     heads, lines = rows[0], []
+    if len(heads) == 2:
+        return "\n".join(line for row in rows[2:] for line in _wrapped(f"{row[0]}: {row[1]}", "* ")) + "\n"
     for row in rows[2:]:
         lines += _wrapped(row[0], "* ")
         for head, cell in zip(heads[1:], row[1:], strict=True):

@@ -100,7 +100,12 @@ class ReferenceReader:
             complain(entries["find"], "reference.find", message, "write find: steady")
         if find == "equilibrium" and "rates" in entries:
             message = "an equilibrium is at rest: rates have no effect"
-            complain(entries["rates"], "reference.rates", message, "leave them out, or write find: steady")
+            complain(
+                entries["rates"],
+                "reference.rates",
+                message,
+                "leave them out, or write find: steady; for a rotor with steady: {axis: z, rate: 0}",
+            )
         if "period" in entries and ("find" in entries or "steady" in entries):
             message = "the period belongs to a motion that is neither at rest nor steady"
             complain(entries["period"], "reference.period", message, "leave out find and steady, or the period")
