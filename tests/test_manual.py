@@ -1,10 +1,12 @@
 """The manual: all its blocks run, all that the program knows is found in it, and it fits a terminal of 80 columns."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import click
 import pytest
+import yaml
 from blocks import blocks, read, run, sessions
 from click.testing import CliRunner
 
@@ -19,6 +21,7 @@ from mbstab.model.library import installed_models
 from mbstab.model.schema import SECTION_FIELDS, SECTIONS
 from mbstab.model.words import WORDS
 
+ROOT = Path(__file__).parents[1]
 PAGES = {topic: page(topic, main) for topic in TOPICS}
 
 
@@ -168,3 +171,11 @@ def test_links_between_pages_and_models_exist():
             assert name in TOPICS, f"{topic} tells of {name}"
         for target in re.findall(r"\]\(([^)#]+)\)", text):
             assert target.startswith("https://") or (Path(FOLDER) / target).exists(), f"{topic} links to {target}"
+
+
+def test_the_version_is_the_same_wherever_it_stands():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    heads = re.findall(r"^## \[(.*?)\]", (ROOT / "CHANGELOG.md").read_text(), flags=re.M)
+    assert next(x for x in heads if x != "Unreleased") == version
+    assert yaml.safe_load((ROOT / "mbstab" / "CITATION.cff").read_text())["version"] == version
+    assert f"version = {{{version}}}" in said("citing").stdout

@@ -54,6 +54,8 @@ def find_model(name: str) -> FoundModel:
     UsageError
         If it is neither.
     """
+    if not name:
+        raise UsageError("the name of the file is empty")
     path = Path(name)
     if visible(name, lines=False) != name:
         raise UsageError(f"{name!r}: the name contains characters that cannot be seen\nhint: rename the file")
