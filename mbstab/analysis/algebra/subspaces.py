@@ -12,9 +12,11 @@ eigenvalues.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.linalg import qr
 
 from mbstab.analysis.algebra.rank import Rank, rank_of
 from mbstab.analysis.algebra.sparse import dense, is_sparse, row_norms, scaled
@@ -145,6 +147,33 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array, scale
     W = rank_of(unit[n_h:] @ C.null if n_h < len(rows) else np.zeros((0, len(scale) - C.rank)))
     require_gap(W, rows[n_h:])
     return Subspaces(scale, row_scale, C, W)
+
+
+def along_coordinates(spaces: Subspaces) -> tuple[Subspaces, Array]:
+    """Return the same subspaces in bases along coordinates as far as possible, and the basis of the states in them.
+
+    Sums in these bases have no terms that cancel because directions were mixed: motions of different coordinates stay
+    apart. Of ẏ = S y in the bases of `spaces`, the matrix in the new ones is Vᵀ S V with the returned V.
+    """
+    if isinstance(spaces.C, SparseRank) or isinstance(spaces.W, SparseRank):
+        return spaces, np.eye(spaces.N.shape[1] + spaces.Z.shape[1])
+    N, Q = _aligned(spaces.N)
+    Z, Q_z = _aligned(Q.T @ spaces.Z)
+    V = np.zeros((len(Q) + len(Q_z), len(Q) + len(Q_z)))
+    V[: len(Q), : len(Q)], V[len(Q) :, len(Q) :] = Q, Q_z
+    C = replace(spaces.C, null=N)
+    W = replace(spaces.W, null=Z, pseudo_inverse=Q.T @ spaces.W.pseudo_inverse)
+    return replace(spaces, C=C, W=W), V
+
+
+def _aligned(basis: Array) -> tuple[Array, Array]:
+    """Return an orthonormal basis times a rotation, triangular in the rows that are largest, and the rotation."""
+    if not basis.size:
+        return basis, np.eye(basis.shape[1])
+    turn, triangle, order = qr(basis.T, pivoting=True)
+    found = np.zeros_like(basis)
+    found[order] = np.where(np.abs(triangle) > TOLERANCES.aligned_rounding, triangle, 0.0).T
+    return found, turn
 
 
 def require_gap(rank: Rank | SparseRank, rows: Sequence[Row]) -> None:

@@ -80,6 +80,8 @@ class Tolerances:
     """A refined number is accepted if its corrections stop shrinking after this fraction of the digits."""
     slope_steps: Final = 8
     """Most steps of Newton's method for derivatives by parameters; each has the accuracy of the Jacobian."""
+    aligned_rounding: Final = 8.0 * EPS
+    """Entries of orthonormal bases below this are rounding errors of zero."""
     slope_rounding: Final = 1e-9
     """Derivatives of the reference are accepted if their corrections stop shrinking below this fraction of them."""
     cluster_widths: Final = (1e-7, 1e-4, 1e-2)

@@ -278,7 +278,7 @@ def _polished_spectrum(start: Start, work: int) -> _Spectrum:
         system = System(evaluate(start.model, arithmetic=arithmetic))
         point = reference_point(start, system, more.MANY_DIGITS)
         try:
-            S = state_matrix(start, system, point, more.MANY_DIGITS)
+            S = state_matrix(start, system, point, more.MANY_DIGITS, start.linear.spaces)
         except Stalled as stalled:
             spaces, J = start.motion.spaces, exact(point.state.J)
             misfit = rank_misfit(start.motion, J * spaces.scale * spaces.row_scale[:, None], system.n_h)

@@ -13,8 +13,13 @@ from mbstab.compiler.system import System
 from mbstab.errors import NumericalError
 
 
-def state_matrix(start: Start, system: System, point: Point, f: Refining) -> Matrix:
+def state_matrix(start: Start, system: System, point: Point, f: Refining, spaces: Subspaces) -> Matrix:
     """Return S of ẏ = S y for a basis that is nearly orthonormal (`mbstab.analysis.linear.linearize`).
+
+    Parameters
+    ----------
+    spaces : Subspaces
+        Those of the linearization, or the same in another basis.
 
     Raises
     ------
@@ -35,7 +40,7 @@ def state_matrix(start: Start, system: System, point: Point, f: Refining) -> Mat
                 "hint: ask without --precision or --sensitivity; or leave out joints and dampers oblique to them"
             )
         M, R, K, J, D_q = light.extended(Matrices(M, R, K, J, D_q))
-    return deflated(start.linear.spaces, gamma, (M, R, K), J, D_q, f)
+    return deflated(spaces, gamma, (M, R, K), J, D_q, f)
 
 
 def deflated(

@@ -23,6 +23,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex, norms
 from mbstab.analysis.algebra.refining import Stalled
 from mbstab.analysis.algebra.slopes import Slopes
+from mbstab.analysis.algebra.subspaces import along_coordinates
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.facts import Grounds
@@ -126,7 +127,8 @@ def sensitivities(model: Model, frozen: bool = False, zeros: Callable[[], int] |
     f, system = seeded(model)
     point = reference_point(start, system, f)
     try:
-        _, slopes = f.parts(state_matrix(start, system, point, f))
+        spaces, turn = along_coordinates(start.linear.spaces)
+        _, slopes = f.parts(state_matrix(start, system, point, f, spaces))
     except Stalled as stalled:
         raise NumericalError(
             f"derivatives by parameters do not converge (steps of {stalled.reached:.1e} instead of "
@@ -137,7 +139,7 @@ def sensitivities(model: Model, frozen: bool = False, zeros: Callable[[], int] |
     missing = _unfollowed(start, system, point, f, values)
     motion = start.motion
     kink = kinks(start.linear.system, motion.q, motion.u, motion.time)
-    found = _differentiated(start.grounds, start.plain, slopes, kink)
+    found = _differentiated(start.plain, _Vectors(start.grounds, turn), slopes, kink)
     lost = [name in missing for name in names]
     for item in found:
         item.slopes[lost], item.errors[lost] = math.nan, math.nan
@@ -210,19 +212,18 @@ def _unfollowed(start: Start, system: System, point: Point, f: Slopes, values: A
 # --- the eigenvalues ------------------------------------------------------------------------------------------------
 
 
-def _differentiated(grounds: Grounds, result: EigenResult, slopes: Array, kink: str) -> list[Derivatives]:
+def _differentiated(result: EigenResult, vectors: _Vectors, slopes: Array, kink: str) -> list[Derivatives]:
     """Return the derivatives of all eigenvalues that are not neutral; with a kink there are none."""
     listed = [e for e in result.eigenvalues if e.kind != "neutral"]
     neutral = [e.value for e in result.eigenvalues if e.kind == "neutral"]
     count, found = len(slopes), []
-    left = _Vectors(grounds)
     for number, e in enumerate(result.eigenvalues):
         if e.kind == "neutral" or e.value.imag < 0.0:
             continue
         missing = kink or _multiple(e, listed, neutral)
         derivative, error = np.full(count, math.nan + 0j), np.full(count, math.nan)
         if not missing:
-            derivative, error = left.derivative(e, slopes)
+            derivative, error = vectors.derivative(e, slopes)
         found.append(Derivatives(number, derivative, error, missing))
     return found
 
@@ -240,10 +241,18 @@ def _multiple(e: Eigenvalue, listed: list[Eigenvalue], neutral: list[complex]) -
 
 
 class _Vectors:
-    """Right and left vectors of S, from the matrix left to judge."""
+    """Right and left vectors of S, from the matrix left to judge.
 
-    def __init__(self, grounds: Grounds) -> None:
-        self.separated = separated = grounds.separated
+    Parameters
+    ----------
+    grounds : Grounds
+    turn : ndarray, shape (n, n)
+        The basis in which the slopes of S are given, as columns.
+    """
+
+    def __init__(self, grounds: Grounds, turn: Array) -> None:
+        self.separated, self.turn = grounds.separated, turn
+        separated = self.separated
         self.S, T, L, B = separated.S, separated.T, separated.L, separated.B
         self.A = separated.A
         self.inner, self.along, self.across = T.T @ self.S @ T, T.T @ self.S @ B, B.T @ self.S @ L.T
@@ -251,12 +260,13 @@ class _Vectors:
     def derivative(self, e: Eigenvalue, slopes: Array) -> tuple[Complex, Array]:
         """Return dλ/dp and an estimate of its error, shape (parameters,)."""
         x, y, at = self._pair(e.value)
+        x, y, S = self.turn.T @ x, self.turn.T @ y, self.turn.T @ self.S @ self.turn
         number = complex(np.vdot(y, x))
         carried = slopes @ x
         derivative = carried @ y.conj() / number
         n = len(x)
         # (λ − S) z = rest with yᴴ z = 0: the change of the vectors with an error of S.
-        shifted = at * np.eye(n) - self.S
+        shifted = at * np.eye(n) - S
         bordered = np.block([[shifted, y[:, None]], [x.conj()[None, :], np.zeros((1, 1))]])
         behind = np.zeros((n + 1, len(slopes)), dtype=complex)
         behind[:n] = (carried - derivative[:, None] * x).T
@@ -265,8 +275,8 @@ class _Vectors:
         reach = np.linalg.norm(np.linalg.solve(bordered, behind)[:n], axis=0) * np.linalg.norm(y)
         reach += np.linalg.norm(np.linalg.solve(bordered.T, ahead)[:n], axis=0) * np.linalg.norm(x)
         weight = np.linalg.norm(x) * np.linalg.norm(y) / abs(number)
-        backward = max(e.error_bound / weight, EPS * float(np.linalg.norm(self.S, 2)))
-        rounding = TOLERANCES.roundings_of_sum * EPS * (np.abs(slopes) @ np.abs(x)) @ np.abs(y) / abs(number)
+        backward = max(e.error_bound / weight, TOLERANCES.roundings_of_vectors * EPS * float(np.linalg.norm(S, 2)))
+        rounding = TOLERANCES.roundings_of_vectors * EPS * (np.abs(slopes) @ np.abs(x)) @ np.abs(y) / abs(number)
         return derivative, backward * reach / abs(number) + rounding
 
     def _pair(self, value: complex) -> tuple[Complex, Complex, complex]:

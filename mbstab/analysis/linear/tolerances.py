@@ -18,6 +18,8 @@ class Tolerances:
     """Accuracy of computed directions without mass, relative to their length."""
     roundings_of_sum: Final = 2.0
     """A sum of products has this many roundings of its terms as error, and one more for four times as many terms."""
+    roundings_of_vectors: Final = 4.0
+    """Eigenvectors are exact for a matrix that differs by this many roundings of its norm."""
     inverse_refined: Final = 1e-12
     """The pseudo-inverse of rows on speeds is refined where a product with it misses the identity by more than this."""
     magnified_rounding: Final = 1e3
