@@ -250,6 +250,47 @@ def test_crossings_with_excitation_lines_are_marked():
     assert {"1.5", "3", "1×", "2×"} <= set(texts(figure))
 
 
+def test_a_high_frequency_does_not_compress_the_low_ones():
+    x = np.linspace(0.0, 100.0, 41)
+    columns = [f + 0.01 * x for f in (3.0, 6.0, 500.0)]
+    branches = np.column_stack([sign * 1j * w - 0.1 for w in columns for sign in (1, -1)])
+    axes = campbell(made(x, branches), "omega (rad/s)", "Stiff").axes[0]
+    assert "logarithmic beyond" in axes.get_ylabel()
+    height = axes.transAxes.inverted().transform(axes.transData.transform([(0.0, 3.0 / 6.28), (0.0, 6.0 / 6.28)]))[:, 1]
+    assert height[0] > 0.2
+    assert height[1] - height[0] > 0.05
+
+
+def test_branches_have_their_names_or_numbers_in_their_colours():
+    x = np.linspace(0.0, 2.0, 41)
+    branches = np.column_stack([sign * 1j * (k + x) - 0.1 for k in (3.0, 9.0, 9.0) for sign in (1, -1)])
+    for names, expected in (
+        ((), ["branch 1", "branch 3, 5"]),
+        (("weave", "", "wobble", "", "pitch", ""), ["weave", "wobble, pitch"]),
+    ):
+        swept = replace(made(x, branches), names=names)
+        axes = campbell(swept, "p", "").axes[0]
+        shown = {text.get_text(): text for text in axes.texts}
+        assert list(shown) == expected
+        assert [shown[text].get_color() for text in expected] == SweepCurves(swept, Axis("p")).ink[::2][:2]
+        for text, middle in zip(expected, (4.0, 10.0), strict=True):
+            assert abs(shown[text].xy[1] * 2.0 * math.pi - middle) <= 1.0
+
+
+def test_legends_lie_inside_the_picture_and_below_the_panels():
+    x = np.linspace(0.0, 2.0, 41)
+    branches = np.column_stack([(x - 1.0) + 1j * (k + x) for k in range(2, 10)])
+    names = tuple(f"a mode with a long name {k}" for k in range(8))
+    change = Critical(1.0, "flutter", (0,), 3.0, (0, 16))
+    for draw in PICTURES.values():
+        figure = draw(replace(made(x, branches, [change]), names=names), "speed (m/s)", "Long")
+        figure.draw_without_rendering()
+        box, sheet = figure.legends[0].get_window_extent(), figure.bbox
+        assert sheet.x0 <= box.x0 < box.x1 <= sheet.x1
+        assert sheet.y0 <= box.y0
+        assert all(box.y1 <= axes.xaxis.label.get_window_extent().y0 for axes in figure.axes if axes.get_xlabel())
+
+
 def test_orders_need_an_angular_velocity():
     units = {"rpm": True, "deg/s": True, "rad/min": True, "m/s": False, "Hz": False, "rad": False, "": False}
     assert {unit: is_angular_velocity(unit) for unit in units} == units

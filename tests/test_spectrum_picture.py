@@ -42,6 +42,40 @@ def test_fast_eigenvalues_do_not_hide_slow_ones():
     assert "logarithmic beyond" in axes.get_xlabel()
 
 
+STIFF = """\
+mbstab: 1
+bodies:
+  a: {type: planar_point, mass: 1}
+  b: {type: planar_point, mass: 1}
+  c: {type: planar_point, mass: 1}
+constraints:
+  rail_a: {holonomic: a.y}
+  rail_b: {holonomic: b.y}
+  rail_c: {holonomic: c.y}
+forces:
+  springs:
+    type: expression
+    on: {a.x: -a.x - 0.4*rate(a.x), b.x: -9*b.x - 0.2*rate(b.x), c.x: -1e8*c.x - 20*rate(c.x)}
+reference:
+  coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}, c: {x: 0, y: 0}}
+"""
+
+
+def test_one_fast_pair_does_not_hide_slow_ones():
+    axes, points, _ = drawn(spectrum(mbstab.loads(STIFF).eig(), ""))
+    upper = points["o"][points["o"][:, 1] > 0.0]
+    places = axes.transAxes.inverted().transform(axes.transData.transform(upper))
+    assert len(places) == 3
+    for part in (0, 1):
+        assert np.min(np.diff(np.sort(places[:, part]))) > 0.03
+
+
+def test_scales_are_linear_where_nothing_is_hidden():
+    for name in ("car.yaml", "zener.yaml"):
+        axes, _, _ = drawn(spectrum(mbstab.load(name).eig(), ""))
+        assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "linear")
+
+
 def test_discs_are_drawn_where_they_can_be_seen():
     result = mbstab.load("top.yaml").eig(omega="5.5677284")
     axes, _, _ = drawn(spectrum(result, ""))

@@ -26,7 +26,7 @@ from mbstab.report.animation.sketch import Sketch
 from mbstab.report.animation.solids import Solid, hidden, hull, in_order
 from mbstab.report.animation.view import View
 from mbstab.report.pictures.curves import INK
-from mbstab.report.pictures.drawing import FONT, WIDTH, draw_legend, house_style
+from mbstab.report.pictures.drawing import FONT, WIDTH, add_legend, house_style
 from mbstab.report.pictures.motion_plots import DASHES
 
 DPI = 100
@@ -120,7 +120,7 @@ class Stage:
             draw_ground_axes(self.axes, view.low, view.high, view.across)
         if view.traced:
             handles = [Line2D([], [], **_path_style(k), label=f"path of {name}") for k, name in enumerate(view.traced)]
-            draw_legend(self.figure, handles)
+            add_legend(self.figure, handles)
 
     def _add_surfaces(self) -> None:
         """Add the objects with lines and faces (ground, bodies, links, paths) and the caption."""

@@ -13,12 +13,18 @@ from matplotlib.lines import Line2D
 
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
-from mbstab.report.pictures.curves import BEYOND_INK, THIN, decimated, draw_branch
+from mbstab.report.pictures.curves import BEYOND_INK, THIN, draw_branch
 from mbstab.report.pictures.drawing import draw_legend, house_style, legend_marker
 from mbstab.report.pictures.over_parameter import legend_entries, panels_over_parameter
 from mbstab.report.pictures.point_labels import LABELS, PointLabels
-from mbstab.report.pictures.scales import Axis, number_text, upward_range
-from mbstab.report.pictures.sweep_curves import SweepCurves
+from mbstab.report.pictures.scales import Axis, decade, number_text, set_logarithmic, upward_range
+from mbstab.report.pictures.sweep_curves import TINY, SweepCurves
+
+SQUEEZED = 10.0
+"""The axis is logarithmic if the highest frequency is so many times the highest of another branch."""
+
+CLOSE, FREE = 0.01, 0.08
+"""Parts of the height: branches closer than this coincide, those farther apart than this do not hide a label."""
 
 
 def campbell(result: Sweep, label: Axis | str, title: str) -> Figure:
@@ -41,12 +47,56 @@ def campbell(result: Sweep, label: Axis | str, title: str) -> Figure:
         frequency = curves.upper_half() / (2.0 * math.pi)
         for j in range(frequency.shape[1]):
             draw_branch(axes, curves.x, frequency[:, j], curves.ink[j], curves.growing[:, j])
-        axes.set_ylim(upward_range(curves.all(SweepCurves.upper_half) / (2.0 * math.pi), curves.size / (2.0 * math.pi)))
-        handles: list[Artist] = [Line2D([], [], color="k", linewidth=THIN, label="frequency of a mode")]
+        _set_scale(axes, curves.all(SweepCurves.upper_half) / (2.0 * math.pi), curves.size / (2.0 * math.pi))
+        handles: list[Artist] = [Line2D([], [], color="k", linewidth=THIN, label="frequency of a branch")]
+        labels = PointLabels(axes)
         if result.orders:
-            handles += _draw_orders(axes, result, curves)
+            handles += _draw_orders(labels, result, curves)
+        _name_branches(labels, result, curves, frequency)
+        labels.draw()
         draw_legend(figure, handles + legend_entries(curves, frequency > 0.0, unlabelled))
         return figure
+
+
+def _set_scale(axes: Axes, frequency: Array, largest: float) -> None:
+    """Set the axis of frequencies: logarithmic if branches would be compressed at its lower end."""
+    highest = np.max(np.nan_to_num(frequency), axis=0, initial=0.0)
+    top = float(np.max(highest, initial=0.0))
+    low = float(np.min(highest[highest > TINY * largest], initial=top))
+    if low * SQUEEZED < top:
+        set_logarithmic(axes, "y", decade(low, top), 0.0, top)
+    else:
+        axes.set_ylim(upward_range(frequency, largest))
+
+
+def _name_branches(labels: PointLabels, result: Sweep, curves: SweepCurves, frequency: Array) -> None:
+    """Write the names of branches, or their numbers, where they are far from others; those that coincide share one."""
+    axes = labels.axes
+    fraction = axes.transData + axes.transAxes.inverted()
+    across = fraction.transform(np.column_stack([curves.x, np.zeros(len(curves.x))]))[:, 0]
+    inside = np.flatnonzero((across > 0.04) & (across < 0.96))
+    some = inside[:: max(1, len(inside) // 200)]
+    shown = [j for j in range(frequency.shape[1]) if np.isfinite(frequency[some, j]).any()]
+    columns = [np.column_stack([curves.x[some], frequency[some, j]]) for j in shown]
+    heights = np.array([fraction.transform(column)[:, 1] for column in columns]).reshape(len(shown), len(some))
+    named: set[int] = set()
+    for n, height in enumerate(heights):
+        apart = np.abs(heights - height)
+        same = np.flatnonzero(
+            np.array([np.nanmax(x, initial=0.0) < CLOSE for x in apart]) & ~np.isnan(apart).all(axis=1)
+        )
+        if n in named or len(labels.wanted) >= LABELS:
+            continue
+        named |= set(same.tolist())
+        apart[same] = np.inf
+        free = np.minimum.reduce([np.nanmin(apart, axis=0, initial=np.inf), height, 1.0 - height, 0.0 * height + FREE])
+        k = int(np.nanargmax(free + CLOSE * across[some]))  # of equal ones the rightmost
+        numbers = [shown[m] for m in same]
+        texts = [result.names[j] if result.names and result.names[j] else str(j + 1) for j in numbers]
+        text = (
+            ", ".join(texts) if result.names and all(result.names[j] for j in numbers) else f"branch {', '.join(texts)}"
+        )
+        labels.add(float(columns[n][k, 0]), float(columns[n][k, 1]), text, marked=False, ink=curves.ink[shown[n]])
 
 
 _LINE: dict[str, Any] = {"color": "0.25", "linewidth": 1.1}
@@ -54,14 +104,16 @@ MARKERS = {"forward": ("^", "crossing, forward whirl"), "backward": ("v", "cross
 """Marker of crossings by whirl, and its text."""
 
 
-def _draw_orders(axes: Axes, result: Sweep, curves: SweepCurves) -> list[Artist]:
+def _draw_orders(labels: PointLabels, result: Sweep, curves: SweepCurves) -> list[Artist]:
     """Draw the lines of orders and their crossings; return the legend entries."""
-    label, labels, style = curves.label, PointLabels(axes), _LINE
+    axes, label, style = labels.axes, curves.label, _LINE
     dots: Any = (0, (1.5, 1.8))
+    lo, hi = axes.get_xlim()
+    x = np.linspace(lo, hi, 2001)  # bent by a logarithmic axis
     for order in result.orders:
-        line = order * np.abs(curves.x) * label.factor / (2.0 * math.pi)
-        axes.plot(*decimated(curves.x, line), linestyle=dots, zorder=2, **style)
-        _name_excitation(labels, curves.x, line, f"{order:g}×")
+        line = order * np.abs(x) * label.factor / (2.0 * math.pi)
+        axes.plot(x, line, linestyle=dots, zorder=2, **style)
+        _name_excitation(labels, x, line, f"{order:g}×")
     handles: list[Artist] = [Line2D([], [], linestyle=dots, label=f"orders of {label.name}", **style)]
     shown: dict[str, Artist] = {}
     for c in result.crossings:
@@ -71,7 +123,6 @@ def _draw_orders(axes: Axes, result: Sweep, curves: SweepCurves) -> list[Artist]
         shown.setdefault(text, legend_marker(marker, 6.5, text))
         if len(labels.wanted) < LABELS:
             labels.add(*at, f"{number_text(at[0], curves.span, 4)}")
-    labels.draw()
     return handles + list(shown.values())
 
 

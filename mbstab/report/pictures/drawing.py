@@ -19,6 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.transforms import ScaledTranslation
 
 from mbstab.report.files import whole_file
 
@@ -39,6 +40,9 @@ EXACT = 1e-17
 
 WIDTH, LEFT, RIGHT = 7.2, 0.85, 0.25
 """Width of a picture and of its margins (inches)."""
+
+BELOW = 0.5
+"""Room below the panels for numbers and a label (inches)."""
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
@@ -95,33 +99,65 @@ def house_style() -> Iterator[None]:
 def titled_figure(
     title: str, heights: Sequence[float], above: float = 0.0, gap: float = 0.12
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure with panels (heights and gap in inches) below each other, room above them, and its title."""
+    """Return a figure with panels (heights and gap in inches) below each other, room above them, and its title.
+
+    `draw_legend` sets the room below the panels.
+    """
     lines = wrap(title, 80)[:3]
     top = 0.15 + 0.2 * len(lines) + above + 0.1
-    bottom = 1.05
-    total = top + sum(heights) + gap * (len(heights) - 1) + bottom
+    total = top + sum(heights) + gap * (len(heights) - 1) + BELOW
     figure = Figure(figsize=(WIDTH, total))
     panels, at = [], total - top
     for height in heights:
         at -= height
         panels.append(figure.add_axes((LEFT / WIDTH, at / total, (WIDTH - LEFT - RIGHT) / WIDTH, height / total)))
         at -= gap
-    figure.text(0.5, 1.0 - 0.1 / total, "\n".join(lines), ha="center", va="top", fontsize=FONT + 2.0, parse_math=False)
+    draw_title(figure, lines)
     return figure, panels
 
 
-def draw_legend(figure: Figure, handles: Sequence[Artist], columns: int = 0) -> None:
-    """Draw a legend below the panels, with so many columns; 0: as many as short texts need."""
-    columns = columns or (3 if len(handles) <= 6 else 4)
-    figure.legend(
-        handles=handles,
-        loc="lower center",
-        ncols=columns,
-        frameon=False,
-        handlelength=3.2,
-        columnspacing=1.5,
-        borderaxespad=0.3,
+def draw_title(figure: Figure, lines: Sequence[str]) -> None:
+    """Write a title along the upper edge."""
+    edge = figure.transFigure + ScaledTranslation(0.0, -0.1, figure.dpi_scale_trans)
+    figure.text(
+        0.5, 1.0, "\n".join(lines), ha="center", va="top", fontsize=FONT + 2.0, parse_math=False, transform=edge
     )
+
+
+def draw_legend(figure: Figure, handles: Sequence[Artist]) -> None:
+    """Draw a legend below the panels, and set the room there."""
+    _set_below(figure, BELOW + add_legend(figure, handles))
+
+
+def add_legend(figure: Figure, handles: Sequence[Artist]) -> float:
+    """Add a legend at the lower edge, in as many columns as fit; return its height (inches)."""
+    for columns in range(min(len(handles), 3 if len(handles) <= 6 else 4), 0, -1):
+        legend = figure.legend(
+            handles=handles,
+            loc="lower center",
+            ncols=columns,
+            frameon=False,
+            handlelength=3.2,
+            columnspacing=1.5,
+            borderaxespad=0.3,
+        )
+        box = legend.get_window_extent()
+        if box.width < 0.98 * figure.bbox.width or columns == 1:
+            return float(box.height / figure.dpi)
+        legend.remove()
+    return 0.0
+
+
+def _set_below(figure: Figure, room: float) -> None:
+    """Set the room below the lowest panel (inches); panels keep their sizes."""
+    before = figure.get_figheight()
+    places = [axes.get_position(original=True) for axes in figure.axes]
+    more = room - before * min(place.y0 for place in places)
+    total = before + more
+    for axes, place in zip(figure.axes, places, strict=True):
+        low, high = (before * y + more for y in (place.y0, place.y1))
+        axes.set_position((place.x0, low / total, place.width, (high - low) / total))
+    figure.set_figheight(total)
 
 
 def legend_marker(marker: str, size: float, text: str) -> Line2D:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.transforms import Affine2D, blended_transform_factory
+from matplotlib.transforms import ScaledTranslation
 
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.report.pictures.curves import BEYOND_INK, THICK, THIN, Mask
@@ -82,16 +82,18 @@ def _placed(curves: SweepCurves, lo: float, hi: float) -> list[Placed]:
 def _write_labels(figure: Figure, axes: Axes, labels: Sequence[Placed]) -> None:
     """Write the labels of critical values above the upper panel; those of higher rows point to their lines."""
     pointer: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.5, "color": "0.5", "shrinkA": 0, "shrinkB": 0}
-    edge = figure.get_figheight() * axes.get_position().y1
-    # Horizontally as a fraction of the axes, vertically in points from their upper edge.
-    up = Affine2D().scale(1.0 / 72.0).translate(0.0, edge) + figure.dpi_scale_trans
-    above = blended_transform_factory(axes.transAxes, up)
     for group, text, at, row in labels:
+        up = ScaledTranslation(0.0, (3.0 + 12.2 * row) / 72.0, figure.dpi_scale_trans)
         axes.annotate(
-            text, (group[0].value, 1.0), (at, 3.0 + 12.2 * row), xycoords=axes.get_xaxis_transform(),
-            textcoords=above, ha="center", va="bottom", fontsize=FONT - 0.5, annotation_clip=False,
+            text, (group[0].value, 1.0), (at, 1.0), xycoords=axes.get_xaxis_transform(),
+            textcoords=axes.transAxes + up, ha="center", va="bottom", fontsize=FONT - 0.5, annotation_clip=False,
             arrowprops=pointer if row else None,
         )  # fmt: skip
+
+
+def branch_entries(curves: SweepCurves) -> list[Artist]:
+    """Return the legend entries of branches with names."""
+    return [Line2D([], [], color=ink, linewidth=THIN, label=name) for name, ink in curves.named.items()]
 
 
 def legend_entries(curves: SweepCurves, seen: Mask | None = None, unlabelled: int | None = None) -> list[Artist]:
@@ -105,9 +107,7 @@ def legend_entries(curves: SweepCurves, seen: Mask | None = None, unlabelled: in
     unlabelled : int, optional
         In panels over the parameter, the number of critical values without a label.
     """
-    handles: list[Artist] = [
-        Line2D([], [], color=ink, linewidth=THIN, label=name) for name, ink in curves.named.items()
-    ]
+    handles: list[Artist] = []
     growing = curves.growing if seen is None else curves.growing & seen
     if np.any(growing) or any(np.any(other.growing) for other in curves.others):
         handles.append(Line2D([], [], color="k", linewidth=THICK, label="unstable eigenvalue"))

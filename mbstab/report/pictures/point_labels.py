@@ -27,15 +27,15 @@ class PointLabels:
     Attributes
     ----------
     axes : Axes
-    wanted : list of (x, y, text, marked)
+    wanted : list of (x, y, text, marked, ink)
     """
 
     axes: Axes
-    wanted: list[tuple[float, float, str, bool]] = field(default_factory=list)
+    wanted: list[tuple[float, float, str, bool, str]] = field(default_factory=list)
 
-    def add(self, x: float, y: float, text: str, marked: bool = True) -> None:
+    def add(self, x: float, y: float, text: str, marked: bool = True, ink: str = "k") -> None:
         """Request a label at a point; it stays farther from a point that is marked."""
-        self.wanted.append((x, y, text, marked))
+        self.wanted.append((x, y, text, marked, ink))
 
     def draw(self) -> None:
         """Place the labels."""
@@ -47,15 +47,15 @@ class PointLabels:
         busy = self._busy(scale)
         points = scale * self.axes.transData.transform([(x, y) for x, y, *_ in self.wanted])
         taken = [(px - 4.0, py - 4.0, px + 4.0, py + 4.0) for px, py in points]
-        for (x, y, text, marked), (px, py) in zip(self.wanted, points, strict=True):
+        for (x, y, text, marked, ink), (px, py) in zip(self.wanted, points, strict=True):
             size = text_width(text, FONT) + 2.0, FONT + 3.0
-            boxes = _places(px, py, size, (7.0, 18.0, 32.0, 50.0) if marked else (1.0, 4.0))
+            boxes = _places(px, py, size, (7.0, 18.0, 32.0, 50.0) if marked else (2.0, 5.0, 9.0, 18.0))
             place, _ = min(boxes, key=lambda one: _cost(one[0], one[1], busy, taken, frame))
             taken.append(place)
             shift = (0.5 * (place[0] + place[2]) - px, 0.5 * (place[1] + place[3]) - py)
             distant = math.hypot(*(max(abs(o) - 0.5 * s, 0.0) for o, s in zip(shift, size, strict=True))) > 12.0
             self.axes.annotate(
-                text, (x, y), shift, textcoords="offset points", ha="center", va="center", zorder=6,
+                text, (x, y), shift, textcoords="offset points", ha="center", va="center", zorder=6, color=ink,
                 bbox={"boxstyle": "square,pad=0.1", "facecolor": "w", "alpha": 0.8, "linewidth": 0},
                 arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": "0.3"} if distant else None,
             )  # fmt: skip

@@ -70,7 +70,7 @@ def response_picture(result: Response, title: str) -> Figure:
         else:
             panels[0].set_ylabel(f"output after a unit {result.kind}")
             panels[0].set_xlabel("time (s)")
-        draw_legend(figure, handles, 2)
+        draw_legend(figure, handles)
         return figure
 
 
@@ -140,7 +140,7 @@ def nyquist(result: Response, title: str) -> Figure:
                 )
             )
         handles.append(Line2D([], [], color="0.3", linewidth=0.6, label="negative frequencies"))
-        draw_legend(figure, handles, 2)
+        draw_legend(figure, handles)
         return figure
 
 

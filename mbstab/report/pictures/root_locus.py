@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.report.pictures.curves import BEYOND_INK, draw_branch
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, legend_marker, titled_figure
-from mbstab.report.pictures.over_parameter import legend_entries
+from mbstab.report.pictures.over_parameter import branch_entries, legend_entries
 from mbstab.report.pictures.point_labels import LABELS, PointLabels
 from mbstab.report.pictures.scales import Axis, axis_range, set_real_scale
 from mbstab.report.pictures.sweep_curves import SweepCurves
@@ -46,7 +46,7 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
         _draw_critical_points(axes, curves)
         if curves.marked:
             handles.append(legend_marker("D", 7.0, "critical value"))
-        draw_legend(figure, handles + legend_entries(curves))
+        draw_legend(figure, handles + branch_entries(curves) + legend_entries(curves))
         return figure
 
 

@@ -17,6 +17,13 @@ SQUEEZED = 40.0
 """The axis of real parts is logarithmic if the largest is this many times that of the rightmost eigenvalue."""
 
 
+DEPTH = 1e-4
+"""Part of the largest number below which a logarithmic axis is linear in any case."""
+
+BESIDE = 0.25
+"""Part of the linear range of a logarithmic axis that is shown beyond zero if nothing lies there."""
+
+
 @dataclass(frozen=True)
 class Axis:
     """A parameter as an axis: its name, declared unit, and the factor that turns the unit into SI.
@@ -76,19 +83,39 @@ def set_real_scale(axes: Axes, which: str, real: Array, largest: float) -> None:
     lo, hi = axis_range(real, largest)
     if which == "x":  # both sides of zero are shown
         lo, hi = min(lo, -0.08 * (hi - lo)), max(hi, 0.08 * (hi - lo))
-    scale, limit = (axes.set_yscale, axes.set_ylim) if which == "y" else (axes.set_xscale, axes.set_xlim)
+    limit = axes.set_ylim if which == "y" else axes.set_xlim
     if 0.0 < SQUEEZED * near < size and near > 1e-8 * largest:
-        threshold = 10.0 ** math.ceil(math.log10(near))
-        scale("symlog", linthresh=threshold, linscale=1.5)
-        axis = axes.yaxis if which == "y" else axes.xaxis
-        axis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=threshold))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: with_minus_sign(f"{value:g}")))
         lo, hi = float(np.min(known)), float(np.max(known))
-        limit(1.4 * lo if lo < -threshold else -1.2 * threshold, 1.4 * hi if hi > threshold else 1.2 * threshold)
-        text = f"{axis.get_label_text()}, logarithmic beyond ±{threshold:g}"
-        axis.set_label_text(text, fontsize=min(FONT + 0.5, (FONT + 0.5) * 34 / len(text)))
+        set_logarithmic(axes, which, 10.0 ** math.ceil(math.log10(near)), lo, hi)
     else:
         limit(lo, hi)
+
+
+def set_logarithmic(axes: Axes, which: str, threshold: float, lo: float, hi: float) -> None:
+    """Make an axis logarithmic beyond a threshold, and say so in its label; it shows the range from lo to hi."""
+    axis = axes.yaxis if which == "y" else axes.xaxis
+    (axes.set_yscale if which == "y" else axes.set_xscale)("symlog", linthresh=threshold, linscale=1.5)
+    axis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=threshold))
+    axis.set_minor_locator(SymmetricalLogLocator(base=10.0, linthresh=threshold, subs=range(2, 10)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _tick_text(value)))
+    limit = axes.set_ylim if which == "y" else axes.set_xlim
+    limit(min(1.4 * lo, -BESIDE * threshold), max(1.4 * hi, BESIDE * threshold))
+    text = f"{axis.get_label_text()}, logarithmic beyond {_tick_text(threshold)}"
+    long = 72.0 * axes.get_window_extent().height / axes.figure.dpi if which == "y" else math.inf
+    axis.set_label_text(text, fontsize=min(FONT + 0.5, long / (0.55 * len(text))))
+
+
+def decade(small: float, largest: float) -> float:
+    """Return the power of ten below a positive number, but no less than `DEPTH` of the largest one."""
+    return float(10.0 ** math.floor(math.log10(max(small, DEPTH * largest))))
+
+
+def _tick_text(value: float) -> str:
+    """Return a power of ten, or zero, as text along an axis."""
+    if value == 0.0 or 1e-3 <= abs(value) < 1e5:
+        return with_minus_sign(f"{value:g}")
+    sign = "-" if value < 0.0 else ""
+    return f"${sign}10^{{{round(math.log10(abs(value)))}}}$"
 
 
 def number_text(value: float, span: float, digits: int) -> str:

@@ -11,15 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
-from matplotlib.ticker import SymmetricalLogLocator
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear.results import EigenResult, Eigenvalue
-from mbstab.compiler.system import Array
 from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.drawing import FONT, UNSTABLE_SHADE, draw_legend, house_style, titled_figure
 from mbstab.report.pictures.point_labels import LABELS, PointLabels
-from mbstab.report.pictures.scales import axis_range, number_text, set_real_scale
+from mbstab.report.pictures.scales import SQUEEZED, axis_range, decade, number_text, set_logarithmic, set_real_scale
+from mbstab.report.pictures.sweep_curves import TINY
 
 DAMPING = (0.05, 0.1, 0.2, 0.4, 0.7)
 """Damping ratios whose lines are drawn."""
@@ -28,7 +27,13 @@ FAINT: dict[str, Any] = {"color": "0.72", "linewidth": 0.7, "linestyle": (0, (1.
 """Style of the lines of equal damping and frequency."""
 
 FLAT = 5.0
-"""Real parts are drawn logarithmically if the largest is this many times the largest imaginary part."""
+"""Real parts are drawn logarithmically if the largest is this many times the decade of the imaginary parts."""
+
+OSCILLATES = 0.1
+"""Part of the modulus above which an imaginary part matters to the scale."""
+
+UNLIKE = 0.2
+"""Real parts differ if they do so by this fraction."""
 
 MARKERS = {
     "decays": ("o", INK[0], INK[0]),
@@ -97,12 +102,7 @@ def _plane(axes: Axes, values: Complex, pairs: list[Eigenvalue]) -> list[Artist]
     axes.set_xlabel("real part (1/s)")
     axes.set_ylabel("imaginary part (rad/s)")
     size = float(np.max(np.abs(values), initial=0.0)) or 1.0
-    axes.set_ylim(axis_range(values.imag, size))
-    high = float(np.max(values.imag, initial=0.0))
-    if pairs and size > FLAT * high:
-        _squeeze(axes, values.real, 10.0 ** math.ceil(math.log10(high)))
-    else:
-        set_real_scale(axes, "x", values.real[None, :], size)
+    _set_scales(axes, values, size)
     axes.axvspan(0.0, axes.get_xlim()[1], color=UNSTABLE_SHADE, linewidth=0, zorder=0)
     axes.axvline(0.0, color="0.5", linewidth=1.4, zorder=1.5)
     axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
@@ -111,39 +111,59 @@ def _plane(axes: Axes, values: Complex, pairs: list[Eigenvalue]) -> list[Artist]
                   style="italic")  # fmt: skip
     if not pairs:
         return []
-    top, left = axes.get_ylim()[1], axes.get_xlim()[0]
-    reach = 2.0 * math.hypot(top, left)
-    out = np.concatenate([[0.0], np.geomspace(1e-6 * reach, reach, 600)])
+    reach = 2.0 * math.hypot(axes.get_ylim()[1], axes.get_xlim()[0])
+    out = np.concatenate([[0.0], np.geomspace(1e-9 * reach, reach, 600)])
     labelled: list[Any] = []
     for ratio in DAMPING[::-1]:
         x, y = -ratio * out, math.sqrt(1.0 - ratio**2) * out
         for sign in (1.0, -1.0):
             axes.plot(x, sign * y, **FAINT, scalex=False, scaley=False)
-        k = int(np.flatnonzero((y < 0.93 * top) & (x > _within(axes, 0.06)))[-1])
-        here = axes.transData.transform((x[k], -y[k]))  # below, where no names are
-        if any(np.hypot(*(here - other)) < 0.35 * axes.figure.dpi for other in labelled):
+        here = axes.transData.transform(np.column_stack([x, -y]))  # below, where no names are
+        place = here[(axes.transAxes.inverted().transform(here) > (0.06, 0.035)).all(axis=1)][-1]
+        if any(np.hypot(*(place - other)) < 0.35 * axes.figure.dpi for other in labelled):
             continue
-        labelled.append(here)
-        axes.text(x[k], -y[k], f"{ratio:g}", fontsize=FONT - 2.0, color="0.4", ha="center", va="center", zorder=2,
+        labelled.append(place)
+        x, y = axes.transAxes.inverted().transform(place)
+        axes.text(x, y, f"{ratio:g}", transform=axes.transAxes, fontsize=FONT - 2.0, color="0.4",
+                  ha="center", va="center", zorder=2,
                   bbox={"boxstyle": "square,pad=0.1", "facecolor": "w", "linewidth": 0})  # fmt: skip
-    angles = np.linspace(0.5 * math.pi, 1.5 * math.pi, 361)
+    # Close to the axes too, where logarithmic scales magnify.
+    beside = np.geomspace(1e-9, 0.25 * math.pi, 120)
+    angles = 0.5 * math.pi + np.concatenate([[0.0], beside, 0.5 * math.pi - beside[::-1], [0.5 * math.pi]])
+    angles = np.concatenate([angles, 2.0 * math.pi - angles[::-1]])
     for radius in (tick for tick in axes.get_yticks() if 0.0 < tick < reach):
         axes.plot(radius * np.cos(angles), radius * np.sin(angles), **FAINT, scalex=False, scaley=False)
     return [Line2D([], [], **{k: v for k, v in FAINT.items() if k != "zorder"}, label="equal damping ratio, modulus")]
 
 
-def _squeeze(axes: Axes, real: Array, threshold: float) -> None:
-    """Make the axis of the real parts logarithmic beyond a threshold."""
-    axes.set_xscale("symlog", linthresh=threshold, linscale=1.5)
-    axes.xaxis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=threshold))
-    axes.set_xlim(2.0 * min(float(np.min(real)), -threshold), 2.0 * max(float(np.max(real)), 0.1 * threshold))
-    axes.set_xlabel(f"real part (1/s), logarithmic beyond ±{threshold:g}")
+def _set_scales(axes: Axes, values: Complex, size: float) -> None:
+    """Set the axes of the plane; one is logarithmic if eigenvalues would otherwise hide each other."""
+    parts = values[values.imag >= 0.0].view(float)
+    seen: Complex = np.where(np.abs(parts) > TINY * size, parts, 0.0).view(complex)
+    above = seen.imag[seen.imag > OSCILLATES * np.abs(seen)]
+    high, low = float(np.max(above, initial=0.0)), float(np.min(above, initial=math.inf))
+    if high > SQUEEZED * low:
+        set_logarithmic(axes, "y", decade(low, high), -high, high)
+    else:
+        axes.set_ylim(axis_range(values.imag, size))
+    threshold = 10.0 * decade(high, high) if high else math.inf  # the pairs are in the linear range
+    if size < FLAT * threshold:
+        threshold = _hidden(seen)
+    if threshold:
+        set_logarithmic(axes, "x", threshold, float(np.min(values.real)), float(np.max(values.real)))
+    else:
+        set_real_scale(axes, "x", values.real[None, :], size)
 
 
-def _within(axes: Axes, part: float) -> float:
-    """Return the abscissa at a fraction of the width of the axes."""
-    place = axes.transAxes.transform((part, 0.5))
-    return float(axes.transData.inverted().transform(place)[0])
+def _hidden(seen: Complex) -> float:
+    """Return the decade of real parts that differ but would hide each other on linear axes; 0 if there are none."""
+    real = np.abs(seen.real)
+    wide, tall = float(np.max(real, initial=0.0)), float(np.max(seen.imag, initial=0.0))
+    larger = np.maximum.outer(real, real)
+    apart = np.abs(np.subtract.outer(seen.real, seen.real))
+    level = np.abs(np.subtract.outer(seen.imag, seen.imag)) * SQUEEZED <= tall
+    found = larger[level & (apart * SQUEEZED < wide) & (apart > UNLIKE * larger)]
+    return decade(float(np.min(found)), wide) if found.size else 0.0
 
 
 def _circle(axes: Axes, values: Complex) -> list[Artist]:

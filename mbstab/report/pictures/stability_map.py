@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.report.pictures.curves import BEYOND_INK, INK, THIN, draw_branch
 from mbstab.report.pictures.drawing import draw_legend, house_style
-from mbstab.report.pictures.over_parameter import legend_entries, panels_over_parameter
+from mbstab.report.pictures.over_parameter import branch_entries, legend_entries, panels_over_parameter
 from mbstab.report.pictures.scales import Axis, set_real_scale, upward_range
 from mbstab.report.pictures.sweep_curves import TINY, SweepCurves
 
@@ -45,5 +45,5 @@ def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
             Line2D([], [], color="k", linewidth=THIN, label="real part"),
             Line2D([], [], color="k", linewidth=THIN, linestyle="--", label="imaginary part (≥ 0)"),
         ]
-        draw_legend(figure, handles + legend_entries(curves, unlabelled=unlabelled))
+        draw_legend(figure, handles + branch_entries(curves) + legend_entries(curves, unlabelled=unlabelled))
         return figure
