@@ -20,6 +20,7 @@ import click
 from mbstab.errors import OutputError, UsageError, suggestion, visible
 from mbstab.records import dataclass
 from mbstab.report.files import whole_file
+from mbstab.report.pictures.sizes import SIZES, sized
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -329,12 +330,51 @@ def output_options(*formats: str, unnamed: str = "") -> Callable[[F], F]:
 
 # --- pictures -------------------------------------------------------------------------------------------------------
 
-pictures_option = click.option(
-    "--pictures",
-    "place",
-    type=click.Path(path_type=Path),
-    help="How the names of the pictures begin, with the suffix .png, .svg or .pdf; else beside the model or --output.",
+SIZE = "mbstab.size"
+"""Key in the context: the size of pictures, or none."""
+
+
+def _remember_size(context: click.Context, _: click.Parameter, value: str | None) -> None:
+    context.meta[SIZE] = value
+
+
+size_option = click.option(
+    "--size",
+    type=click.Choice(tuple(SIZES)),
+    expose_value=False,
+    callback=_remember_size,
+    help="Size of the pictures: a column (85 mm wide) or the width (170 mm) of a page, a slide (254 mm x 143 mm); "
+    "page if not given.",
 )
+
+
+def pictures_option(command: F) -> F:
+    """Add --pictures and --size to a command, which takes the first one as the keyword ``place``."""
+    place = click.option(
+        "--pictures",
+        "place",
+        type=click.Path(path_type=Path),
+        help="How the names of the pictures begin, with the suffix .png, .svg or .pdf; else beside the model or "
+        "--output.",
+    )
+    return place(size_option(command))
+
+
+def check_size(drawn: bool) -> None:
+    """Refuse --size if nothing is drawn.
+
+    Raises
+    ------
+    UsageError
+        If it is given.
+    """
+    if not drawn and _size() is not None:
+        raise UsageError("--size is that of pictures, and none is drawn\nhint: --plot draws them")
+
+
+def _size() -> str | None:
+    context = click.get_current_context(silent=True)
+    return context.meta.get(SIZE) if context is not None else None
 
 
 PICTURE = "a picture"
@@ -382,19 +422,22 @@ def picture_stem(place: Path | None, output: Path | None, model: Path, name: str
 def picture_paths(stem: Path, suffix: str, names: Iterable[str]) -> dict[str, Path]:
     """Return the paths of pictures by name; those that cannot be written are refused before anything is computed."""
     paths = {name: stem.with_name(f"{stem.name}-{name}{suffix}") for name in names}
+    check_size(bool(paths))
     for path in paths.values():
         files().claim(path, PICTURE)
     return paths
 
 
-def save_picture(figure: Any, path: Path, option: str = PICTURE) -> None:
-    """Draw a picture to a file.
+def save_picture(draw: Callable[[], Any], path: Path, option: str = PICTURE) -> None:
+    """Draw a picture in the size that is asked for, and write it to a file.
 
     Raises
     ------
     UsageError, OutputError
-        If it cannot be written.
+        If it cannot be drawn or written.
     """
     from mbstab.report.pictures.drawing import save as save_figure
 
-    save(path, lambda goal: save_figure(figure, goal), option)
+    with sized(_size() or "page"):
+        figure = draw()
+        save(path, lambda goal: save_figure(figure, goal), option)

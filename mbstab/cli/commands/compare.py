@@ -16,7 +16,7 @@ from mbstab.cli.common import (
     refuse_given,
     set_option,
 )
-from mbstab.cli.output import Output, files, output_options, save_picture, warn
+from mbstab.cli.output import Output, check_size, files, output_options, save_picture, size_option, warn
 from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False, path_type=Path),
     help="Draw error against time, one point for each method, to a file (.png, .svg or .pdf).",
 )
+@size_option
 @output_options("table", "json", "csv")
 def compare(
     file: str,
@@ -73,6 +74,7 @@ def compare(
         refuse_given(("to", "disturbances"), "without --simulate")
     mechanism = load_model(file, settings)
     model = mechanism.model
+    check_size(picture is not None)
     if picture is not None:
         _check_picture(picture)
     if simulate:
@@ -93,7 +95,7 @@ def compare(
     if picture is not None:
         from mbstab.report.pictures.work_precision import work_precision
 
-        save_picture(work_precision(result, model.title), picture, "--plot")
+        save_picture(lambda: work_precision(result, model.title), picture, "--plot")
 
 
 def _integrators(
@@ -122,7 +124,7 @@ def _integrators(
     if picture is not None:
         from mbstab.report.pictures.work_precision import integrator_precision
 
-        save_picture(integrator_precision(result, model.title), picture, "--plot")
+        save_picture(lambda: integrator_precision(result, model.title), picture, "--plot")
 
 
 def _check_picture(path: Path) -> None:

@@ -177,7 +177,7 @@ def _write(replies: list[_Reply], several: bool, output: Output, paths: Mapping[
     """Write the answers, and the pictures of a single one."""
     output.write(_joined(replies, several))
     for picture, path in paths.items():
-        save_picture(replies[0].pictures[picture](), path)
+        save_picture(replies[0].pictures[picture], path)
 
 
 def _refuse(

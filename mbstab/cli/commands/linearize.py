@@ -11,6 +11,7 @@ from mbstab.cli.common import file_argument, force_option, load_model, set_optio
 from mbstab.cli.output import (
     Output,
     check_pictures,
+    check_size,
     note,
     output_options,
     picture_paths,
@@ -78,6 +79,7 @@ def linearize(
     if symbolic and (plot or place is not None):
         raise UsageError("--plot draws numbers; it goes without --symbolic")
     check_pictures(place)
+    check_size(plot or place is not None)
     if symbolic:
         _symbolic(file, settings, frozen, output)
         return
@@ -91,7 +93,7 @@ def linearize(
     for path in paths.values():
         from mbstab.report.pictures.pencil import pencil_pattern
 
-        save_picture(pencil_pattern(linear, model.title), path)
+        save_picture(lambda: pencil_pattern(linear, model.title), path)
 
 
 def _write(linear: Linearization, model: Model, form: str, states: str | None, full: bool, output: Output) -> None:

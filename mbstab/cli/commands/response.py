@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -161,7 +162,7 @@ def _write(result: Response, model: Model, paths: dict[str, Path], output: Outpu
         from mbstab.report.pictures.responses import nyquist, response_picture
 
         for name, path in paths.items():
-            save_picture((nyquist if name == "nyquist" else response_picture)(result, model.title), path)
+            save_picture(partial(nyquist if name == "nyquist" else response_picture, result, model.title), path)
 
 
 def _refuse_beside_unbalance(
@@ -207,4 +208,4 @@ def _unbalance(
     for path in paths.values():
         from mbstab.report.pictures.responses import unbalance_picture
 
-        save_picture(unbalance_picture(found, model.title, unit, factor), path)
+        save_picture(lambda: unbalance_picture(found, model.title, unit, factor), path)

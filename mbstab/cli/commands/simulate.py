@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -250,4 +251,4 @@ def _draw(result: Simulation, pictures: list[Picture], paths: dict[str, Path], m
     for picture in pictures:
         for text in idle(picture, result, model):
             note(text)
-        save_picture(draw(picture, result, model.title), paths[picture.name])
+        save_picture(partial(draw, picture, result, model.title), paths[picture.name])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -298,8 +299,10 @@ def _draw_chart(result: Chart, path: Path, labels: list[tuple[str, float]], titl
 
     texts = [_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True)]
     missing = unanswered_text(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
-    figure = chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title, missing)
-    save_picture(figure, path)
+    save_picture(
+        lambda: chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title, missing),
+        path,
+    )
 
 
 def _draw(result: Sweep, paths: dict[str, Path], label: str, title: str) -> None:
@@ -312,7 +315,7 @@ def _draw(result: Sweep, paths: dict[str, Path], label: str, title: str) -> None
 
     kinds = {"map": stability_map, "locus": root_locus, "campbell": campbell}
     for picture, path in paths.items():
-        save_picture(kinds[picture](result, label, title), path)
+        save_picture(partial(kinds[picture], result, label, title), path)
 
 
 def _label(parameter: str, unit: str) -> str:

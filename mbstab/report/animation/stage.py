@@ -26,15 +26,16 @@ from mbstab.report.animation.sketch import Sketch
 from mbstab.report.animation.solids import Solid, hidden, hull, in_order
 from mbstab.report.animation.view import View
 from mbstab.report.pictures.curves import INK
-from mbstab.report.pictures.drawing import FONT, WIDTH, add_legend, house_style
+from mbstab.report.pictures.drawing import add_legend, house_style
 from mbstab.report.pictures.motion_plots import DASHES
+from mbstab.report.pictures.sizes import FONT
 
 DPI = 100
 FILLS = ("0.93", "0.80", "0.67", "0.86", "0.73")
 """Greys of bodies, in turn."""
 
-TALLEST, FLATTEST = 6.4, 2.2
-"""Height of the picture without its margins (inches)."""
+WIDTH, TALLEST, FLATTEST = 7.2, 6.4, 2.2
+"""Width of the picture, and limits of its height without margins (inches)."""
 
 FRAGMENTS = 40
 """Pieces into which a line as long as the mechanism is cut to find its hidden parts."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import wrap
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,11 +21,28 @@ from mbstab.report.animation.solids import hull
 from mbstab.report.animation.view import View
 from mbstab.report.modes import motions_text, value_text
 from mbstab.report.pictures.curves import INK
-from mbstab.report.pictures.drawing import FONT, WIDTH, draw_legend, house_style
+from mbstab.report.pictures.drawing import (
+    draw_legend,
+    draw_title,
+    house_style,
+    picture_height,
+    picture_width,
+    text_width,
+    title_lines,
+)
+from mbstab.report.pictures.sizes import FONT, scaled
 
-COLUMNS = 2
+ABOVE, HEAD, BELOW, SIDE, GAP = 0.3, 0.5, 0.45, 0.25, 0.3
+"""Room for title, heading of a panel and legend, beside the panels, and between them (inches on a page)."""
+
+FLATTEST, TALLEST = 1.2, 3.6
+"""Limits of the height of a panel (inches on a page)."""
+
+NARROW = 5.0
+"""Panels of narrower pictures are in one column (inches on a page)."""
+
 TOLD = 2
-"""Motions of a mode that are named above its picture."""
+"""Motions of a mode that are named above its picture, if they fit."""
 
 STYLES = (("0.78", 1.0), (INK[1], 0.7), (INK[0], 1.3))
 """Ink and width of the reference and of both extremes."""
@@ -52,30 +68,49 @@ def mode_stills(system: System, modes: Sequence[Eigenvalue], swings: Sequence[Sw
     frames = still_frames(swings)
     view = View(Sketch.of(system), frames)
     with house_style():
-        rows = -(-len(modes) // COLUMNS)
-        wide = (WIDTH - 0.5 - 0.3 * (COLUMNS - 1)) / COLUMNS
-        tall = float(np.clip(wide * (view.high - view.low)[1] / (view.high - view.low)[0], 1.2, 3.6))
-        above, head, below = 0.3 if title else 0.05, 0.5, 0.45
-        total = above + rows * (tall + head) + below
-        figure = Figure(figsize=(WIDTH, total))
-        lines = "\n".join(wrap(title, 80)[:1])
-        figure.text(0.5, 1.0 - 0.1 / total, lines, ha="center", va="top", fontsize=FONT + 2.0, parse_math=False)
+        ratio = (view.high - view.low)[1] / (view.high - view.low)[0]
+        columns, wide, tall = _panel(len(modes), ratio, ABOVE if title else 0.05)
+        rows, above = -(-len(modes) // columns), ABOVE if title else 0.05
+        width, total = picture_width(), above + rows * (tall + HEAD) + BELOW
+        figure = Figure(figsize=(scaled(width), scaled(total)))
+        draw_title(figure, title_lines(title)[:1])
         view.fit(wide, tall)
         for n, mode in enumerate(modes):
-            row, column = divmod(n, COLUMNS)
-            left, low = 0.25 + column * (wide + 0.3), total - above - (row + 1) * (tall + head)
-            axes = figure.add_axes((left / WIDTH, low / total, wide / WIDTH, tall / total))
+            row, column = divmod(n, columns)
+            left, low = SIDE + column * (wide + GAP), total - above - (row + 1) * (tall + HEAD)
+            axes = figure.add_axes((left / width, low / total, wide / width, tall / total))
             _draw(axes, view, (0, 2 * n + 2, 2 * n + 1))
             name = f"{mode.name}, " if mode.name else ""
             said = f"{n + 1}: {name}{value_text(mode)} 1/s".replace("-", "\N{MINUS SIGN}")
-            axes.set_title(f"{said}\n{motions_text(mode.motions[:TOLD])}", fontsize=FONT - 0.5, pad=3.0)
+            motions = (motions_text(mode.motions[:told]) for told in range(TOLD, 0, -1))
+            fitting = next((text for text in motions if text_width(text, FONT - 0.5) < 80.0 * (wide + GAP)), "")
+            axes.set_title(f"{said}\n{fitting}", fontsize=scaled(FONT - 0.5), pad=3.0)
         texts = ("reference", "other extreme", "extreme, exaggerated")
         handles = [
             Line2D([], [], color=ink, linewidth=1.4 * width, label=text)
             for (ink, width), text in zip(STYLES, texts, strict=True)
         ]
-        draw_legend(figure, [handles[0], *handles[:0:-1]])
+        draw_legend(figure, [handles[0], *handles[:0:-1]], 0.12)
         return figure
+
+
+def _panel(count: int, ratio: float, above: float) -> tuple[int, float, float]:
+    """Return the number of columns of so many panels, and the width and height of one (inches on a page).
+
+    In a size with a height, it is the number for which what has a height `ratio` times its width is largest.
+    """
+
+    def width(columns: int) -> float:
+        return (picture_width() - 2.0 * SIDE - GAP * (columns - 1)) / columns
+
+    def height(columns: int) -> float:
+        return (picture_height() - above - BELOW) / -(-count // columns) - HEAD
+
+    if not picture_height():
+        columns = 1 if picture_width() < NARROW else 2
+        return columns, width(columns), float(np.clip(width(columns) * ratio, FLATTEST, TALLEST))
+    best = max(range(1, count + 1), key=lambda columns: min(ratio * width(columns), height(columns)))
+    return best, width(best), max(height(best), 0.1)
 
 
 def _draw(axes: Axes, view: View, frames: Sequence[int]) -> None:

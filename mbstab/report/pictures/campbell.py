@@ -53,8 +53,8 @@ def campbell(result: Sweep, label: Axis | str, title: str) -> Figure:
         if result.orders:
             handles += _draw_orders(labels, result, curves)
         _name_branches(labels, result, curves, frequency)
-        labels.draw()
         draw_legend(figure, handles + legend_entries(curves, frequency > 0.0, unlabelled))
+        labels.draw()
         return figure
 
 

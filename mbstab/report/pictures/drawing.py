@@ -10,6 +10,7 @@ import os
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from textwrap import wrap
 
@@ -22,6 +23,7 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
 from mbstab.report.files import whole_file
+from mbstab.report.pictures.sizes import FONT, SIZES, scaled, size
 
 FORMATS = ("png", "svg", "pdf")
 """Formats of `save`, by suffix."""
@@ -32,17 +34,14 @@ UNSTABLE_SHADE = "0.9"
 CRITICAL_STYLE = (0, (7, 2, 1.5, 2))
 """Dashes of lines that mark a limit: critical values, a tolerance."""
 
-FONT = 9.0
-"""Size of text (points)."""
-
 EXACT = 1e-17
 """Errors below this are random in double precision, and are drawn here."""
 
-WIDTH, LEFT, RIGHT = 7.2, 0.85, 0.25
-"""Width of a picture and of its margins (inches)."""
+LEFT, RIGHT, BELOW = 0.85, 0.25, 0.5
+"""Margins for numbers and labels (inches on a page)."""
 
-BELOW = 0.5
-"""Room below the panels for numbers and a label (inches)."""
+FLATTER = 0.8
+"""Panels half as wide as those of a page are 1/2 to this power as high."""
 
 
 def save(figure: Figure, path: str | os.PathLike[str]) -> None:
@@ -52,7 +51,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     ----------
     figure : Figure
     path : path
-        The suffix selects the format: ``.png`` (150 dpi), ``.svg`` or ``.pdf``.
+        The suffix selects the format: ``.png``, ``.svg`` or ``.pdf``.
 
     Raises
     ------
@@ -73,7 +72,7 @@ def save(figure: Figure, path: str | os.PathLike[str]) -> None:
     }
     with whole_file(goal) as stream, house_style(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph ")  # a title in a script the font lacks
-        figure.savefig(stream, format=kind, dpi=150 if kind == "png" else 300, metadata=metadata[kind])
+        figure.savefig(stream, format=kind, dpi=size().dpi if kind == "png" else 300, metadata=metadata[kind])
 
 
 @contextmanager
@@ -83,8 +82,9 @@ def house_style() -> Iterator[None]:
         mpl.rcdefaults()
         mpl.rcParams.update(
             {
-                "font.size": FONT,
-                "axes.labelsize": FONT + 0.5,
+                "font.size": scaled(FONT),
+                "axes.labelsize": scaled(FONT + 0.5),
+                "legend.fontsize": scaled(FONT - 0.5),
                 "axes.formatter.limits": (-4, 5),
                 "axes.formatter.useoffset": False,
                 "hatch.linewidth": 0.5,
@@ -97,36 +97,105 @@ def house_style() -> Iterator[None]:
 
 
 def titled_figure(
-    title: str, heights: Sequence[float], above: float = 0.0, gap: float = 0.12
+    title: str, heights: Sequence[float], above: float = 0.0, gap: float = 0.12, stretched: bool = True
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure with panels (heights and gap in inches) below each other, room above them, and its title.
+    """Return a figure with panels below each other, room above them, and its title.
 
     `draw_legend` sets the room below the panels.
+
+    Parameters
+    ----------
+    title : str
+    heights : sequence of float
+        Of the panels (inches on a page).
+    above, gap : float
+        Room above them and between them (inches on a page).
+    stretched : bool
+        Whether panels are lower where they are narrower. In a size with a height they fill it in any case.
     """
-    lines = wrap(title, 80)[:3]
-    top = 0.15 + 0.2 * len(lines) + above + 0.1
-    total = top + sum(heights) + gap * (len(heights) - 1) + BELOW
-    figure = Figure(figsize=(WIDTH, total))
+    wide = size().width
+    lines = title_lines(title)[:3]
+    top = scaled(0.25 + 0.2 * len(lines) + above)
+    gaps = scaled(gap) * (len(heights) - 1)
+    if size().height:
+        part = (size().height - top - gaps - scaled(2.0 * BELOW)) / sum(heights)
+    else:
+        part = scaled((panel_width() / (SIZES["page"].width - LEFT - RIGHT)) ** FLATTER if stretched else 1.0)
+    total = size().height or top + part * sum(heights) + gaps + scaled(BELOW)
+    figure = Figure(figsize=(wide, total))
     panels, at = [], total - top
     for height in heights:
-        at -= height
-        panels.append(figure.add_axes((LEFT / WIDTH, at / total, (WIDTH - LEFT - RIGHT) / WIDTH, height / total)))
-        at -= gap
+        at -= part * height
+        panels.append(
+            figure.add_axes((scaled(LEFT) / wide, at / total, scaled(panel_width()) / wide, part * height / total))
+        )
+        at -= scaled(gap)
     draw_title(figure, lines)
     return figure, panels
 
 
+def picture_width() -> float:
+    """Return the width of a picture (inches on a page)."""
+    return size().width / scaled(1.0)
+
+
+def picture_height() -> float:
+    """Return the height of a picture (inches on a page), 0 if it is what the content needs."""
+    return size().height / scaled(1.0)
+
+
+def panel_width() -> float:
+    """Return the width of a panel (inches on a page)."""
+    return picture_width() - LEFT - RIGHT
+
+
+def title_lines(title: str) -> list[str]:
+    """Return the lines of a title that fit the width."""
+    return wrap(title, int(picture_width() * 72.0 / (0.55 * (FONT + 2.0))))
+
+
 def draw_title(figure: Figure, lines: Sequence[str]) -> None:
     """Write a title along the upper edge."""
-    edge = figure.transFigure + ScaledTranslation(0.0, -0.1, figure.dpi_scale_trans)
-    figure.text(
-        0.5, 1.0, "\n".join(lines), ha="center", va="top", fontsize=FONT + 2.0, parse_math=False, transform=edge
-    )
+    edge = figure.transFigure + ScaledTranslation(0.0, -scaled(0.1), figure.dpi_scale_trans)
+    big = scaled(FONT + 2.0)
+    figure.text(0.5, 1.0, "\n".join(lines), ha="center", va="top", fontsize=big, parse_math=False, transform=edge)
 
 
-def draw_legend(figure: Figure, handles: Sequence[Artist]) -> None:
-    """Draw a legend below the panels, and set the room there."""
-    _set_below(figure, BELOW + add_legend(figure, handles))
+def draw_legend(figure: Figure, handles: Sequence[Artist], below: float = BELOW) -> None:
+    """Draw a legend below the panels, set the room there, and fit the labels of axes to the panels.
+
+    Lines and markers get the strength of the size. Between legend and panels there is the room ``below`` (inches on a
+    page). What is placed by points, such as
+    `PointLabels`, comes afterwards: in a size with a height, panels change.
+    """
+    high = add_legend(figure, handles)
+    drawn = [*(axes.get_lines() for axes in figure.axes), *(legend.get_lines() for legend in figure.legends)]
+    for line in chain.from_iterable(drawn):
+        line.set_linewidth(scaled(line.get_linewidth()))
+        line.set_markersize(scaled(line.get_markersize()))
+    lines = max(_wrap_label(axes) for axes in figure.axes)
+    _set_below(figure, scaled(below + 0.17 * (lines - 1)) + high)
+    for axes in figure.axes:
+        _fit_upright_label(axes)
+
+
+def _fit_upright_label(axes: Axes) -> None:
+    """Divide the label of the vertical axis into two lines if it is longer than the panel, or write it smaller."""
+    long = 1.1 * 72.0 * axes.get_window_extent().height / axes.figure.dpi
+    text, largest = axes.get_ylabel(), scaled(FONT + 0.5)
+    lines = [text]
+    if text_width(text, 0.85 * largest) > long:
+        halves = (wrap(text, width) for width in range(len(text) // 2, len(text) + 1))
+        lines = next(lines for lines in halves if len(lines) <= 2)
+    axes.set_ylabel("\n".join(lines), fontsize=min(largest, *(long / text_width(line or " ", 1.0) for line in lines)))
+
+
+def _wrap_label(axes: Axes) -> int:
+    """Divide the label of the horizontal axis into lines that fit; return their number."""
+    wide = 72.0 * axes.get_window_extent().width / axes.figure.dpi + scaled(40.0)
+    lines = wrap(axes.get_xlabel(), int(wide / text_width(" ", scaled(FONT + 0.5)))) or [""]
+    axes.set_xlabel("\n".join(lines))
+    return len(lines)
 
 
 def add_legend(figure: Figure, handles: Sequence[Artist]) -> float:
@@ -137,8 +206,8 @@ def add_legend(figure: Figure, handles: Sequence[Artist]) -> float:
             loc="lower center",
             ncols=columns,
             frameon=False,
-            handlelength=3.2,
-            columnspacing=1.5,
+            handlelength=2.7,
+            columnspacing=1.3,
             borderaxespad=0.3,
         )
         box = legend.get_window_extent()
@@ -149,14 +218,15 @@ def add_legend(figure: Figure, handles: Sequence[Artist]) -> float:
 
 
 def _set_below(figure: Figure, room: float) -> None:
-    """Set the room below the lowest panel (inches); panels keep their sizes."""
+    """Set the room below the lowest panel (inches); panels keep their sizes, unless the picture has a height."""
     before = figure.get_figheight()
     places = [axes.get_position(original=True) for axes in figure.axes]
-    more = room - before * min(place.y0 for place in places)
-    total = before + more
+    low, high = (before * f(getattr(p, y) for p in places) for f, y in ((min, "y0"), (max, "y1")))
+    total = before if size().height else before + room - low
+    part = (total - before + high - room) / (high - low)
     for axes, place in zip(figure.axes, places, strict=True):
-        low, high = (before * y + more for y in (place.y0, place.y1))
-        axes.set_position((place.x0, low / total, place.width, (high - low) / total))
+        bottom, top = (room + part * (before * y - low) for y in (place.y0, place.y1))
+        axes.set_position((place.x0, bottom / total, place.width, (top - bottom) / total))
     figure.set_figheight(total)
 
 
@@ -170,6 +240,6 @@ def no_answer_patch(text: str = "no answer") -> Patch:
     return Patch(facecolor="w", edgecolor="0.6", hatch="//////", linewidth=0.6, label=text)
 
 
-def text_width(text: str, size: float) -> float:
+def text_width(text: str, points: float) -> float:
     """Return the approximate width of a text (points)."""
-    return 0.6 * size * len(text)
+    return 0.6 * points * len(text)

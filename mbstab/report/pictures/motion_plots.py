@@ -27,7 +27,7 @@ from mbstab.errors import UsageError, suggestion
 from mbstab.model.schema import Entry, Model, unit_of
 from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated, thinned
-from mbstab.report.pictures.drawing import EXACT, FONT, draw_legend, house_style, legend_marker, titled_figure
+from mbstab.report.pictures.drawing import EXACT, draw_legend, house_style, legend_marker, panel_width, titled_figure
 from mbstab.report.pictures.scales import with_minus_sign
 
 MOST = 12
@@ -459,12 +459,12 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
         else:
             here.text(0.5, 0.5, "all are exactly zero", transform=here.transAxes, ha="center")
         text = text if not base else f"{text}, less {with_minus_sign(f'{base:.12g}')}"
-        here.set_ylabel(text, fontsize=min(FONT + 0.5, heights[0] * 72.0 / (0.5 * len(text))))
+        here.set_ylabel(text)
         here.set_xlim(float(sim.times[0]), max(float(sim.times[-1]), np.nextafter(float(sim.times[0]), np.inf)))
         here.tick_params(labelbottom=here is axes[-1])
         here.grid(color="0.88", linewidth=0.6)
         here.set_axisbelow(True)
-        here.yaxis.set_label_coords(-0.1, 0.5)
+        here.yaxis.set_label_coords(-0.57 / panel_width(), 0.5)
     axes[-1].set_xlabel("time (s)" + ("" if sim.complete else f", ended early at {sim.times[-1]:.6g} s"))
     draw_legend(figure, handles)
     return figure
@@ -512,7 +512,7 @@ def _draw_phases(picture: Picture, sim: Simulation, title: str) -> Figure:
         text = Panel(tuple(pair[column] for pair in picture.phases)).said(_room(axes, which, values - base, base))
         text = text if not base else f"{text}, less {with_minus_sign(f'{base:.12g}')}"
         (axes.set_xlabel if which == "x" else axes.set_ylabel)(text)
-    axes.yaxis.set_label_coords(-0.1, 0.5)
+    axes.yaxis.set_label_coords(-0.57 / panel_width(), 0.5)
     axes.grid(color="0.88", linewidth=0.6)
     axes.set_axisbelow(True)
     draw_legend(figure, handles)

@@ -18,16 +18,14 @@ from mbstab.analysis.sweep.critical import Critical
 from mbstab.report.pictures.curves import BEYOND_INK, THICK, THIN, Mask
 from mbstab.report.pictures.drawing import (
     CRITICAL_STYLE,
-    FONT,
-    LEFT,
-    RIGHT,
     UNSTABLE_SHADE,
-    WIDTH,
     no_answer_patch,
+    panel_width,
     text_width,
     titled_figure,
 )
 from mbstab.report.pictures.scales import parameter_range
+from mbstab.report.pictures.sizes import FONT, scaled
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
 ROWS = 5
@@ -64,15 +62,15 @@ def panels_over_parameter(curves: SweepCurves, title: str, names: Sequence[str])
 
 def _placed(curves: SweepCurves, lo: float, hi: float) -> list[Placed]:
     """Return the labels of critical values that fit above the picture."""
-    wide = (WIDTH - LEFT - RIGHT) * 72.0
+    wide = scaled(72.0 * panel_width())
     ends = [-math.inf] * ROWS
     places: list[Placed] = []
     for group in curves.marked:
         kinds = list(dict.fromkeys(c.kind for c in group))
         text = f"{curves.show(group[0].value)} {', '.join(kinds)}" + (f" ({len(group)}×)" if len(group) > 1 else "")
-        half = 0.5 * text_width(text, FONT - 0.5)
-        at = min(max((group[0].value - lo) / (hi - lo) * wide, half - 30.0), wide - half + 10.0)
-        row = next((k for k in range(ROWS) if ends[k] + 8.0 < at - half), None)
+        half = 0.5 * text_width(text, scaled(FONT - 0.5))
+        at = min(max((group[0].value - lo) / (hi - lo) * wide, half - scaled(30.0)), wide - half + scaled(10.0))
+        row = next((k for k in range(ROWS) if ends[k] + scaled(8.0) < at - half), None)
         if row is not None:
             ends[row] = at + half
             places.append((group, text, at / wide, row))
@@ -83,11 +81,11 @@ def _write_labels(figure: Figure, axes: Axes, labels: Sequence[Placed]) -> None:
     """Write the labels of critical values above the upper panel; those of higher rows point to their lines."""
     pointer: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.5, "color": "0.5", "shrinkA": 0, "shrinkB": 0}
     for group, text, at, row in labels:
-        up = ScaledTranslation(0.0, (3.0 + 12.2 * row) / 72.0, figure.dpi_scale_trans)
+        up = ScaledTranslation(0.0, scaled(3.0 + 12.2 * row) / 72.0, figure.dpi_scale_trans)
         axes.annotate(
             text, (group[0].value, 1.0), (at, 1.0), xycoords=axes.get_xaxis_transform(),
-            textcoords=axes.transAxes + up, ha="center", va="bottom", fontsize=FONT - 0.5, annotation_clip=False,
-            arrowprops=pointer if row else None,
+            textcoords=axes.transAxes + up, ha="center", va="bottom", fontsize=scaled(FONT - 0.5),
+            annotation_clip=False, arrowprops=pointer if row else None,
         )  # fmt: skip
 
 

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
-from mbstab.report.pictures.drawing import FONT, text_width
+from mbstab.report.pictures.drawing import text_width
+from mbstab.report.pictures.sizes import FONT, scaled
 
 Box = tuple[float, float, float, float]
 """Left, lower, right and upper edge (points)."""
@@ -48,12 +49,13 @@ class PointLabels:
         points = scale * self.axes.transData.transform([(x, y) for x, y, *_ in self.wanted])
         taken = [(px - 4.0, py - 4.0, px + 4.0, py + 4.0) for px, py in points]
         for (x, y, text, marked, ink), (px, py) in zip(self.wanted, points, strict=True):
-            size = text_width(text, FONT) + 2.0, FONT + 3.0
-            boxes = _places(px, py, size, (7.0, 18.0, 32.0, 50.0) if marked else (2.0, 5.0, 9.0, 18.0))
+            size = text_width(text, scaled(FONT)) + 2.0, scaled(FONT) + 3.0
+            distances = (7.0, 18.0, 32.0, 50.0) if marked else (2.0, 5.0, 9.0, 18.0)
+            boxes = _places(px, py, size, [scaled(far) for far in distances])
             place, _ = min(boxes, key=lambda one: _cost(one[0], one[1], busy, taken, frame))
             taken.append(place)
             shift = (0.5 * (place[0] + place[2]) - px, 0.5 * (place[1] + place[3]) - py)
-            distant = math.hypot(*(max(abs(o) - 0.5 * s, 0.0) for o, s in zip(shift, size, strict=True))) > 12.0
+            distant = math.hypot(*(max(abs(o) - 0.5 * s, 0.0) for o, s in zip(shift, size, strict=True))) > scaled(12.0)
             self.axes.annotate(
                 text, (x, y), shift, textcoords="offset points", ha="center", va="center", zorder=6, color=ink,
                 bbox={"boxstyle": "square,pad=0.1", "facecolor": "w", "alpha": 0.8, "linewidth": 0},

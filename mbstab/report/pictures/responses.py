@@ -14,7 +14,8 @@ from mbstab.analysis.linear.response import Response
 from mbstab.analysis.linear.transfer import Channel
 from mbstab.analysis.linear.unbalance import UnbalanceResponse
 from mbstab.compiler.system import Array
-from mbstab.report.pictures.drawing import FONT, UNSTABLE_SHADE, draw_legend, house_style, titled_figure
+from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure
+from mbstab.report.pictures.sizes import FONT, scaled
 from mbstab.report.responses import decibels, phase, unit
 
 STYLES = ("-", "--", "-.", ":")
@@ -189,5 +190,5 @@ def _arrow(axes: Axes, values: Any, color: str, side: float) -> None:
     way = (end - start) / abs(end - start) * 1e-3 * side
     axes.annotate(
         "", (end.real, end.imag), (end.real - way.real, end.imag - way.imag), zorder=4,
-        arrowprops={"arrowstyle": "-|>", "color": color, "mutation_scale": 1.6 * FONT, "linewidth": 0},
+        arrowprops={"arrowstyle": "-|>", "color": color, "mutation_scale": scaled(1.6 * FONT), "linewidth": 0},
     )  # fmt: skip

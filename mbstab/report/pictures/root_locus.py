@@ -43,10 +43,11 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
                 side = "left" if x < 0.5 else "right"
                 axes.text(x, 1.015, text, transform=axes.transAxes, ha=side, va="bottom", style="italic")
         handles = _draw_ends(axes, curves)
-        _draw_critical_points(axes, curves)
+        labels = _draw_critical_points(axes, curves)
         if curves.marked:
             handles.append(legend_marker("D", 7.0, "critical value"))
         draw_legend(figure, handles + branch_entries(curves) + legend_entries(curves))
+        labels.draw()
         return figure
 
 
@@ -64,12 +65,12 @@ def _draw_ends(axes: Axes, curves: SweepCurves) -> list[Artist]:
     return handles
 
 
-def _draw_critical_points(axes: Axes, curves: SweepCurves) -> None:
-    """Mark where eigenvalues reach the imaginary axis at critical values, and label the upper ones."""
+def _draw_critical_points(axes: Axes, curves: SweepCurves) -> PointLabels:
+    """Mark where eigenvalues reach the imaginary axis at critical values; return labels of the upper ones."""
     labels = PointLabels(axes)
     for group in curves.marked[:LABELS]:
         for height in sorted({c.frequency for c in group}):
             points = [height, -height] if height > 0.0 else [0.0]
             axes.plot([0.0] * len(points), points, "D", color="k", markersize=7, markerfacecolor="w", zorder=5)
             labels.add(0.0, height, f"{curves.label.name} = {curves.show(group[0].value)}")
-    labels.draw()
+    return labels

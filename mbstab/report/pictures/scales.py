@@ -11,7 +11,6 @@ from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 from mbstab.compiler.system import Array
 from mbstab.model.units import parse_unit
 from mbstab.records import dataclass
-from mbstab.report.pictures.drawing import FONT
 
 SQUEEZED = 40.0
 """The axis of real parts is logarithmic if the largest is this many times that of the rightmost eigenvalue."""
@@ -100,9 +99,7 @@ def set_logarithmic(axes: Axes, which: str, threshold: float, lo: float, hi: flo
     axis.set_major_formatter(FuncFormatter(lambda value, _: _tick_text(value)))
     limit = axes.set_ylim if which == "y" else axes.set_xlim
     limit(min(1.4 * lo, -BESIDE * threshold), max(1.4 * hi, BESIDE * threshold))
-    text = f"{axis.get_label_text()}, logarithmic beyond {_tick_text(threshold)}"
-    long = 72.0 * axes.get_window_extent().height / axes.figure.dpi if which == "y" else math.inf
-    axis.set_label_text(text, fontsize=min(FONT + 0.5, long / (0.55 * len(text))))
+    axis.set_label_text(f"{axis.get_label_text()}, logarithmic beyond {_tick_text(threshold)}")
 
 
 def decade(small: float, largest: float) -> float:

@@ -9,10 +9,18 @@ from matplotlib.patches import Patch
 
 from mbstab.analysis.linear.sensitivity import Derivatives, Sensitivities
 from mbstab.report.modes import value_text
-from mbstab.report.pictures.drawing import FONT, draw_legend, house_style, titled_figure
+from mbstab.report.pictures.drawing import draw_legend, house_style, picture_height, titled_figure
+from mbstab.report.pictures.sizes import FONT, scaled
 
-PANELS, BARS = 6, 8
-"""The largest number of eigenvalues that are drawn, those that decay least, and of parameters for each."""
+PANELS, BARS, FEW = 6, 8, 4
+"""The largest number of eigenvalues that are drawn, those that decay least, and of parameters for each: `FEW` in a size
+with a height, and then as many eigenvalues as fit."""
+
+HEAD, BAR, GAP = 0.3, 0.22, 0.35
+"""Room for the name of an eigenvalue, for a parameter, and between panels (inches on a page)."""
+
+BESIDE = 1.4
+"""Room for title and legend (inches on a page)."""
 
 NAME = 13
 """Characters of a parameter that fit beside a panel."""
@@ -24,13 +32,16 @@ def sensitivity_bars(found: Sensitivities, title: str) -> Figure:
     Parameters that are zero have no percent and no bar; neither have those that do not move the eigenvalue.
     """
     panels: list[tuple[Derivatives, list[int]]] = []
+    most, bars = PANELS, BARS
+    if picture_height():
+        most, bars = int((picture_height() - BESIDE + GAP) / (HEAD + BAR * FEW + GAP)), FEW
     for item in found.derivatives:
         order = [k for k in found.order(item) if abs(item.slopes[k]) > item.errors[k] and found.values[k]]
-        if order and len(panels) < PANELS:
-            panels.append((item, order[:BARS]))
+        if order and len(panels) < most:
+            panels.append((item, order[:bars]))
     with house_style():
-        heights = [0.3 + 0.22 * len(order) for _, order in panels] or [1.0]
-        figure, axes = titled_figure(title, heights, gap=0.35)
+        heights = [HEAD + BAR * len(order) for _, order in panels] or [1.0]
+        figure, axes = titled_figure(title, heights, gap=GAP, stretched=False)
         for panel, (item, order) in zip(axes, panels, strict=False):
             e = found.eigenvalue(item)
             change = 0.01 * item.slopes[order] * found.values[order]
@@ -44,11 +55,12 @@ def sensitivity_bars(found: Sensitivities, title: str) -> Figure:
             panel.set_ylim(len(order) - 0.4, -1.5)
             reach = 1.08 * max(np.max(np.abs(change.real)), np.max(np.abs(change.imag)))
             panel.set_xlim(-reach, reach)
+            panel.locator_params(axis="x", nbins=5)
             panel.axvline(0.0, color="k", linewidth=0.8, zorder=4)
             panel.grid(axis="x", color="0.85", linewidth=0.6)
             panel.tick_params(axis="y", length=0)
             text = f"{e.name}{': ' if e.name else ''}{value_text(e)} 1/s"
-            panel.text(0.01, 0.97, text, transform=panel.transAxes, va="top", fontsize=FONT, parse_math=False)
+            panel.text(0.01, 0.97, text, transform=panel.transAxes, va="top", fontsize=scaled(FONT), parse_math=False)
         if not panels:
             axes[0].text(0.5, 0.5, "no eigenvalue has derivatives", transform=axes[0].transAxes, ha="center")
             axes[0].set_yticks([])

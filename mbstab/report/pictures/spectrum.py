@@ -15,9 +15,10 @@ from matplotlib.patches import Circle
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear.results import EigenResult, Eigenvalue
 from mbstab.report.pictures.curves import INK
-from mbstab.report.pictures.drawing import FONT, UNSTABLE_SHADE, draw_legend, house_style, titled_figure
+from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure
 from mbstab.report.pictures.point_labels import LABELS, PointLabels
 from mbstab.report.pictures.scales import SQUEEZED, axis_range, decade, number_text, set_logarithmic, set_real_scale
+from mbstab.report.pictures.sizes import FONT, scaled
 from mbstab.report.pictures.sweep_curves import TINY
 
 DAMPING = (0.05, 0.1, 0.2, 0.4, 0.7)
@@ -82,8 +83,8 @@ def spectrum(result: EigenResult, title: str) -> Figure:
         for e, value in zip(result.eigenvalues, values.tolist(), strict=True):
             if e.name and value.imag >= 0.0 and len(labels.wanted) < LABELS:
                 labels.add(value.real, value.imag, e.name)
-        labels.draw()
         draw_legend(figure, handles)
+        labels.draw()
         return figure
 
 
@@ -124,7 +125,7 @@ def _plane(axes: Axes, values: Complex, pairs: list[Eigenvalue]) -> list[Artist]
             continue
         labelled.append(place)
         x, y = axes.transAxes.inverted().transform(place)
-        axes.text(x, y, f"{ratio:g}", transform=axes.transAxes, fontsize=FONT - 2.0, color="0.4",
+        axes.text(x, y, f"{ratio:g}", transform=axes.transAxes, fontsize=scaled(FONT - 2.0), color="0.4",
                   ha="center", va="center", zorder=2,
                   bbox={"boxstyle": "square,pad=0.1", "facecolor": "w", "linewidth": 0})  # fmt: skip
     # Close to the axes too, where logarithmic scales magnify.

@@ -16,13 +16,13 @@ from mbstab.analysis.linear.methods import METHODS
 from mbstab.report.pictures.drawing import (
     CRITICAL_STYLE,
     EXACT,
-    FONT,
     draw_legend,
     house_style,
     legend_marker,
     titled_figure,
 )
 from mbstab.report.pictures.point_labels import PointLabels
+from mbstab.report.pictures.sizes import FONT, scaled
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.integrators import Integrations
@@ -63,19 +63,26 @@ def work_precision(result: Comparison, title: str) -> Figure:
         if rounding > EXACT:
             axes.axhline(rounding, color="0.4", linewidth=1.0, linestyle=":", zorder=1)
             handles.append(Line2D([], [], color="0.4", linewidth=1.0, linestyle=":", label="rounding of the data"))
+        axes.set_xlabel("time (ms); of digits from the file, of the others from the reference motion")
+        axes.set_ylabel("largest relative error of an eigenvalue")
+        draw_legend(figure, handles)
         _decades(axes, list(points.values()), len(result.outcomes))
         labels = PointLabels(axes)
         for n, (time, error) in points.items():
             labels.add(time, error, str(n))
         labels.draw()
-        axes.set_xlabel("time (ms); of digits from the file, of the others from the reference motion")
-        axes.set_ylabel("largest relative error of an eigenvalue")
         lines = [f"{n}  {x.method}{_missing(x)}" for n, x in enumerate(result.outcomes, 1)]
         # No method is both fast and accurate: the lower left corner is free.
         axes.text(
-            0.02, 0.03, "\n".join(lines), transform=axes.transAxes, ha="left", va="bottom", fontsize=FONT, zorder=6
+            0.02,
+            0.03,
+            "\n".join(lines),
+            transform=axes.transAxes,
+            ha="left",
+            va="bottom",
+            fontsize=scaled(FONT),
+            zorder=6,
         )
-        draw_legend(figure, handles)
         return figure
 
 
@@ -127,7 +134,8 @@ def _decades(axes: Axes, points: Sequence[tuple[float, float]], entries: int) ->
     span = max(math.log10(max(times) / min(times)), 1.0)
     axes.set_xlim(min(times) * 10.0 ** (-0.12 * span), max(times) * 10.0 ** (0.12 * span))
     lowest_there = min(error for time, error in points if time < min(times) * 10.0 ** (0.5 * span))
-    part = 0.045 * entries + 0.08  # of the height, for the list
+    high = 72.0 * axes.get_window_extent().height / axes.figure.dpi
+    part = min(1.3 * scaled(FONT) * (entries + 1.5) / high, 0.8)  # of the height, for the list
     top = math.log10(upper) + 1.0
     bottom = min(math.log10(lower) - 1.0, (math.log10(lowest_there) - part * top) / (1.0 - part))
     axes.set_ylim(10.0 ** max(bottom, -306.0), 10.0**top)
