@@ -111,6 +111,24 @@ def test_three_regions_meet():
     assert np.all(np.min(np.abs(np.concatenate(result.boundaries)), axis=1) < 1e-9)
 
 
+def test_curves_reach_the_point_where_they_meet():
+    # Weave, capsize and both: three regions in one cell.
+    x, y = np.array([4.0, 5.0, 6.0, 7.0]), np.array([1.1, 1.15, 1.2])
+    result = mbstab.load("whipple_bicycle.yaml").chart({"v": x, "w": y})
+    assert {0, 1, 2, 3} == set(result.unstable.ravel())
+    # Nothing but the edges of the grid ends a curve, or another curve.
+    points = [tuple(point) for curve in result.boundaries for point in curve]
+    for end in (tuple(curve[k]) for curve in result.boundaries for k in (0, -1)):
+        assert end[0] in (x[0], x[-1]) or end[1] in (y[0], y[-1]) or points.count(end) > 1
+
+
+def test_divergence_is_told_from_flutter():
+    x, y = np.linspace(-1.0, 1.4, 9), np.linspace(-0.7, 1.0, 8)
+    result = mbstab.loads(OSCILLATORS).chart({"k": x, "d": y})
+    # λ² + dλ + k: one real eigenvalue grows below k = 0, a pair where d < 0, as that of the other oscillator does.
+    assert np.array_equal(result.oscillating, np.where(y[:, None] < 0, np.where(x < 0, 2, 4), 0))
+
+
 @pytest.mark.long
 def test_three_regions_that_meet_in_one_cell():
     # Below zero stiffness 1, above and damped 0, above and undamped by rotation 2 or more: k(c) cut by a line.

@@ -24,7 +24,7 @@ ONLY_IN = {
     "rich": {"cli/handbook/terminal.py"},
     "markdown_it": {"cli/handbook/site.py"},
     "numba": {"compiler/machine.py"},
-    "scipy": {"analysis", "report/export.py", "report/animation/solids.py"},
+    "scipy": {"analysis", "report/export.py", "report/animation/solids.py", "report/pictures/stability_chart.py"},
     "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}
     | {f"analysis/reference/{x}.py" for x in ("element_comparison", "symmetries")}
     | {"analysis/linear/precise.py", "analysis/linear/precise_motion.py"},

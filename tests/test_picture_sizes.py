@@ -94,12 +94,13 @@ def drawings():
     shaped = [e for e in result.eigenvalues if e.vector is not None and e.value.imag >= 0.0][:3]
     swings: list[Swing] = [bicycle.swing(number, 4) for number in range(1, len(shaped) + 1)]
     x = np.linspace(0.0, 10.0, 5)
+    counts = np.add.outer(x, x).astype(int) // 4
     return {
         "map": lambda: stability_map(swept(), "omega (rad/s)", TITLE),
         "locus": lambda: root_locus(swept(), "omega (rad/s)", TITLE),
         "campbell": lambda: campbell(swept(), "omega (rad/s)", TITLE),
         "spectrum": lambda: spectrum(result, TITLE),
-        "chart": lambda: chart(x, x, np.add.outer(x, x).astype(int) // 4, [], ("v (m/s)", "w"), TITLE),
+        "chart": lambda: chart(x, x, counts, counts // 2, [], ("v (m/s)", "w"), TITLE),
         "pencil": lambda: pencil_pattern(linear, TITLE),
         "sensitivity": lambda: sensitivity_bars(slopes, TITLE),
         "modes": lambda: mode_stills(bicycle.system(), shaped, swings, TITLE),

@@ -15,6 +15,7 @@ from mbstab.model.units import is_angular_velocity
 from mbstab.report.pictures.campbell import campbell
 from mbstab.report.pictures.curves import INK, THICK, THIN
 from mbstab.report.pictures.drawing import save
+from mbstab.report.pictures.regions import regions
 from mbstab.report.pictures.root_locus import root_locus
 from mbstab.report.pictures.scales import Axis
 from mbstab.report.pictures.stability_chart import REGIONS, chart
@@ -313,19 +314,61 @@ def test_charts_show_regions_gaps_and_boundaries(tmp_path):
     x, y = np.linspace(0.0, 10.0, 21), np.linspace(0.0, 1e-3, 11)
     unstable = np.add.outer(np.arange(11) // 4, np.arange(21) // 7)
     unstable[8:, :4] = -1
+    complex_ones = np.minimum(np.maximum(unstable, 0), 2)
     boundary = np.array([[0.0, 0.0], [5.0, 5e-4], [np.nan, np.nan], [6.0, 6e-4], [10.0, 1e-3]])
-    figure = chart(x, y, unstable, [boundary], ("v (m/s)", "h (mm)"), "Chart")
+    figure = chart(x, y, unstable, complex_ones, [boundary], ("v (m/s)", "h (mm)"), "Chart")
     axes = figure.axes[0]
     found = texts(figure)
-    expected = ["v (m/s)", "h (mm)", "stable", "1 unstable", "4 or more unstable", "no answer", "stability boundary"]
-    assert [text for text in expected if text not in found] == []
+    expected = ["v (m/s)", "h (mm)", "stable", "1 unstable: flutter", "4 or more unstable: divergence and flutter"]
+    assert [text for text in [*expected, "no answer", "stability boundary"] if text not in found] == []
     assert axes.get_ylim() == pytest.approx((0.0, 1.0))
     assert [c.get_hatch() for c in axes.collections if c.get_hatch()] == ["////"]
     assert np.isnan(curves(axes)[0].get_ydata()).any()
-    cells = axes.collections[0]
-    shades = cells.to_rgba(np.arange(5.0))[:, 0]
+    shades = [c.get_facecolor()[0, 0] for c in axes.collections if not c.get_hatch()]
     np.testing.assert_allclose(shades, [float(shade) for shade in REGIONS])
     save(figure, tmp_path / "chart.pdf")
+
+
+def area(polygon):
+    x, y = np.array(polygon).T
+    return 0.5 * float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+
+
+def circle_on(x, y):
+    """Return the points in which the unit circle crosses the lines of a grid."""
+    found = [(s * math.sqrt(1.0 - v * v), v) for v in y if abs(v) < 1.0 for s in (1, -1)]
+    return np.array(found + [(v, s * math.sqrt(1.0 - v * v)) for v in x if abs(v) < 1.0 for s in (1, -1)])
+
+
+@pytest.mark.parametrize("down", [False, True])
+def test_regions_end_at_their_boundary(down):
+    x, y = np.linspace(-1.53, 1.6, 14), np.linspace(-1.41, 1.5, 11)
+    x = x[::-1] if down else x
+    inside = (np.hypot(*np.meshgrid(x, y)) < 1.0).astype(int)
+    found = regions(x, y, inside, [circle_on(x, y)])
+    sizes = {label: sum(abs(area(polygon)) for polygon in polygons) for label, polygons in found.items()}
+    assert sum(sizes.values()) == pytest.approx(abs(np.ptp(x) * np.ptp(y)), rel=1e-12)
+    # Chords of the circle, of which a cell of the grid cuts off at most 3 % here; half cells are 10 % away.
+    assert 0.97 * math.pi < sizes[1] < math.pi
+
+
+def test_cells_with_three_and_four_regions_are_filled_once():
+    for labels in ([[0, 1], [2, 2]], [[0, 1], [1, 0]], [[0, 1], [2, 0]], [[0, 1], [3, 2]], [[0, 1], [1, 2]]):
+        found = regions(np.array([0.0, 1.0]), np.array([0.0, 2.0]), np.array(labels), [])
+        assert set(found) == set(np.ravel(labels))
+        assert all(area(polygon) > 0.0 for polygons in found.values() for polygon in polygons)
+        assert sum(area(polygon) for polygons in found.values() for polygon in polygons) == pytest.approx(2.0)
+
+
+def test_the_kind_of_loss_is_written_where_it_has_room():
+    x = np.linspace(0.0, 1.0, 21)
+    unstable = np.where(x < 0.45, 2, np.where(x < 0.55, 1, 0)) * np.ones((21, 1), dtype=int)
+    figure = chart(x, x, unstable, np.where(unstable == 2, 2, 0), [], ("a", "b"), "")
+    written = {text.get_text(): text.get_position() for text in figure.axes[0].texts}
+    assert set(written) == {"flutter", "stable"}  # divergence: only in the legend
+    assert "1 unstable: divergence" in texts(figure)
+    assert written["flutter"][0] < 0.4
+    assert written["stable"][0] > 0.6
 
 
 # --- files ----------------------------------------------------------------------------------------------------------

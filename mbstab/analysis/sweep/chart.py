@@ -19,7 +19,7 @@ from mbstab.analysis.linear.verdict import UNDECIDED, WORDS
 from mbstab.analysis.reference.continuation import follow_all
 from mbstab.analysis.reference.paths import Sheet, Surface
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
-from mbstab.analysis.sweep.batched_verdict import WORD, settled
+from mbstab.analysis.sweep.batched_verdict import RIGHT, WORD, settled
 from mbstab.analysis.sweep.batched_verdict import unplaced as unplaced_of
 from mbstab.analysis.sweep.blocks import Block, Progress, Task, home_of, merged, patterns_at, tasks
 from mbstab.analysis.sweep.jobs import run, stored
@@ -47,6 +47,8 @@ class Chart:
         Their values (SI), ascending.
     unstable : ndarray of int, shape (len(y), len(x))
         Number of unstable eigenvalues; −1 where the verdict is open, or there is no answer.
+    oscillating : ndarray of int, shape (len(y), len(x))
+        How many of them are complex: all where a motion is lost by flutter, none where by divergence.
     boundaries : list of ndarray, shape (k, 2)
         Curves on which the number changes, or on which the equilibria that are followed end.
     problems : dict
@@ -59,6 +61,7 @@ class Chart:
     x: Array
     y: Array
     unstable: npt.NDArray[np.intp]
+    oscillating: npt.NDArray[np.intp]
     boundaries: list[Array]
     problems: dict[int, str]
     words: npt.NDArray[np.int8]
@@ -120,13 +123,15 @@ def _charted(
         place = np.flatnonzero(np.repeat([path is not None for path in sheet.paths], len(x)))
         problems = {int(i): sheet.missing(points, int(i)) for i in np.setdiff1d(np.arange(len(x) * len(y)), place)}
     shape = len(y), len(x)
-    unstable, growing = np.full(shape, -1), np.full(shape, -1)
+    unstable, growing, oscillating = np.full(shape, -1), np.full(shape, -1), np.zeros(shape, dtype=int)
     words = np.full(shape, WORD[UNDECIDED], dtype=np.int8)
     count = unplaced = 0
     if blocks:
         whole = merged(blocks)
         count, unplaced = whole.values.shape[1], unplaced_of(whole.sides, whole.words, whole.problems)
         unstable.flat[place], words.flat[place] = whole.unstable, whole.words
+        complex_right = np.sum((whole.sides == RIGHT) & (whole.values.imag != 0.0), axis=1)
+        oscillating.flat[place] = np.minimum(complex_right, np.maximum(whole.unstable, 0))
         growing.flat[place] = settled(whole.sides, whole.words, unplaced)
         problems |= {int(place[i]): text for i, text in whole.problems.items()}
         growing.flat[list(problems)] = -1
@@ -134,7 +139,7 @@ def _charted(
     boundaries = _boundaries(evaluator, (one, other), x, y, growing, count, unplaced)
     if isinstance(sheet, Sheet):
         boundaries += _ends(sheet)
-    return Chart((one, other), x, y, unstable, boundaries, dict(sorted(problems.items())), words)
+    return Chart((one, other), x, y, unstable, oscillating, boundaries, dict(sorted(problems.items())), words)
 
 
 def _rows(model: Model, sheet: Sheet, parameter: str, x: Array) -> list[Task]:
@@ -232,19 +237,13 @@ def _joined(points: dict[Edge, Array], n_y: int, n_x: int) -> list[Array]:
             for one, other in pairs:
                 neighbours[one].append(other)
                 neighbours[other].append(one)
-    curves, seen = [], set()
+    curves = []
+    left = {frozenset((one, other)) for one, others in neighbours.items() for other in others}
     for start in sorted(points, key=lambda e: len(neighbours[e])):
-        if start in seen:
-            continue
         curve = [start]
-        seen.add(start)
-        while True:
-            following = [e for e in neighbours[curve[-1]] if e not in seen]
-            if not following:
-                break
+        while following := [e for e in neighbours[curve[-1]] if frozenset((curve[-1], e)) in left]:
+            left.remove(frozenset((curve[-1], following[0])))
             curve.append(following[0])
-            seen.add(following[0])
-        if len(curve) > 2 and curve[0] in neighbours[curve[-1]]:
-            curve.append(curve[0])
-        curves.append(np.array([points[e] for e in curve]))
+        if len(curve) > 1 or not neighbours[start]:
+            curves.append(np.array([points[e] for e in curve]))
     return curves

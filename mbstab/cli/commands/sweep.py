@@ -297,12 +297,10 @@ def _draw_chart(result: Chart, path: Path, labels: list[tuple[str, float]], titl
     from mbstab.report.pictures.stability_chart import chart
     from mbstab.report.pictures.sweep_curves import unanswered_text
 
-    texts = [_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True)]
+    one, other = (_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True))
     missing = unanswered_text(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
-    save_picture(
-        lambda: chart(result.x, result.y, result.unstable, result.boundaries, (texts[0], texts[1]), title, missing),
-        path,
-    )
+    grid = result.x, result.y, result.unstable, result.oscillating
+    save_picture(lambda: chart(*grid, result.boundaries, (one, other), title, missing), path)
 
 
 def _draw(result: Sweep, paths: dict[str, Path], label: str, title: str) -> None:

@@ -10,24 +10,36 @@ import numpy.typing as npt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mbstab.compiler.system import Array
-from mbstab.report.pictures.curves import Mask, thinned
-from mbstab.report.pictures.drawing import draw_legend, house_style, no_answer_patch, titled_figure
+from mbstab.report.pictures.curves import thinned
+from mbstab.report.pictures.drawing import draw_legend, house_style, no_answer_patch, text_width, titled_figure
+from mbstab.report.pictures.regions import Labels, Polygon, regions
 from mbstab.report.pictures.scales import Axis, parameter_range
+from mbstab.report.pictures.sizes import FONT, scaled
 
 REGIONS = ("1.0", "0.82", "0.64", "0.46", "0.28")
 """Grey of a region by its number of unstable eigenvalues; the last is for 4 or more."""
 
 
+GRAIN = 3.0
+"""Side of the squares in which room for a text is looked for (points)."""
+
+MOST = 12
+"""Largest number of texts inside regions."""
+
+WORDS = ("divergence", "flutter", "divergence\nand flutter")
+"""Loss of stability by real, complex, or both kinds of eigenvalues."""
+
+
 def chart(
     x: Array,
     y: Array,
-    unstable: npt.NDArray[np.integer[Any]],
+    unstable: Labels,
+    oscillating: Labels,
     boundaries: Sequence[Array],
     labels: tuple[Axis | str, Axis | str],
     title: str,
@@ -39,8 +51,8 @@ def chart(
     ----------
     x, y : ndarray
         Values of the parameters (SI), ascending or descending.
-    unstable : ndarray of int, shape (len(y), len(x))
-        Number of unstable eigenvalues; −1 where the verdict is open, or there is no answer.
+    unstable, oscillating : ndarray of int, shape (len(y), len(x))
+        Number of unstable eigenvalues, −1 where the verdict is open or there is no answer; how many are complex.
     boundaries : sequence of ndarray, shape (k, 2)
         Points of curves (SI); a row of nan breaks a curve.
     labels : tuple of Axis or str
@@ -49,54 +61,80 @@ def chart(
         Text of the legend for points without a number.
     """
     across, up = (Axis.read(label) for label in labels)
+    factors = across.factor, up.factor
+    count = np.clip(unstable, -1, len(REGIONS) - 1)
+    kind = np.where(oscillating == 0, 0, np.where(oscillating == unstable, 1, 2))
     with house_style():
         figure, (axes,) = titled_figure(title, heights=(4.8,))
-        x, y = x / across.factor, y / up.factor
-        last = len(REGIONS) - 1
-        shown = np.ma.masked_less(np.minimum(unstable, last), 0)
-        norm = BoundaryNorm(np.arange(-0.5, last + 1), last + 1)
-        cells = axes.pcolormesh(_edges(x), _edges(y), shown, cmap=ListedColormap(REGIONS), norm=norm, rasterized=True)
-        cells.set_zorder(0)
-        _hatch(axes, _edges(x), _edges(y), unstable < 0)
+        axes.set_xlabel(across.text)
+        axes.set_ylabel(up.text)
+        axes.set_xlim(*parameter_range(x / across.factor))
+        axes.set_ylim(*parameter_range(y / up.factor))
+        if min(len(x), len(y)) > 1:
+            _fill(axes, regions(x, y, count, boundaries), factors)
         for curve in boundaries:
-            points = np.asarray(curve, dtype=float).reshape(-1, 2) / (across.factor, up.factor)
+            points = np.asarray(curve, dtype=float).reshape(-1, 2) / factors
             # Dark on a lighter, wider line: the curve is visible on every grey.
             for width, colour in ((2.8, "w"), (1.4, "k")):
                 axes.plot(*thinned(points[:, 0], points[:, 1]), color=colour, linewidth=width, zorder=2)
-        axes.set_xlabel(across.text)
-        axes.set_ylabel(up.text)
-        axes.set_xlim(*parameter_range(x))
-        axes.set_ylim(*parameter_range(y))
         handles: list[Artist] = []
-        for count in sorted({int(k) for k in np.unique(np.minimum(unstable, last)) if k >= 0}):
-            text = f"{count} or more unstable" if count == last else f"{count} unstable" if count else "stable"
-            handles.append(Patch(facecolor=REGIONS[count], edgecolor="0.3", linewidth=0.6, label=text))
-        if np.any(unstable < 0):
+        for number in sorted({int(k) for k in np.unique(count) if k >= 0}):
+            more = " or more" if number == len(REGIONS) - 1 else ""
+            words = [WORDS[k].replace("\n", " ") for k in np.unique(kind[count == number])]
+            text = f"{number}{more} unstable: {', '.join(words)}" if number else "stable"
+            handles.append(Patch(facecolor=REGIONS[number], edgecolor="0.3", linewidth=0.6, label=text))
+        if np.any(count < 0):
             handles.append(no_answer_patch(missing))
         if len(boundaries):
             handles.append(Line2D([], [], color="k", linewidth=1.4, label="stability boundary"))
         draw_legend(figure, handles)
+        _write_kinds(axes, x / across.factor, y / up.factor, count, kind)
         return figure
 
 
-def _edges(values: Array) -> Array:
-    """Return the edges of cells around values."""
-    if len(values) < 2:
-        half = 0.5 * (abs(float(values[0])) or 1.0)
-        return np.array([values[0] - half, values[0] + half])
-    middle = 0.5 * (values[1:] + values[:-1])
-    return np.concatenate([[2.0 * values[0] - middle[0]], middle, [2.0 * values[-1] - middle[-1]]])
+def _fill(axes: Axes, polygons: dict[int, list[Polygon]], factors: tuple[float, float]) -> None:
+    """Fill regions by the number of unstable eigenvalues; those without an answer are hatched."""
+    for number, parts in polygons.items():
+        style: dict[str, Any] = {"facecolors": "w", "edgecolors": "0.5", "hatch": "////", "linewidths": 0.0}
+        if number >= 0:
+            # Without smoothed edges: between neighbours these would be seen.
+            style = {"facecolors": REGIONS[number], "linewidths": 0.0, "antialiaseds": False, "rasterized": True}
+        scaled_parts = [np.array(part) / factors for part in parts]
+        axes.add_collection(PolyCollection(scaled_parts, zorder=0.5 if number < 0 else 0, **style), autolim=False)
 
 
-def _hatch(axes: Axes, x: Array, y: Array, where: Mask) -> None:
-    """Hatch cells; neighbours in a row are one rectangle."""
-    rectangles = []
-    for k, row in enumerate(where):
-        change = np.flatnonzero(np.diff(np.concatenate([[0], row.astype(np.intp), [0]])))
-        for a, b in change.reshape(-1, 2):
-            rectangles.append([(x[a], y[k]), (x[b], y[k]), (x[b], y[k + 1]), (x[a], y[k + 1])])
-    if rectangles:
-        axes.add_collection(
-            PolyCollection(rectangles, facecolors="w", edgecolors="0.5", hatch="////", linewidths=0.0, zorder=0.5),
-            autolim=False,
-        )
+def _write_kinds(axes: Axes, x: Array, y: Array, count: Labels, kind: Labels) -> None:
+    """Write into each region that has room how stability is lost there."""
+    from scipy import ndimage
+
+    box = axes.get_window_extent()
+    wide, tall = (72.0 / axes.figure.dpi * side for side in (box.width, box.height))
+    columns, rows = (
+        _nearest(along, np.linspace(*limits, int(side / GRAIN)))
+        for along, limits, side in ((x, axes.get_xlim(), wide), (y, axes.get_ylim(), tall))
+    )
+    shown = np.where(count > 0, len(WORDS) * count + kind, count)[np.ix_(rows, columns)]
+    places: list[tuple[float, float, float, str, int]] = []
+    for label in (label for label in np.unique(shown).tolist() if label >= 0):
+        number = label // len(WORDS)
+        text = WORDS[label % len(WORDS)] if number else "stable"
+        lines = text.split("\n")
+        size = scaled(FONT)
+        need = [1.3 * size * len(lines), max(text_width(line, size) for line in lines)]
+        parts, found = ndimage.label(shown == label)
+        for part in range(1, found + 1):
+            inside = np.pad(parts == part, 1)
+            fits = ndimage.minimum_filter(inside, [int(n / GRAIN) + 3 for n in need], mode="constant")[1:-1, 1:-1]
+            if fits.any():
+                depth = np.where(fits, ndimage.distance_transform_edt(inside)[1:-1, 1:-1], 0.0)
+                i, j = np.unravel_index(int(np.argmax(depth)), depth.shape)
+                places.append((-float(depth[i, j]), (j + 0.5) / len(columns), (i + 0.5) / len(rows), text, number))
+    for _, u, v, text, number in sorted(places)[:MOST]:
+        ink = "k" if float(REGIONS[number]) > 0.5 else "w"
+        axes.text(u, v, text, transform=axes.transAxes, ha="center", va="center", color=ink, zorder=3, style="italic")
+
+
+def _nearest(values: Array, points: Array) -> npt.NDArray[np.intp]:
+    """Return the number of the value nearest to each point."""
+    found: npt.NDArray[np.intp] = np.argmin(np.abs(values[:, None] - points), axis=0)
+    return found
