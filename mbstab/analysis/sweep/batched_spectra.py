@@ -108,6 +108,8 @@ class Evaluator:
         self.model, self.path = model, path
         self.patterns = list(patterns)
         self.growth = 1.0
+        self.alone = 0
+        """How many points of the last call of `near` no pattern fits, so that each was computed by itself."""
 
     def spectra(
         self,
@@ -143,6 +145,7 @@ class Evaluator:
         work = _Work(self, values, lambda done: None)
         work.sampled = False
         work.run()
+        self.alone = sum(part.alone for part in work.found)
         if exact:
             work.decide()
         return work.gathered(count)

@@ -115,6 +115,7 @@ class Branches:
             return self._nothing(points)
         self.spent += len(points)
         found = self.evaluator.near({self.parameter: points}, self.values.shape[1], exact)
+        self.calls += TOLERANCES.branch_looks_alone * self.evaluator.alone
         self.size = max(self.size, float(np.max(found.sizes, initial=0.0)))
         found = replace(found, values=pinned(found.values, found.sides, found.sizes, self.unplaced))
         for n, p in enumerate(points.tolist()):

@@ -70,7 +70,9 @@ class Tolerances:
     branch_looks: Final = 5_000
     """Maximum work at intermediate points, in evaluations …"""
     branch_looks_of_judgement: Final = 8
-    """… of which judging one as `mbstab eig` does counts as this many."""
+    """… of which judging one as `mbstab eig` does counts as this many …"""
+    branch_looks_alone: Final = 50
+    """… and one that is computed by itself because no pattern fits it as this many."""
 
     # Critical values
     collision_side: Final = 1e-3
