@@ -211,6 +211,7 @@ def test_at_other_parameters_both_ways_agree(name):
 # --- intervals ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("below", "above"), sample([("5.5", "5.7"), ("5.5677", "5.5678")], 2))
 def test_the_top_falls_for_every_slow_spin_and_sleeps_for_every_fast_one(below, above):
     top = mbstab.load("top.yaml")
@@ -233,6 +234,7 @@ def test_the_critical_spin_of_the_top_to_thirty_digits():
     assert found.unstable == (2, 0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("low", "high", "value", "unstable"),
     sample([("4", "5", 4.29238253634110396, (2, 0)), ("6", "6.1", 6.02426201538835889, (0, 1))], 2),
@@ -496,6 +498,7 @@ def test_rows_that_may_repeat_others_are_a_condition():
     assert data["conditions"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("interval", sample(["[-1e-14, 1e-14]", "[0, 1e-14]", "[-3e-15, 1e-14]"], 3))
 def test_rows_that_repeat_others_at_one_value_only(interval):
     result = door("0").certify(e=interval)

@@ -141,6 +141,7 @@ def test_three_regions_that_meet_in_one_cell():
     assert np.max(np.minimum(np.abs(points[:, 0] - points[:, 1]), np.abs(points.sum(axis=1)))) < 1e-9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("points", sample([10, 24], 2))
 def test_a_closed_boundary_closes(points):
     text = OSCILLATORS.replace("-k*a.x - d*rate(a.x)", "-(k**2 + c**2 - 1)*a.x").replace("-c*b.x", "-b.x")
@@ -262,6 +263,7 @@ def test_a_command_line_that_is_wrong(arguments, message):
     assert message in result.stderr
 
 
+@pytest.mark.long
 def test_a_chart_follows_equilibria_and_draws_where_they_end():
     from test_sweep import snap
 

@@ -239,6 +239,7 @@ def test_errors_are_of_the_order_that_tables_2_4_6_8_print_or_smaller(name, omeg
         assert np.max(found[method].errors * moduli) <= ORDER * printed, method
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("omega", sample(["20", "0"], 2))
 def test_the_five_techniques_are_applicable_to_the_governor(omega):
     found = by_name(compared("governor", omega=omega))

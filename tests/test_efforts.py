@@ -202,12 +202,12 @@ initial: {rates: {nut: {z: 2}}}
 def test_angles_and_displacements_of_joints_go_on_over_many_turns(tmp_path):
     path = tmp_path / "spin.csv"
     (tmp_path / "spin.yaml").write_text(SPINNING)
-    arguments = ["--perturb", "rate(angle(shaft))=300", "--perturb", "angle(sleeve)=3", "--to", "1", "--points", "11"]
+    arguments = ["--perturb", "rate(angle(shaft))=300", "--perturb", "angle(sleeve)=3", "--to", "0.1", "--points", "11"]
     plots = ["--plot", "angle(shaft),displacement(sleeve)", "--plot", "phase:angle(shaft)"]
     result = run("simulate", tmp_path / "spin.yaml", *arguments, *plots, "-o", path)
     assert result.exit_code == 0, result.output
     rows = list(csv.DictReader(io.StringIO(path.read_text())))
-    times = np.linspace(0.0, 1.0, 11)
+    times = np.linspace(0.0, 0.1, 11)
     for head, value in (
         ("angle(shaft) (rad)", 300.0 * times),
         ("rate(angle(shaft)) (rad/s)", 300.0),

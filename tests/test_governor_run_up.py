@@ -52,6 +52,7 @@ def angle(sim):
     return sim.q[:, sim.names.index("right_crank.psi")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("omega", sample(PRINTED, 3))
 def test_the_motion_starts_in_the_static_equilibrium_and_the_shaft_follows_the_law(omega):
     sim = simulated(omega)
@@ -67,6 +68,7 @@ def test_the_motion_starts_in_the_static_equilibrium_and_the_shaft_follows_the_l
     assert sim.energy_drift <= 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("omega", sample(PRINTED, 3))
 def test_the_motion_ends_at_the_printed_angle(omega):
     sim = simulated(omega)

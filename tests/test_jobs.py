@@ -120,6 +120,7 @@ def test_two_processes_give_the_same_bits(bicycle, whole):
     assert_same(whole, bicycle.sweep("v", X, jobs=2))
 
 
+@pytest.mark.long
 def test_equilibria_are_followed_the_same_in_two_processes(small):
     model, x = mbstab.load("bead_on_hoop.yaml"), np.linspace(0.0, 8.0, 101)
     assert_same(model.sweep("Omega", x), model.sweep("Omega", x, jobs=2))
@@ -156,6 +157,7 @@ def test_a_directory_is_not_there_afterwards(wheel, whole_wheel, tmp_path):
     assert list((tmp_path / "deep").iterdir()) == []
 
 
+@pytest.mark.long
 def test_a_descending_sweep_and_a_chart_are_resumed(wheel, small, tmp_path):
     place = tmp_path / "v.parts"
     with pytest.raises(KeyboardInterrupt):

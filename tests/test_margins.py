@@ -115,11 +115,12 @@ def test_a_response_without_damping_is_real_everywhere():
     assert found.closed is not True
 
 
-def test_random_systems_against_a_fine_grid():
+@pytest.mark.parametrize("systems", sample([8, 25], 2))
+def test_random_systems_against_a_fine_grid(systems):
     rng = np.random.default_rng(3)
     omega = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 4001)])
     seen = 0
-    for _ in range(25):
+    for _ in range(systems):
         n = int(rng.integers(2, 10))
         A = rng.normal(size=(n, n))
         A -= np.eye(n) * (np.linalg.eigvals(A).real.max() + rng.choice([0.03, 0.3]))
@@ -142,7 +143,7 @@ def test_random_systems_against_a_fine_grid():
         closed = np.linalg.eigvals(A - np.outer(loop.B, loop.C) / (1 + loop.D[0]))
         assert found.closed is bool(closed.real.max() < 0)
         seen += len(up) + len(across)
-    assert seen > 30
+    assert seen > systems
 
 
 def chain(n, seen):

@@ -207,6 +207,7 @@ def test_a_turn_in_a_singular_configuration_is_refused():
         mbstab.loads(json.dumps(driven)).simulate(2.0, tol=1e-6, through_singular=True)
 
 
+@pytest.mark.long
 def test_a_passage_under_a_given_function_of_time():
     driven = json.loads(four_bar_loops(1, "pi/2"))
     law = "pi/2 - 2*sin(t)"

@@ -16,7 +16,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import qr
 
 from mbstab.analysis.algebra.rank import Rank, rank_of
 from mbstab.analysis.algebra.sparse import dense, is_sparse, row_norms, scaled
@@ -168,6 +167,8 @@ def along_coordinates(spaces: Subspaces) -> tuple[Subspaces, Array]:
 
 def _aligned(basis: Array) -> tuple[Array, Array]:
     """Return an orthonormal basis times a rotation, triangular in the rows that are largest, and the rotation."""
+    from scipy.linalg import qr
+
     if not basis.size:
         return basis, np.eye(basis.shape[1])
     turn, triangle, order = qr(basis.T, pivoting=True)
