@@ -120,6 +120,9 @@ def test_texts_are_inside_the_picture_and_legible(of, drawings):
         for text in figure.findobj(Text):
             assert text.get_fontsize() >= 6.0 or not text.get_text().strip(), (name, text.get_text())
         labels = [part for axes in figure.axes for part in (axes.xaxis.label, axes.yaxis.label, axes.title)]
+        for box in (axes.yaxis.get_tightbbox() for axes in figure.axes):
+            assert box is None or box.x0 >= sheet.x0, name
+        assert figure.texts[0].get_text().replace("\n", " ") == TITLE
         entries = [entry for legend in figure.legends for entry in legend.get_texts()]
         for text in (*labels, *entries, *figure.texts):
             box = text.get_window_extent()

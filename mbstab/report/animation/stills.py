@@ -32,8 +32,8 @@ from mbstab.report.pictures.drawing import (
 )
 from mbstab.report.pictures.sizes import FONT, scaled
 
-ABOVE, HEAD, BELOW, SIDE, GAP = 0.3, 0.5, 0.45, 0.25, 0.3
-"""Room for title, heading of a panel and legend, beside the panels, and between them (inches on a page)."""
+LINE, HEAD, BELOW, SIDE, GAP = 0.25, 0.5, 0.45, 0.25, 0.3
+"""Room for a line of the title, heading of a panel, legend, beside and between panels (inches on a page)."""
 
 FLATTEST, TALLEST = 1.2, 3.6
 """Limits of the height of a panel (inches on a page)."""
@@ -69,11 +69,13 @@ def mode_stills(system: System, modes: Sequence[Eigenvalue], swings: Sequence[Sw
     view = View(Sketch.of(system), frames)
     with house_style():
         ratio = (view.high - view.low)[1] / (view.high - view.low)[0]
-        columns, wide, tall = _panel(len(modes), ratio, ABOVE if title else 0.05)
-        rows, above = -(-len(modes) // columns), ABOVE if title else 0.05
+        lines = title_lines(title)[:3]
+        above = 0.05 + LINE * len(lines)
+        columns, wide, tall = _panel(len(modes), ratio, above)
+        rows = -(-len(modes) // columns)
         width, total = picture_width(), above + rows * (tall + HEAD) + BELOW
         figure = Figure(figsize=(scaled(width), scaled(total)))
-        draw_title(figure, title_lines(title)[:1])
+        draw_title(figure, lines)
         view.fit(wide, tall)
         for n, mode in enumerate(modes):
             row, column = divmod(n, columns)

@@ -6,6 +6,7 @@ their marker. Results are in SI units, pictures in declared units.
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Iterator, Sequence
@@ -177,6 +178,7 @@ def draw_legend(figure: Figure, handles: Sequence[Artist], below: float = BELOW)
     _set_below(figure, scaled(below + 0.17 * (lines - 1)) + high)
     for axes in figure.axes:
         _fit_upright_label(axes)
+    _set_left(figure)
 
 
 def _fit_upright_label(axes: Axes) -> None:
@@ -185,9 +187,20 @@ def _fit_upright_label(axes: Axes) -> None:
     text, largest = axes.get_ylabel(), scaled(FONT + 0.5)
     lines = [text]
     if text_width(text, 0.85 * largest) > long:
-        halves = (wrap(text, width) for width in range(len(text) // 2, len(text) + 1))
+        halves = (wrap(text, width, break_long_words=False) for width in range(len(text) // 2, len(text) + 1))
         lines = next(lines for lines in halves if len(lines) <= 2)
     axes.set_ylabel("\n".join(lines), fontsize=min(largest, *(long / text_width(line or " ", 1.0) for line in lines)))
+
+
+def _set_left(figure: Figure) -> None:
+    """Move the left edges of panels to the right if their numbers and labels would be cut off."""
+    boxes = [axes.yaxis.get_tightbbox() for axes in figure.axes]
+    missing = scaled(0.04) - min((box.x0 / figure.dpi for box in boxes if box is not None), default=math.inf)
+    if missing > 0.0:
+        part = missing / figure.get_figwidth()
+        for axes in figure.axes:
+            place = axes.get_position(original=True)
+            axes.set_position((place.x0 + part, place.y0, place.width - part, place.height))
 
 
 def _wrap_label(axes: Axes) -> int:
