@@ -255,18 +255,19 @@ class _Vectors:
         separated = self.separated
         self.S, T, L, B = separated.S, separated.T, separated.L, separated.B
         self.A = separated.A
+        self.turned, self.size = turn.T @ self.S @ turn, float(np.linalg.norm(self.S, 2))
         self.inner, self.along, self.across = T.T @ self.S @ T, T.T @ self.S @ B, B.T @ self.S @ L.T
 
     def derivative(self, e: Eigenvalue, slopes: Array) -> tuple[Complex, Array]:
         """Return dλ/dp and an estimate of its error, shape (parameters,)."""
         x, y, at = self._pair(e.value)
-        x, y, S = self.turn.T @ x, self.turn.T @ y, self.turn.T @ self.S @ self.turn
+        x, y = self.turn.T @ x, self.turn.T @ y
         number = complex(np.vdot(y, x))
         carried = slopes @ x
         derivative = carried @ y.conj() / number
         n = len(x)
         # (λ − S) z = rest with yᴴ z = 0: the change of the vectors with an error of S.
-        shifted = at * np.eye(n) - S
+        shifted = at * np.eye(n) - self.turned
         bordered = np.block([[shifted, y[:, None]], [x.conj()[None, :], np.zeros((1, 1))]])
         behind = np.zeros((n + 1, len(slopes)), dtype=complex)
         behind[:n] = (carried - derivative[:, None] * x).T
@@ -275,7 +276,7 @@ class _Vectors:
         reach = np.linalg.norm(np.linalg.solve(bordered, behind)[:n], axis=0) * np.linalg.norm(y)
         reach += np.linalg.norm(np.linalg.solve(bordered.T, ahead)[:n], axis=0) * np.linalg.norm(x)
         weight = np.linalg.norm(x) * np.linalg.norm(y) / abs(number)
-        backward = max(e.error_bound / weight, TOLERANCES.roundings_of_vectors * EPS * float(np.linalg.norm(S, 2)))
+        backward = max(e.error_bound / weight, TOLERANCES.roundings_of_vectors * EPS * self.size)
         rounding = TOLERANCES.roundings_of_vectors * EPS * (np.abs(slopes) @ np.abs(x)) @ np.abs(y) / abs(number)
         return derivative, backward * reach / abs(number) + rounding
 
