@@ -124,7 +124,7 @@ def sensitivity_rows(found: Sensitivities, model: Model) -> tuple[list[str], lis
 def critical_text(result: Sweep, model: Model) -> str:
     """Return a table for each critical value of a sweep: what moves it most, first."""
     own = model.parameters[result.parameter]
-    lines = ["Derivatives of the critical values, and the change for one percent more of each parameter:", ""]
+    lines = ["Derivatives of critical values, and their change by 1 % of each parameter:", ""]
     for c, slopes in _critical(result):
         lines.append(f"{own.name} = {number(c.value / own.factor, 10)}{after_number(own.unit)}, {c.kind}")
         if slopes.missing:
