@@ -613,12 +613,18 @@ def test_a_path_that_turns_back_at_a_pitchfork_names_it():
     assert result.unanswered == []
 
 
-@pytest.mark.long
-def test_all_paths_are_in_every_output(tmp_path):
-    arguments = (TRUSS, "--param", "P", "--points", 21)
-    data = json.loads(run(*arguments, "--format", "json").stdout)
+ALL_PATHS = (TRUSS, "--param", "P", "--points", 21)
+
+
+def test_all_paths_are_in_json():
+    data = json.loads(run(*ALL_PATHS, "--format", "json").stdout)
     assert [len(path["values"]) for path in (data, *data["beyond"])] == [21, 9, 15]
     assert [path["start"] for path in (data, *data["beyond"])] == pytest.approx([-10.0, snap(), -snap()])
+
+
+@pytest.mark.long
+def test_all_paths_are_in_every_output(tmp_path):
+    arguments = ALL_PATHS
     rows = list(csv.reader(io.StringIO(run(*arguments, "--format", "csv").stdout)))
     assert [row[-2] for row in rows] == ["path", *["1"] * 21, *["2"] * 9, *["3"] * 15]
     printed = run(*arguments, "--plot", "none", "--output", tmp_path / "P.npz")
