@@ -325,9 +325,7 @@ def test_what_forces_do_not_determine_is_refused_with_its_place(masses, elements
 @pytest.mark.parametrize(
     "ask",
     [
-        lambda x: x.simulate(to=1.0),
         lambda x: x.certify(),
-        lambda x: x.verify(),
         lambda x: x.compare(),
         lambda x: x.eig("embedding"),
     ],

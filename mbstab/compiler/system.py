@@ -37,6 +37,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.compiler.balances import balance_of
 from mbstab.compiler.grouped import FLOATS, Assembly, Form, Numbers, What
 from mbstab.compiler.placed import Acting, Placed
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of, signals_at
@@ -47,8 +48,8 @@ from mbstab.mechanics.elements import ELEMENTS, kernel_name
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.evaluator import Law
 from mbstab.model.expressions import Expression
-from mbstab.model.scene import Scene
-from mbstab.model.schema import Entry, is_state, unit_of
+from mbstab.model.scene import BalanceValues, Scene
+from mbstab.model.schema import Entry, is_length, is_state, unit_of
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -303,12 +304,17 @@ class System:
             else:
                 for use in item.kind.build(item):
                     uses.append((use, item.entry, ELEMENTS[self._kernel_name(use)].role))
+        uses += ((x, None, "nonholonomic" if x.first_order else "holonomic") for x in scene.balances)
         return uses
 
     def _kernel_name(self, use: ElementUse) -> str:
         return kernel_name(use.element, self.scene.dimension)
 
     def _row_list(self, use: Any, entry: Entry | None) -> list[Row]:
+        if isinstance(use, BalanceValues):
+            name = _name_of(use)
+            unit = "N" if is_length(name) else "N*m"
+            return [Row("balances", name, "forces", unit, self._location(f"balances.{name}"))]
         assert entry is not None
         if not isinstance(use, ElementUse):
             return [Row(entry.section, entry.name, entry.kind.name, "unit of the expression", entry.location)]
@@ -324,13 +330,17 @@ class System:
 
     def _place(self, uses: list[tuple[Any, Entry | None, Role]]) -> list[Placed]:
         next_row = {"holonomic": 0, "nonholonomic": self.n_h}
-        placed = []
+        placed: list[Placed] = []
         for use, entry, role in uses:
             rows: tuple[int, ...] = ()
             if role in next_row:
                 count = len(self._row_list(use, entry))
                 rows = tuple(range(next_row[role], next_row[role] + count))
                 next_row[role] += count
+            if isinstance(use, BalanceValues):
+                direction = {self.names.index(name): x for name, x in use.direction.items()}
+                placed.append(balance_of(direction, role, placed, f"balances.{_name_of(use)}", rows[0]))
+                continue
             path = entry.path if entry else f"bodies.{self.scene.bodies[use.slots[0]].name}"
             if isinstance(use, ElementUse):
                 name = self._kernel_name(use)
@@ -544,6 +554,8 @@ class System:
         """Return the location of an entry in the file."""
         section, _, name = path.partition(".")
         model = self.scene.model
+        if section == "balances":
+            section, name = "bodies", name.partition(".")[0]
         return (model.bodies if section == "bodies" else model.entries[section])[name].location
 
     def _running(self, function: str) -> list[Placed]:
@@ -561,6 +573,11 @@ _OVERFLOW = (
     "an entry of the matrices is not finite\n"
     "hint: numbers of this size leave the range of double precision; use other units"
 )
+
+
+def _name_of(balance: BalanceValues) -> str:
+    """Return the coordinate after which a balance is called: that with the largest component."""
+    return max(balance.direction, key=lambda name: abs(balance.direction[name]))
 
 
 def _kernel(name: str) -> Any:

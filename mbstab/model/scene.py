@@ -79,6 +79,22 @@ class MeasureNumbers:
 
 
 @dataclass(frozen=True)
+class BalanceValues:
+    """A direction without mass along which forces balance (`mbstab.compiler.balances`).
+
+    Attributes
+    ----------
+    direction : dict
+        Its components, by coordinate name.
+    first_order : bool
+        Whether the forces along it depend on speeds.
+    """
+
+    direction: dict[str, float]
+    first_order: bool
+
+
+@dataclass(frozen=True)
 class Scene:
     """A model at given parameter values.
 
@@ -107,6 +123,8 @@ class Scene:
         What expressions measure, such as ``angle(pivot)``.
     inputs : tuple of ItemValues
         Signals on the linearized motion, which are zero and so act nowhere else.
+    balances : tuple of BalanceValues
+        Directions without mass whose balances are constraint rows.
     """
 
     model: Model
@@ -127,6 +145,7 @@ class Scene:
     turned: tuple[str, ...] = ()
     measures: dict[str, MeasureNumbers] = field(default_factory=dict)
     inputs: tuple[ItemValues, ...] = ()
+    balances: tuple[BalanceValues, ...] = ()
 
     @property
     def dimension(self) -> int:

@@ -35,6 +35,7 @@ from mbstab.analysis.linear.verdict import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECID
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
+from mbstab.analysis.simulate.balanced import balanced
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.recording import states
 from mbstab.analysis.simulate.run import Follower, Run
@@ -153,7 +154,7 @@ def verify(
     """
     result = answer(system, frozen=frozen, zeros=zeros)
     modes = [e for e in result.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
-    motion = reference_motion(system)
+    motion = reference_motion(system, massless=True)
     frame = _frame(system, motion)
     # Unexplained zeros cannot be told from neutral eigenvalues: all of them are tested together. Those that are
     # known to a bound only are taken as 0; the others are known exactly by structure.
@@ -170,7 +171,7 @@ def verify(
             0,
             neutral_drift.untried(count, frame) if count else None,
         )
-    excited = _Excited(system, motion, frame)
+    excited = _Excited(*balanced(system, motion), frame)
     partners = excited.partners([e.value for e in modes])
     observations = []
     for number, (mode, partner) in enumerate(zip(modes, partners, strict=True), 1):

@@ -459,8 +459,8 @@ class Finder:
         hint = "give the body an inertia in this direction, add a joint or a drive, or make it a point"
         if not self.massless:
             hint = (
-                "mbstab eig finds what springs and dampers make of it at an equilibrium, without --modes, --certify "
-                f"and --verify; for anything else {hint}"
+                "mbstab eig and simulate find what springs and dampers make of it at an equilibrium, without --modes "
+                f"and --certify; for anything else {hint}"
             )
         raise MassError(str(self.document.problem(location, f"bodies.{body}", message, hint)))
 

@@ -102,7 +102,8 @@ class Constrained:
         natural = max(self.fastest(motion.u), float(np.sqrt(np.max(pulled, initial=0.0))))
         self.slowest = TOLERANCES.resting_speed_of_forces * (natural or 1.0)
         self.least_energy = 0.5 * float(np.diag(motion.dynamics.M) @ (motion.sizes * self.slowest) ** 2)
-        self._massless = np.flatnonzero([is_state(name) for name in system.names])
+        first_order = {name for x in system.scene.balances if x.first_order for name in x.direction}
+        self._massless = np.flatnonzero([is_state(name) or name in first_order for name in system.names])
         self.full = self.rank == self.n_c
         self._weights = self.scale * self.scale[:, None]
         self._rows = self.scale * self.row_scale[:, None]
@@ -349,7 +350,7 @@ class Constrained:
         A, b = np.zeros((n + r, n + r)), np.zeros(n + r)
         A[:n, :n], A[:n, n:], A[n:, :n] = M, J.T, J
         if rows == self.n_h:
-            # First-order states have no mass; only their rates follow the others.
+            # First-order states and balances have no mass; only their rates follow the others.
             A[self._massless, self._massless] = 1.0
         b[n:] = goal
         change = self._solved(A, b)[:n]

@@ -11,6 +11,7 @@ import numpy as np
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement, efforts, moving_joints, unwound
 from mbstab.analysis.reference.reactions import reactions
+from mbstab.analysis.simulate.balanced import check_balanced
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
@@ -149,6 +150,7 @@ class Record:
         given = any(sample.a is not None for sample in samples)
         found = None if given or len(samples) < TOLERANCES.states_singly else equations.together(times, q, u)
         a, nu, J, kinetic, residuals = cls._singly(equations, samples) if found is None else _summed(u, *found)
+        check_balanced(system, times, q, u, a, nu)
         loads: dict[tuple[str, str, str], Array] = {}
         for r in reactions(system, q, u, J, nu):
             turning = "xyz" if r.torque.shape[-1] == 3 else "z"

@@ -19,6 +19,7 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.simulate.balanced import balanced
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.disturbance import Quantity, coordinates, reached, read_name, speeds, staying
 from mbstab.analysis.simulate.tolerances import TOLERANCES
@@ -100,6 +101,7 @@ def start_of(
 def _start_of(system: System, perturb: Mapping[str, float | str], time: float | None, strict: bool) -> Start:
     scene = system.scene
     q0, u0, motion = system.remember("reference", None, lambda: _reference(system))
+    plain, (system, motion) = system, balanced(system, motion)
     begin = scene.initial.time if time is None else time
     begin = float(scene.time if begin is None else begin)
     n = system.n_q
@@ -112,7 +114,7 @@ def _start_of(system: System, perturb: Mapping[str, float | str], time: float | 
         for name, value in values.items():
             x[number[name]], held[number[name]] = float(value), True
     for name, value in perturb.items():
-        _disturb(system, motion, wanted, name, value)
+        _disturb(plain, motion, wanted, name, value)
     system = system if begin == scene.time else System(replace(scene, time=begin))
     finder = Finder(system)
     equations = Constrained(system, motion)
@@ -135,9 +137,9 @@ def _reference(system: System) -> tuple[Array, Array, Motion]:
     """Return the reference of the file, which may be out of balance, and the motion through it."""
     reference = system.scene.model.reference
     if reference.find is not None or reference.steady is not None:
-        motion = reference_motion(system)
+        motion = reference_motion(system, massless=True)
         return motion.q, motion.u, motion
-    finder = Finder(system)
+    finder = Finder(system, massless=True)
     try:
         q = finder.coordinates()
         u, state = finder.rates(q)
@@ -221,7 +223,7 @@ def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
         count = "is 1" if len(listed) == 1 else f"are {len(listed)}"
         raise UsageError(f"no mode {number}: there {count} to choose from, as mbstab eig lists them")
     mode = listed[number - 1]
-    motion = reference_motion(system)
+    motion = reference_motion(system, massless=system.scene.period is None)
     if system.scene.period is not None:
         from mbstab.analysis.linear.floquet import monodromy
 

@@ -75,6 +75,8 @@ class Tolerances:
     """Newton steps towards given values."""
     value_reached: Final = 1e-9
     """A coordinate farther from its value than this, relative to its size, has not reached it."""
+    balance_left: Final = 1e-6
+    """Forces along directions without mass may be out of balance by this fraction of their sizes."""
     swing_amplitude: Final = 0.25
     """Amplitude of the coordinate that moves most, in sizes of the scene or rad."""
 
