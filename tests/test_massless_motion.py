@@ -49,6 +49,24 @@ def test_the_end_of_a_damper_starts_where_it_is_put():
     assert run.q[:, run.names.index("n0.x")] == pytest.approx(place, abs=1e-7)
 
 
+def test_the_damper_takes_the_energy():
+    text = """\
+mbstab: 1
+bodies: {m: {type: planar_point, mass: 1}, n: {type: planar_point, mass: 0}}
+constraints: {r: {holonomic: m.y}, s: {holonomic: n.y}}
+forces:
+  base: {type: expression, on: {m.x: -100*m.x}}
+  spring: {type: expression, on: {m.x: 400*(n.x - m.x), n.x: 400*(m.x - n.x)}}
+  damper: {type: expression, on: {n.x: -10*rate(n.x)}}
+"""
+    run = mbstab.loads(text).simulate(to=1.0, points=6, perturb={"m.x": 0.1}, tol=1e-8)
+    m, n = (run.q[:, run.names.index(x)] for x in ("m.x", "n.x"))
+    # Springs that are written as expressions have no potential: all is work.
+    stored = 50.0 * m**2 + 200.0 * (m - n) ** 2
+    assert run.kinetic == pytest.approx(run.work, abs=1e-7)
+    assert np.all(np.diff(run.kinetic + stored) < 0.0)
+
+
 def test_springs_in_series_on_both_sides_of_a_damper():
     """As one spring of 100·300/400 = 75 N/m in series with the damper: balances of sums of coordinates."""
     system = line([1.0, 0.0, 0.0], [(0, 1, 100, 0), (1, 2, 0, 10), (2, -1, 300, 0)])
