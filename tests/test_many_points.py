@@ -9,6 +9,7 @@ import mbstab
 from mbstab.analysis.linear.verdict import WORDS
 from mbstab.analysis.reference import many_points
 from mbstab.analysis.reference.continuation import follow, follow_all
+from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.paths import Path, Sheet, Surface
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.blocks import home_of, patterns_at
@@ -130,6 +131,13 @@ def test_neighbours_share_derivatives_also_where_rows_of_a_chart_begin(monkeypat
     expected = evaluator.near(values, 2).values
     monkeypatch.setattr(many_points, "newton", None)  # no point needs its own
     assert np.array_equal(evaluator.near(values, 2).values, expected)
+
+
+def test_steps_of_a_march_become_longer_where_solutions_are_near_their_extrapolation(monkeypatch):
+    derivatives, own = [], Balance.jacobian
+    monkeypatch.setattr(Balance, "jacobian", lambda balance, at: derivatives.append(at) or own(balance, at))
+    assert follow(mbstab.load("governor.yaml").model, "omega", 1.0, 40.0).surface is not None
+    assert sum(at.q.ndim == 2 for at in derivatives) <= 26
 
 
 def test_from_a_start_that_is_far_points_take_their_own_derivatives():

@@ -80,13 +80,14 @@ class SmoothSolutions:
     def _marched(self, values: Mapping[str, Array]) -> State | None:
         """Return the solutions at points, reached in steps; None where these do not lead to all of them."""
         points = len(next(iter(values.values())))
-        q, c = np.tile(self.q, (points, 1)), np.tile(self.c, (points, 1))
-        slope_q, slope_c = 0.0 * q, 0.0 * c
-        part, step = 0.0, TOLERANCES.smooth_first_step
+        sizes = np.append(self.balance.sizes, np.full(len(self.c), self.balance.speed))
+        found = [(0.0, np.tile(np.append(self.q, self.c), (points, 1)))]
+        step = TOLERANCES.smooth_first_step
         while True:
-            step = min(step, 1.0 - part)
-            last = part + step >= 1.0
-            at = self._solved(values, part + step, q + step * slope_q, c + step * slope_c, last)
+            step = min(step, 1.0 - found[-1][0])
+            part = 1.0 if (last := found[-1][0] + step >= 1.0) else found[-1][0] + step
+            start = _extrapolated(found, part)
+            at = self._solved(values, part, start[:, : len(self.q)], start[:, len(self.q) :], last)
             if at is not None and last:
                 return at
             if at is None:
@@ -94,7 +95,9 @@ class SmoothSolutions:
                 if step < TOLERANCES.smooth_least_step:
                     return None
                 continue
-            slope_q, slope_c, q, c, part = (at.q - q) / step, (at.c - c) / step, at.q, at.c, part + step
+            found = [*found[1 - TOLERANCES.smooth_steps_behind :], (part, np.concatenate([at.q, at.c], axis=1))]
+            if np.max(np.abs(found[-1][1] - start) / sizes) <= TOLERANCES.smooth_near_start:
+                step *= 2.0
 
     def _solved(
         self, values: Mapping[str, Array], part: float, q: Array, c: Array, polished: bool = True
@@ -128,6 +131,12 @@ class SmoothSolutions:
             fine = chebvander(np.linspace(-1.0, 1.0, TOLERANCES.smooth_determinant_points), count - 1)
             coefficients = np.moveaxis(np.tensordot(fine, coefficients, axes=(1, k)), 0, k)
         return bool(np.all(coefficients > 0.0))
+
+
+def _extrapolated(found: list[tuple[float, Array]], part: float) -> Array:
+    """Return the value at a part of the way of the polynomial through values at other parts."""
+    weights = [math.prod((part - y) / (x - y) for y, _ in found if y != x) for x, _ in found]
+    return np.asarray(np.tensordot(weights, [x for _, x in found], axes=1), dtype=np.float64)
 
 
 def _independent(matrix: Array) -> Index:

@@ -163,7 +163,7 @@ class Tolerances:
     """… if each step is at most this part of the one before, …"""
     chord_step_settled: Final = 5e-14
     """… until steps are no larger than this: rounding."""
-    newton_step_on_the_way: Final = 1e-3
+    newton_step_on_the_way: Final = 0.01
     """The last step where solutions are the start of others."""
     smooth_points_first: Final = (9, 5)
     """Chebyshev points between which solutions are polynomials, along one parameter or each of two, at first …"""
@@ -179,6 +179,10 @@ class Tolerances:
     """Part of the way from one solution to all of them that is gone in the first step …"""
     smooth_least_step: Final = 0.05
     """… and the least one."""
+    smooth_steps_behind: Final = 3
+    """The next solution is extrapolated by a polynomial through so many of the last ones; …"""
+    smooth_near_start: Final = 0.05
+    """… where it is no farther than this from there, in sizes of the scene, the step after it is twice as long."""
     smooth_determinant_points: Final = 200
     """At so many points of a range the sign of the determinant is looked at."""
 
