@@ -39,7 +39,8 @@ BATCH = 200
 
 QUESTIONS = (
     "check FILE", "eig FILE", "eig FILE", "eig FILE --format json", "equilibrium FILE", "linearize FILE --full",
-    "simulate FILE --to 0.05 --points 3", "test FILE",
+    "simulate FILE --to 0.05 --points 3", "test FILE", "response FILE", "energy FILE", "eig FILE --sensitivity",
+    "eig FILE --rightmost --modes 2",
 )  # fmt: skip
 COMMAND_LINES = (
     "eig pendulum.yaml --set L=0.5 --format json", "eig top.yaml --set omega=5.6 --require stable",
@@ -50,7 +51,12 @@ COMMAND_LINES = (
     "simulate pendulum.yaml --to 0.1 --points 3 --perturb rod.theta=0.1 --tol 1e-6",
     "equilibrium governor.yaml --starts 2", "simulate pendulum.yaml --to 0.1 --step 0.01 --method radau",
     "test pendulum.yaml --format junit", "models show top", "schema joints.revolute", "models list",
-    "compare pendulum.yaml --digits 20", "linearize pendulum.yaml --symbolic",
+    "compare pendulum.yaml --digits 20", "linearize pendulum.yaml --symbolic", "energy top.yaml --format json",
+    "response whipple_bicycle.yaml --from 0.1 --to 10 --points 5 --format json", "manual verdicts", "new rotor",
+    "response dc_motor_arm.yaml --step 1 --points 5", "eig top.yaml --sensitivity --format csv",
+    "response rigid_rotor.yaml --unbalance rotor --speed Omega --from 1 --to 9 --points 5",
+    "eig car.yaml --modes 1 --rightmost",
+    "design shimmy.yaml --vary a=0.1..0.5 --goal decay --steps 3",
 )  # fmt: skip
 ARGUMENTS = (
     "-1", "0", "1e999", "nan", "inf", "1e-300", "1e300", "2 kg", "[1,2]", "[2,1]", "1,2", "a=b", "L=", "=1", "--help",
