@@ -266,8 +266,10 @@ class _Decision:
         """Refuse a motion without mass, by body, coordinates and place in the file."""
         size = np.abs(direction) * self.motion.spaces.scale / self.motion.sizes
         names = self.system.names
+        # States may go along with a body; they never have a mass.
+        size[[is_state(name) for name in names]] = 0.0
         involved = [names[i] for i in np.argsort(-size, kind="stable") if size[i] > 0.3 * size.max()][:4]
-        body = next(name.partition(".")[0] for name in involved if not is_state(name))
+        body = involved[0].partition(".")[0]
         message = f"the motion of {', '.join(involved)} carries no mass, and {what}"
         problem = self.system.scene.model.document.problem
         raise MassError(str(problem(self._location(body), f"bodies.{body}", message, hint)))
