@@ -13,11 +13,11 @@ from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep
 from mbstab.cli import main
 from mbstab.report.animation.stills import mode_stills
+from mbstab.report.picture_sizes import SIZES, scaled, size, sized
 from mbstab.report.pictures.campbell import campbell
 from mbstab.report.pictures.pencil import pencil_pattern
 from mbstab.report.pictures.root_locus import root_locus
 from mbstab.report.pictures.sensitivity_bars import sensitivity_bars
-from mbstab.report.pictures.sizes import SIZES, scaled, size, sized
 from mbstab.report.pictures.spectrum import spectrum
 from mbstab.report.pictures.stability_chart import chart
 from mbstab.report.pictures.stability_map import stability_map

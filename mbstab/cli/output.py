@@ -20,7 +20,7 @@ import click
 from mbstab.errors import OutputError, UsageError, suggestion, visible
 from mbstab.records import dataclass
 from mbstab.report.files import whole_file
-from mbstab.report.pictures.sizes import SIZES, sized
+from mbstab.report.picture_sizes import SIZES, sized
 
 F = TypeVar("F", bound=Callable[..., Any])
 

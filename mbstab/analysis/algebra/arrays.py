@@ -20,6 +20,16 @@ def norms(vectors: npt.NDArray[np.float64], axis: int = -1, keepdims: bool = Fal
     return np.where(found > 0.0, found, 1.0)
 
 
+def others(count: int, chosen: Any) -> Index:
+    """Return the numbers below a count that are not among the chosen ones.
+
+    `numpy.setdiff1d` would import `numpy.ma`, which takes as long as answering a small model.
+    """
+    left: Flags = np.ones(count, dtype=bool)
+    left[np.asarray(chosen, dtype=np.intp)] = False
+    return np.flatnonzero(left)
+
+
 def at_block(rows: Any, columns: Any) -> Any:
     """Return the index of a block of a matrix."""
     return np.ix_(rows, columns)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Index
+from mbstab.analysis.algebra.arrays import Index, others
 from mbstab.analysis.algebra.inertia import ConstrainedForms
 from mbstab.analysis.algebra.sparse import bordered, identity, row_norms, scaled
 from mbstab.analysis.algebra.tolerances import TOLERANCES
@@ -95,7 +95,7 @@ class SparseRank:
     @property
     def dropped(self) -> Index:
         """Numbers of the other rows."""
-        return np.setdiff1d(np.arange(self.J.shape[0]), self.kept)
+        return others(self.J.shape[0], self.kept)
 
     @property
     def gap(self) -> float:
@@ -144,7 +144,7 @@ def sparse_rank(J: Any, tolerance: float = TOLERANCES.singular_value_zero) -> Sp
     s, left = smallest_singular_values(J, tolerance) if c else (np.zeros(0), np.zeros((0, 0)))
     null = s <= tolerance
     dependent, above = left[:, null], np.flatnonzero(~null)
-    kept = np.setdiff1d(np.arange(c), [last for last, _ in last_rows(dependent)])
+    kept = others(c, [last for last, _ in last_rows(dependent)])
     least, doubtful = np.inf, np.zeros(c)
     if len(above):
         first = above[int(np.argmin(s[above]))]
@@ -229,7 +229,7 @@ def sparse_null_space(A: Any, most: int) -> Array | None:
     columns = A.T.tocsr()
     lengths = np.sqrt(np.asarray((columns * columns).sum(axis=1)).ravel())
     seen = np.flatnonzero(lengths > TOLERANCES.direction_unseen)
-    free = np.setdiff1d(np.arange(n), seen)
+    free = others(n, seen)
     if len(free) > most:
         return None
     found = np.zeros((n, len(free)))

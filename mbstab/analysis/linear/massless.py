@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import others
 from mbstab.analysis.algebra.rank import Rank, rank_of
 from mbstab.analysis.algebra.subspaces import Subspaces, coordinate_scale, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
@@ -110,10 +111,10 @@ class Massless:
         """
         n = self.n_h + len(self.algebraic)
         own = np.array([*range(self.n_h, n), *range(n + self.n_n, len(J))], dtype=int)
-        others = np.setdiff1d(np.arange(len(J)), own)
+        rest = others(len(J), own)
         X = np.zeros(J.T.shape)
-        X[:, others], X[:, own] = of_constraints, np.linalg.solve((J[own] @ directions).T, directions.T).T
-        X[:, others] -= X[:, own] @ (J[own] @ of_constraints)
+        X[:, rest], X[:, own] = of_constraints, np.linalg.solve((J[own] @ directions).T, directions.T).T
+        X[:, rest] -= X[:, own] @ (J[own] @ of_constraints)
         return X
 
     @property

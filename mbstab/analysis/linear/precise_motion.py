@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from mpmath import mp
 
-from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.arrays import norms, others
 from mbstab.analysis.algebra.digits import misfits
 from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.refining import Matrix, Refining, Stalled
@@ -199,7 +199,7 @@ def _balanced(f: Refining, balance: Balance, at: State, system: System) -> tuple
     lengths = norms(at.J * sizes)
     open_, free, rows, n_h, moving = balance.open, balance.free, balance.rows, balance.n_h, balance.moving
     fixed = f.exact(at.q)
-    for i in np.setdiff1d(np.arange(system.n_q), open_):
+    for i in others(system.n_q, open_):
         fixed[i] = scene.coordinates[names[i]] + f.zero
     rates = f.exact([scene.rates[names[i]] for i in balance.given])
     inverse = np.linalg.pinv(balance.jacobian(at), rcond=TOLERANCES.sharpened_slope)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.algebra.arrays import Index, norms
+from mbstab.analysis.algebra.arrays import Index, norms, others
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.reference.steady import Family, Generator, declared_family
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -99,7 +99,7 @@ class Balance:
     def completed(self, q: Array) -> Array:
         """Return coordinates with the given ones put in."""
         q = q.copy()
-        for i in np.setdiff1d(np.arange(self.system.n_q), self.open):
+        for i in others(self.system.n_q, self.open):
             q[..., i] = self.system.scene.coordinates.get(self.system.names[i], q[..., i])
         return q
 
@@ -117,7 +117,7 @@ class Balance:
         if np.max(np.abs(state.E[: system.n_h] / lengths[: system.n_h]), initial=0.0) > TOLERANCES.residual:
             return np.arange(system.n_c)
         # Each first-order state has a row of its own.
-        bodily = np.setdiff1d(np.arange(system.n_c), system.states[1])
+        bodily = others(system.n_c, system.states[1])
         left, s, _ = np.linalg.svd(J[bodily] / lengths[bodily, None])
         dependences = left[:, int(np.sum(s > TOLERANCES.row_independent_part)) :]
         kept = np.ones(len(bodily), dtype=bool)

@@ -235,7 +235,9 @@ class Finder:
         u = np.array([scene.rates.get(n, 0.0) for n in system.names], dtype=float)
         missing = np.array([n not in scene.rates for n in system.names])
         states = system.states[0]
-        columns = np.setdiff1d(np.flatnonzero(missing), states)
+        bodily = missing.copy()
+        bodily[states] = False
+        columns = np.flatnonzero(bodily)
         sizes = self.sizes
         state = system.bodily.dynamics(q, u, scene.time)
         if len(columns) and system.n_c:

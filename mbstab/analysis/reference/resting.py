@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import others
 from mbstab.analysis.algebra.inertia import ConstrainedForms
 from mbstab.analysis.algebra.sparse import identity, in_sparse, row_norms, scaled
 from mbstab.analysis.algebra.sparse_rank import Rows, SparseRank, sparse_rank
@@ -245,7 +246,7 @@ def _added(stiffness: Callable[[Array], Any], nu: Array) -> Any:
 def _check_constant_rank(rest: Rest, J: Any) -> None:
     """Refuse redundancy that does not persist nearby: curvatures of dependent rows must cancel in allowed motions."""
     system = rest.system
-    dropped = np.setdiff1d(np.arange(system.n_h), rest.kept)
+    dropped = others(system.n_h, rest.kept[rest.kept < system.n_h])
     if not len(dropped):
         return
     left_null = sparse_rank(J[: system.n_h]).left_null

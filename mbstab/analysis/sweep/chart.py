@@ -15,6 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.analysis.algebra.arrays import others
 from mbstab.analysis.linear.verdict import UNDECIDED, WORDS
 from mbstab.analysis.reference.continuation import follow_all
 from mbstab.analysis.reference.paths import Sheet, Surface
@@ -121,7 +122,7 @@ def _charted(
     evaluator = Evaluator(model, sheet, known or ())
     if isinstance(sheet, Sheet):
         place = np.flatnonzero(np.repeat([path is not None for path in sheet.paths], len(x)))
-        problems = {int(i): sheet.missing(points, int(i)) for i in np.setdiff1d(np.arange(len(x) * len(y)), place)}
+        problems = {int(i): sheet.missing(points, int(i)) for i in others(len(x) * len(y), place)}
     shape = len(y), len(x)
     unstable, growing, oscillating = np.full(shape, -1), np.full(shape, -1), np.zeros(shape, dtype=int)
     words = np.full(shape, WORD[UNDECIDED], dtype=np.int8)

@@ -25,10 +25,10 @@ from mbstab.report.animation.outlines import Outline, windings
 from mbstab.report.animation.sketch import Sketch
 from mbstab.report.animation.solids import Solid, hidden, hull, in_order
 from mbstab.report.animation.view import View
+from mbstab.report.picture_sizes import FONT
 from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.drawing import add_legend, house_style
 from mbstab.report.pictures.motion_plots import DASHES
-from mbstab.report.pictures.sizes import FONT
 
 DPI = 100
 FILLS = ("0.93", "0.80", "0.67", "0.86", "0.73")

@@ -20,6 +20,7 @@ from mbstab.report.animation.sketch import Sketch
 from mbstab.report.animation.solids import hull
 from mbstab.report.animation.view import View
 from mbstab.report.modes import motions_text, value_text
+from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.drawing import (
     draw_legend,
@@ -30,7 +31,6 @@ from mbstab.report.pictures.drawing import (
     text_width,
     title_lines,
 )
-from mbstab.report.pictures.sizes import FONT, scaled
 
 LINE, HEAD, BELOW, SIDE, GAP = 0.25, 0.5, 0.45, 0.25, 0.3
 """Room for a line of the title, heading of a panel, legend, beside and between panels (inches on a page)."""

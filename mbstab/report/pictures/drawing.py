@@ -24,7 +24,7 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
 from mbstab.report.files import whole_file
-from mbstab.report.pictures.sizes import FONT, SIZES, scaled, size
+from mbstab.report.picture_sizes import FONT, SIZES, scaled, size
 
 FORMATS = ("png", "svg", "pdf")
 """Formats of `save`, by suffix."""

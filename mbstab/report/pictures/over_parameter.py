@@ -15,6 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
 from mbstab.analysis.sweep.critical import Critical
+from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import BEYOND_INK, THICK, THIN, Mask
 from mbstab.report.pictures.drawing import (
     CRITICAL_STYLE,
@@ -25,7 +26,6 @@ from mbstab.report.pictures.drawing import (
     titled_figure,
 )
 from mbstab.report.pictures.scales import parameter_range
-from mbstab.report.pictures.sizes import FONT, scaled
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
 ROWS = 5

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mbstab.analysis.linear.linearize import Linearization
+from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.drawing import RIGHT, draw_title, house_style, picture_height, picture_width, title_lines
-from mbstab.report.pictures.sizes import FONT, scaled
 
 LABELS, HEAD, BELOW, GAP = 1.35, 0.4, 1.2, 0.25
 """Room for labels beside, above and below a panel, and between panels (inches on a page)."""

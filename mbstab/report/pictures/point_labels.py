@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
+from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.drawing import text_width
-from mbstab.report.pictures.sizes import FONT, scaled
 
 Box = tuple[float, float, float, float]
 """Left, lower, right and upper edge (points)."""

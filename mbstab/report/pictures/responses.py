@@ -14,8 +14,8 @@ from mbstab.analysis.linear.response import Response
 from mbstab.analysis.linear.transfer import Channel
 from mbstab.analysis.linear.unbalance import UnbalanceResponse
 from mbstab.compiler.system import Array
+from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure
-from mbstab.report.pictures.sizes import FONT, scaled
 from mbstab.report.responses import decibels, phase, unit
 
 STYLES = ("-", "--", "-.", ":")

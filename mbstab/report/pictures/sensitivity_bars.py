@@ -9,8 +9,8 @@ from matplotlib.patches import Patch
 
 from mbstab.analysis.linear.sensitivity import Derivatives, Sensitivities
 from mbstab.report.modes import value_text
+from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.drawing import draw_legend, house_style, picture_height, titled_figure
-from mbstab.report.pictures.sizes import FONT, scaled
 
 PANELS, BARS, FEW = 6, 8, 4
 """The largest number of eigenvalues that are drawn, those that decay least, and of parameters for each: `FEW` in a size

@@ -14,11 +14,11 @@ from matplotlib.patches import Circle
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.linear.results import EigenResult, Eigenvalue
+from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure
 from mbstab.report.pictures.point_labels import LABELS, PointLabels
 from mbstab.report.pictures.scales import SQUEEZED, axis_range, decade, number_text, set_logarithmic, set_real_scale
-from mbstab.report.pictures.sizes import FONT, scaled
 from mbstab.report.pictures.sweep_curves import TINY
 
 DAMPING = (0.05, 0.1, 0.2, 0.4, 0.7)

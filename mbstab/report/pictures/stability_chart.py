@@ -15,11 +15,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mbstab.compiler.system import Array
+from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import thinned
 from mbstab.report.pictures.drawing import draw_legend, house_style, no_answer_patch, text_width, titled_figure
 from mbstab.report.pictures.regions import Labels, Polygon, regions
 from mbstab.report.pictures.scales import Axis, parameter_range
-from mbstab.report.pictures.sizes import FONT, scaled
 
 REGIONS = ("1.0", "0.82", "0.64", "0.46", "0.28")
 """Grey of a region by its number of unstable eigenvalues; the last is for 4 or more."""

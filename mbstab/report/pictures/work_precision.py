@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mbstab.analysis.linear.methods import METHODS
+from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.drawing import (
     CRITICAL_STYLE,
     EXACT,
@@ -22,7 +23,6 @@ from mbstab.report.pictures.drawing import (
     titled_figure,
 )
 from mbstab.report.pictures.point_labels import PointLabels
-from mbstab.report.pictures.sizes import FONT, scaled
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.integrators import Integrations
