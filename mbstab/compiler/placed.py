@@ -26,6 +26,16 @@ class Placed:
     named: int = 0
     """How many of the parameters are those that its expressions name; the others are numbers of measures."""
 
+    def arguments(self, function: str, q: Any, u: Any, a: Any, nu: Any, time: Any) -> list[Any]:
+        """Return what a function of the kernel takes, from vectors with one fixed coordinate appended."""
+        signals = signals_at(self.laws, time) if self.laws else ()
+        found = [[q[i] for i in self.columns], [u[i] for i in self.columns], self.parameters, signals]
+        if function == "linearize_rows" or (function == "linearize" and self.takes_acceleration):
+            found.append([a[i] for i in self.columns])
+        elif function == "linearize" and self.rows:
+            found.append([nu[i] for i in self.rows])
+        return found
+
     @property
     def hint(self) -> str:
         """Return a hint for a state without finite equations."""

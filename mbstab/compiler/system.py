@@ -28,6 +28,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -37,10 +38,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from mbstab.compiler.at_points import results_at_points
 from mbstab.compiler.balances import balance_of
 from mbstab.compiler.grouped import FLOATS, Assembly, Form, Numbers, What
 from mbstab.compiler.placed import Acting, Placed
-from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of, signals_at
+from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
 from mbstab.mechanics.catalogue import GROUND, ElementUse, Moved, Role
@@ -519,14 +521,14 @@ class System:
         q, u = padded(q, zero), padded(u, zero)
         a = padded(a, zero) if a is not None else None
         nu = listed(nu) if nu is not None else None
+        running = self._running(function)
+        if points is not None and not report:
+            all_arguments = [element.arguments(function, q, u, a, nu, time) for element in running]
+            with suppress(ArithmeticError, ValueError):
+                return list(chain.from_iterable(results_at_points(function, running, all_arguments, points)))
         values: list[Any] = []
-        for element in self._running(function):
-            signals = signals_at(element.laws, time) if element.laws else ()
-            arguments = [[q[i] for i in element.columns], [u[i] for i in element.columns], element.parameters, signals]
-            if function == "linearize_rows" or (function == "linearize" and element.takes_acceleration):
-                arguments.append([a[i] for i in element.columns])
-            elif function == "linearize" and element.rows:
-                arguments.append([nu[i] for i in element.rows])
+        for element in running:
+            arguments = element.arguments(function, q, u, a, nu, time)
             if points is not None:
                 f = arithmetic_of(arguments)
             try:
