@@ -238,6 +238,20 @@ def test_derivatives_by_what_is_zero_without_mass_are_not_given():
     assert item.slopes[1] == pytest.approx(1j * (20.0 / (k + 20.0)) ** 2 / (2.0 * w), rel=1e-12)
 
 
+def test_derivatives_of_a_maxwell_element_with_masses_in_numbers():
+    """(s² + k + k_1) (k_1 + c s) = k_1², differentiated by hand."""
+    springs = [(0, -1, "k", 0.0), (0, 1, "k_1", 0.0), (1, -1, 0.0, "c")]
+    found = line([1.0, 0.0], springs, parameters="k: 10, k_1: 5, c: 2").sensitivities()
+    assert not found.missing
+    assert len(found.derivatives) == 2
+    k, k_1, c = 10.0, 5.0, 2.0
+    for item in found.derivatives:
+        s = found.result.eigenvalues[item.number].value
+        slope = 2.0 * s * (k_1 + c * s) + (s * s + k + k_1) * c
+        by = np.array([k_1 + c * s, k_1 + c * s + s * s + k + k_1 - 2.0 * k_1, (s * s + k + k_1) * s])
+        assert item.slopes == pytest.approx(-by / slope, rel=1e-13)
+
+
 LEVER = """\
 mbstab: 1
 gravity: [0, -9.81]

@@ -39,7 +39,7 @@ class Slopes(Refining):
         """Return the values of an array, shape (…), and their slopes, shape (count, …)."""
         x = np.asarray(x)
         if x.dtype != object:
-            return x, np.zeros((self.count, *(1,) * x.ndim))
+            return x, np.broadcast_to(0.0, (self.count, *x.shape))
         flat = x.ravel().tolist()
         slopes = np.zeros((self.count, len(flat)))
         for i, entry in enumerate(flat):
