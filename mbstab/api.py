@@ -134,7 +134,7 @@ class Mechanism:
         ModelFileError
             If the reference does not satisfy constraints or equations of motion.
         """
-        return reference_motion(self._affordable("motion", parameters))
+        return reference_motion(self._affordable("motion", parameters), massless=True)
 
     @guarded
     def energies(self, **parameters: Setting) -> Energies:

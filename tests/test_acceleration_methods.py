@@ -296,7 +296,7 @@ def test_coordinates_without_mass_are_none_of_their_concern(technique):
 
 @pytest.mark.parametrize("technique", TECHNIQUES)
 def test_frozen_time_is_refused_where_coefficients_change(technique):
-    with pytest.raises(UsageError, match=f"--method {technique} is for constant coefficients"):
+    with pytest.raises(UsageError, match=f"--method {technique} needs constant coefficients"):
         shipped("governor").eig(technique, frozen=True)
     assert shipped("pendulum").eig(technique, frozen=True).verdict == "undecided"
 

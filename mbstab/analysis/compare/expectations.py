@@ -75,7 +75,7 @@ def _answer(model: Model, frozen: bool = False) -> EigenResult:
 @guarded
 def _motion(model: Model) -> tuple[Motion, list[str]]:
     system = System(evaluate(model))
-    return reference_motion(system), system.names
+    return reference_motion(system, massless=True), system.names
 
 
 def _motion_outcomes(model: Model, expectation: Expectation, where: str) -> list[Outcome]:

@@ -216,13 +216,13 @@ class Technique:
     def _check(self, linear: Linearization) -> None:
         if not linear.constant:
             raise UsageError(
-                f"--method {self.name} is for constant coefficients: its constraints are those of accelerations, and "
+                f"--method {self.name} needs constant coefficients: its constraints are those of accelerations, and "
                 "frozen in time they are others than those of coordinates\nhint: --method nullspace"
             )
         motion = linear.motion
         if linear.massless is not None:
             raise UsageError(
-                f"--method {self.name} is for motions that carry mass; without it: {'; '.join(linear.massless.names)}\n"
+                f"--method {self.name} needs motions that carry mass; without it: {'; '.join(linear.massless.names)}\n"
                 "hint: --method nullspace or index3"
             )
         if motion.redundant and self.needs_independent_rows:

@@ -258,7 +258,7 @@ def answer(
         from mbstab.analysis.linear.periodic import periodic_answer
 
         if method != DEFAULT:
-            message = f"--method {method} is for constant coefficients; a periodic motion has multipliers"
+            message = f"--method {method} needs constant coefficients; a periodic motion has multipliers"
             raise UsageError(f"{message}\nhint: leave out --method")
         return periodic_answer(system, motion, float(period), progress)
     return eigenvalues(linearize(system, motion, frozen), method, zeros)

@@ -117,7 +117,7 @@ def unbalance(
 
 def _linear(model: Model) -> Linearization:
     system = System(evaluate(model))
-    return linearize(system, reference_motion(system))
+    return linearize(system, reference_motion(system, massless=True))
 
 
 def _axis(linear: Linearization, body: int, parameter: str, speed: float) -> Array:

@@ -60,7 +60,7 @@ def swing(system: System, number: int, points: int, amplitude: float = TOLERANCE
     """
     if system.scene.period is not None:
         raise UsageError("modes of periodic motions have no shape that swings: simulate with --perturb mode:… instead")
-    motion = reference_motion(system)
+    motion = reference_motion(system, massless=True)
     value, dq, _ = complex_mode(system, number)
     largest = float(np.max(np.abs(dq / motion.sizes)))
     if not largest:
