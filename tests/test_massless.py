@@ -106,7 +106,27 @@ def test_a_massless_yoke_between_two_hinges_is_a_universal_joint():
 def test_what_nothing_determines_is_refused_where_it_stands():
     text = RODS.replace("  C: {type: revolute, between: [two, b]}\n", "").replace("mass: M", "mass: M + 0")
     with pytest.raises(MassError, match=r"<text>:7:8: bodies\.two: the motion of two\.theta.* carries no mass"):
-        mbstab.loads(text.replace("  b: {type: planar_point, mass: M + 0}\n", "").replace(", b: {y: -2}", "")).motion()
+        mbstab.loads(text.replace("  b: {type: planar_point, mass: M + 0}\n", "").replace(", b: {y: -2}", "")).eig()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_massless_link_that_hangs_loose_is_refused_whatever_hangs_beside_it(seed):
+    """What its joint carries is rounding of the forces beside it, and no stiffness."""
+    rng = np.random.default_rng(seed)
+    m, l, x, y = (float(f"{value:.3g}") for value in rng.uniform(0.1, 9.0, 4))
+    text = f"""
+mbstab: 1
+gravity: [{-x if seed % 2 else 0}, -9.81]
+bodies:
+  rod: {{type: planar, mass: {m}, inertia: {l}, points: {{pin: [0, {l}], hook: [{x}, {-y}]}}}}
+  link: {{type: planar, mass: 0, inertia: 0, points: {{end: [{y}, {x}]}}}}
+joints:
+  pin: {{type: revolute, between: [rod.pin, ground]}}
+  hook: {{type: revolute, between: [link.end, rod.hook]}}
+reference: {{find: equilibrium, guess: {{rod: {{y: {-l}}}, link: {{x: {x - y}, y: {-l - y - x}}}}}}}
+"""
+    with pytest.raises(MbstabError, match=r"link\."):
+        mbstab.loads(text).eig()
 
 
 # --- springs and dampers in series ------------------------------------------------------------------------------------
@@ -128,8 +148,11 @@ def line(masses, elements, rest="", parameters=""):
     return mbstab.loads(f"{head}bodies:\n{bodies}constraints:\n{rails}forces:\n{forces}{rest}")
 
 
-def exact(masses, elements):
-    """Return the finite eigenvalues of s²M + sC + K with 60 digits: roots of the determinant, interpolated."""
+def exact(masses, elements, followers=()):
+    """Return the finite eigenvalues of s²M + sC + K with 60 digits: roots of the determinant, interpolated.
+
+    Followers (i, j, k) push node i by k times the place of node j.
+    """
     n, count = len(masses), 2 * len(masses) + 1
     with mp.workdps(60):
         M, C, K = mp.diag([mp.mpf(repr(m)) for m in masses]), mp.zeros(n), mp.zeros(n)
@@ -140,6 +163,8 @@ def exact(masses, elements):
                     A[j, j] += x
                     A[i, j] -= x
                     A[j, i] -= x
+        for i, j, number in followers:
+            K[i, j] -= mp.mpf(repr(number))
         points = [mp.expjpi(mp.mpf(2) * k / count) for k in range(count)]
         values = [mp.det(M * s * s + C * s + K) for s in points]
         whole = [sum(v * s**-k for s, v in zip(points, values, strict=True)).real / count for k in range(count)]
@@ -185,6 +210,32 @@ def test_random_chains_have_the_eigenvalues_of_their_pencil(seed, decades):
         rows, columns = linear_sum_assignment(np.log(distance + 1e-300))
         assert np.all(distance[rows, columns] <= bounds[rows]), (masses, elements)
         assert found.verdict not in ("unstable", "undecided"), (masses, elements)
+
+
+@pytest.mark.parametrize(("seed", "decades"), sample([(seed, decades) for seed in range(24) for decades in (0, 3)], 6))
+def test_random_chains_are_proven_as_their_pencil_says(seed, decades):
+    """Chains, half of them with a force that follows another node: numbers of eigenvalues, enclosures, the verdict."""
+    rng = np.random.default_rng(1000 * decades + seed)
+    masses, elements = some_chain(rng, decades)
+    followers = []
+    if seed % 2:
+        i, j = rng.permutation(len(masses))[:2].tolist()
+        followers = [(i, j, float(f"{rng.uniform(1.0, 80.0):.3g}"))]
+    rest = "".join(f"  follower: {{type: expression, on: {{n{i}.x: ({k})*n{j}.x}}}}\n" for i, j, k in followers)
+    expected = np.array(exact(masses, elements, followers))
+    found = line(masses, elements, rest).certify()
+    if not found.eigenvalues:
+        assert found.verdict == "not provable"
+        assert "moves along with others" in found.reasons[0]
+        return
+    assert sum(e.count for e in found.eigenvalues) == len(expected), (masses, elements, followers)
+    for e in found.eigenvalues:
+        near = [s for s in expected if e.contains(s, 1e-12 * abs(s) + 1e-290)]
+        assert e.kind in ("zero", "open") or len(near) >= e.count, (masses, elements, followers)
+    growing = bool(np.any(expected.real > 0.0))
+    decided = "stable" in found.verdict and found.verdict != "not provable"
+    assert not decided or ("unstable" in found.verdict) == growing, (masses, elements, followers)
+    assert decided or followers, (masses, elements)
 
 
 @pytest.mark.parametrize(
@@ -339,8 +390,6 @@ def test_what_forces_do_not_determine_is_refused_with_its_place(masses, elements
 @pytest.mark.parametrize(
     "ask",
     [
-        lambda x: x.certify(),
-        lambda x: x.compare(),
         lambda x: x.eig("embedding"),
     ],
 )

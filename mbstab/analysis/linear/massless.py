@@ -29,6 +29,7 @@ from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.dependencies import names_in
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.multiplier_sizes import multiplier_sizes
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import Array, Row, System
 from mbstab.errors import ConstraintError, MassError
@@ -173,8 +174,11 @@ class _Decision:
         R, K = (x * scale * scale[:, None] for x in (matrices.R, matrices.K))
         self.R, self.forces = self.basis @ R @ N, np.vstack([R, K])
         self.R_0, self.K_0 = self.basis @ R @ self.basis.T, self.basis @ K @ self.basis.T
-        size = np.abs(self.basis)
-        self.sizes = tuple(np.linalg.norm(size @ np.abs(x) @ np.abs(N), axis=1) for x in (R, K))
+        # Multipliers may be rounding of the forces that they balance.
+        terms = system.terms(motion.q, motion.u, motion.a, multiplier_sizes(system, motion), motion.time)
+        R_size, K_size = (terms[key] * scale * scale[:, None] for key in "RK")
+        self.force_sizes = np.vstack([R_size, K_size])
+        self.sizes = tuple(np.linalg.norm(np.abs(self.basis) @ x @ np.abs(N), axis=1) for x in (R_size, K_size))
 
     def found(self) -> Massless:
         """Return the directions with their rows."""
@@ -239,7 +243,7 @@ class _Decision:
         if found.rank == len(algebraic):
             return
         direction = loose @ found.null[:, 0] @ self.basis
-        size = TOLERANCES.balance_zero * (np.abs(self.forces) @ np.abs(direction))
+        size = TOLERANCES.balance_zero * (self.force_sizes @ np.abs(direction))
         what = "its own stiffness vanishes, so that forces do not determine it"
         if np.all(np.abs(self.forces @ direction) <= size):
             what = "no force depends on it: nothing determines it"

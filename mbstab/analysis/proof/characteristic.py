@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
-from mbstab.analysis.algebra.balls import Ball, Matrix, ball, real, zero_inside
+from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, real, zero_inside
 from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.analytic import require_analytic
@@ -188,12 +188,18 @@ class Proof(Reference):
         R, K, D_q = in_frame(M, R, K, D, D_q, s.slope, s.second, ball_matrices.BALLS)
         scale = self.rough.motion.spaces.scale.tolist()
         row_scale = [float(self.rough.motion.spaces.row_scale[i]) for i in self.rows]
-        pivots, T = ball_matrices.eliminate(C, self.r_h, n, row_scale[: self.r_h], scale)
+        scale_h, scale_n = row_scale[: self.r_h], row_scale[self.r_h :]
+        # The balance of forces on what carries no mass is a row as well: on positions, or on speeds if it is damped.
+        for i, damped in self._light(M, R).items():
+            (D if damped else C).append(R[i] if damped else K[i])
+            (scale_n if damped else scale_h).append(_row_scale(R[i] if damped else K[i], scale))
+            D_q += [K[i]] if damped else []
+        pivots, T = ball_matrices.eliminate(C, len(C), n, scale_h, scale)
         free, N = ball_matrices.null_space(pivots, T, n)
         m = len(free)
         W, W_q = ball_matrices.times(D, N), ball_matrices.times(D_q, N)
         pivots, T = ball_matrices.eliminate(
-            [a + b for a, b in zip(W, W_q, strict=True)], self.r_n, m, row_scale[self.r_h :], [scale[j] for j in free]
+            [a + b for a, b in zip(W, W_q, strict=True)], len(D), m, scale_n, [scale[j] for j in free]
         )
         moving, Z = ball_matrices.null_space(pivots, T, m)
         P = ball_matrices.zeros(m, m)
@@ -202,6 +208,31 @@ class Proof(Reference):
         M_N, R_N, K_N = restricted(M, R, K, N, ball_matrices.BALLS) if m else ([], [], [])
         S = _state_matrix(M_N, R_N, K_N, P, Z, len(moving))
         return Reduced(M, R, N, M_N, K_N, P, Z, S, free, moving)
+
+    def _light(self, M: Matrix, R: Matrix) -> dict[int, bool]:
+        """Return the coordinates that carry no mass and are in no constraint, and whether a force there is damped.
+
+        Raises
+        ------
+        NotProvable
+            If the motions without mass are others, or not proven to be without mass and damping.
+        """
+        light = self.rough.linear.massless
+        if light is None:
+            return {}
+        names, own = self.system.names, {}
+        J = ball_matrices.matrix(self.system.dynamics(self.state.q, self.state.u, self.time).J)
+        for directions, damped in ((light.algebraic, False), (light.first_order, True)):
+            for direction in directions:
+                i = int(np.argmax(np.abs(direction)))
+                alone = light.exact and all(row[i].is_zero() for row in [*J, *M]) and all(x.is_zero() for x in M[i])
+                if not alone or not (damped or all(x.is_zero() for x in R[i])):
+                    raise NotProvable(
+                        f"motions without mass are proven along single coordinates in no constraint; {names[i]} "
+                        "carries a mass, meets a constraint or a damper, or moves along with others, at some value"
+                    )
+                own[i] = damped
+        return own
 
     def column(self, direction: Sequence[Ball], rate: Sequence[Ball]) -> list[Ball]:
         """Return an admissible disturbance (Δq, Δu) in the coordinates of S."""
@@ -244,6 +275,12 @@ class Proof(Reference):
         free, moving = self.reduced.free, self.reduced.moving
         j = free[i] if i < len(free) else free[moving[i - len(free)]]
         return f"{'' if i < len(free) else 'the rate of '}{self.system.names[j]}"
+
+
+def _row_scale(row: Sequence[Ball], scale: Sequence[float]) -> float:
+    """Return the reciprocal of the length of a row in scaled coordinates."""
+    length = float(np.linalg.norm([float(x.mid()) * s for x, s in zip(row, scale, strict=True)]))
+    return 1.0 / length if length else 1.0
 
 
 def _state_matrix(M: Matrix, R: Matrix, K: Matrix, P: Matrix, Z: Matrix, k: int) -> Matrix:

@@ -132,7 +132,7 @@ class Reference:
     def _rough_motion(self, system: System) -> Motion:
         """Return the motion in double precision; with `near`, the one that Newton's method finds from there."""
         if system.scene.model.reference.find is not None:
-            problem = Problem(system)
+            problem = Problem(system, massless=True)
             if self.near is None:
                 motion, _, at, _ = problem.solved(problem.start)
             else:
@@ -145,7 +145,7 @@ class Reference:
             guess = {name: float(x.mid()) for name, x in zip(system.names, self.near.state.q, strict=True)}
         # Coordinates that nothing determines keep their values.
         system.scene = replace(system.scene, guess=guess, coordinates={**system.scene.coordinates, **self.taken})
-        return reference_motion(system)
+        return reference_motion(system, massless=True)
 
     def same_at(self, point: Reference) -> bool:
         """Return whether a solution at one value of the parameters is proven to be this one, which holds there too.

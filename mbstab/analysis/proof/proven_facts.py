@@ -137,6 +137,9 @@ class Case:
         """Return the directions of neighbouring rests; see `mbstab.analysis.linear.neutral.Structure`."""
         r = self.proof.reduced
         m, k = len(r.free), len(r.moving)
+        light = self.grounds.linear.massless
+        if light is not None and len(light.first_order):  # neighbours at rest must satisfy their balance as well
+            return []
         if k >= m or self._moves or not self._accepts(self.identities.rows_at_rest(), "rest satisfies all constraints"):
             return []
         try:

@@ -461,8 +461,8 @@ class Finder:
         hint = "give the body an inertia in this direction, add a joint or a drive, or make it a point"
         if not self.massless:
             hint = (
-                "mbstab eig and simulate find what springs and dampers make of it at an equilibrium, without --modes "
-                f"and --certify; for anything else {hint}"
+                "springs and dampers determine such a motion only about a reference at rest, in scenes that dense "
+                f"matrices can hold; otherwise {hint}"
             )
         raise MassError(str(self.document.problem(location, f"bodies.{body}", message, hint)))
 
