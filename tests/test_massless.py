@@ -113,17 +113,17 @@ def test_what_nothing_determines_is_refused_where_it_stands():
 def test_a_massless_link_that_hangs_loose_is_refused_whatever_hangs_beside_it(seed):
     """What its joint carries is rounding of the forces beside it, and no stiffness."""
     rng = np.random.default_rng(seed)
-    m, l, x, y = (float(f"{value:.3g}") for value in rng.uniform(0.1, 9.0, 4))
+    m, h, x, y = (float(f"{value:.3g}") for value in rng.uniform(0.1, 9.0, 4))
     text = f"""
 mbstab: 1
 gravity: [{-x if seed % 2 else 0}, -9.81]
 bodies:
-  rod: {{type: planar, mass: {m}, inertia: {l}, points: {{pin: [0, {l}], hook: [{x}, {-y}]}}}}
+  rod: {{type: planar, mass: {m}, inertia: {h}, points: {{pin: [0, {h}], hook: [{x}, {-y}]}}}}
   link: {{type: planar, mass: 0, inertia: 0, points: {{end: [{y}, {x}]}}}}
 joints:
   pin: {{type: revolute, between: [rod.pin, ground]}}
   hook: {{type: revolute, between: [link.end, rod.hook]}}
-reference: {{find: equilibrium, guess: {{rod: {{y: {-l}}}, link: {{x: {x - y}, y: {-l - y - x}}}}}}}
+reference: {{find: equilibrium, guess: {{rod: {{y: {-h}}}, link: {{x: {x - y}, y: {-h - y - x}}}}}}}
 """
     with pytest.raises(MbstabError, match=r"link\."):
         mbstab.loads(text).eig()
