@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpmath import mp
 from sampling import sample
-from scipy.optimize import linear_sum_assignment
+from scipy.optimize import brentq, linear_sum_assignment
 
 import mbstab
 from mbstab.errors import MassError, MbstabError
@@ -498,3 +498,84 @@ def test_a_stiff_spring_without_mass_leaves_the_bounds_of_the_others():
     for e in found:
         expected = complex(-0.0011713416082434485, np.copysign(0.031230033474460912, e.value.imag))
         assert abs(e.value - expected) <= e.error_bound < 1e-15
+
+
+# --- moving references ------------------------------------------------------------------------------------------------
+
+ROTOR = """\
+mbstab: 1
+parameters: {Omega: {value: 30, unit: rad/s}}
+bodies: {rotor: {type: planar, mass: 2, inertia: 0.1}, node: {type: planar_point, mass: 0}}
+forces:
+  shaft_x: {type: expression, on: {rotor.x: -800*(rotor.x - node.x), node.x: 800*(rotor.x - node.x)}}
+  shaft_y: {type: expression, on: {rotor.y: -800*(rotor.y - node.y), node.y: 800*(rotor.y - node.y)}}
+  bearing: {type: expression, on: {node.x: -500*node.x - 20*rate(node.x), node.y: -500*node.y - 20*rate(node.y)}}
+  inner_x: {type: expression, on: {rotor.x: -3*(rate(rotor.x) + rate(rotor.theta)*rotor.y)}}
+  inner_y: {type: expression, on: {rotor.y: -3*(rate(rotor.y) - rate(rotor.theta)*rotor.x)}}
+reference:
+  coordinates: {rotor: {x: 0, y: 0, theta: 0}, node: {x: 0, y: 0}}
+  rates: {rotor: {x: 0, y: 0, theta: Omega}, node: {x: 0, y: 0}}
+"""
+
+
+def whirl(spin):
+    """Return the eigenvalues of z = x + iy and its conjugate; the node is eliminated by hand."""
+    p = np.polymul([2.0, 3.0, 800.0 - 3.0j * spin], [20.0, 1300.0]).astype(complex)
+    p[-1] -= 800.0**2
+    roots = np.roots(p)
+    return np.concatenate([roots, roots.conj()])
+
+
+@pytest.mark.parametrize("spin", [0.0, 5.0, 30.0, 60.0])
+def test_a_rotor_spins_on_massless_bearings(spin):
+    found = mbstab.loads(ROTOR).eig(Omega=spin)
+    own = [e for e in found.eigenvalues if e.kind != "neutral"]
+    assert close([e.value for e in own], whirl(spin), 1e-12)
+    assert max(e.error_bound for e in own) < 1e-11
+    assert ("unstable" in found.verdict) == bool(np.any(whirl(spin).real > 0.0))
+    assert found.counts.neutral == 2
+
+
+def test_the_onset_of_whirl_on_massless_bearings_is_found():
+    found = mbstab.loads(ROTOR).sweep("Omega", np.linspace(10.0, 60.0, 11))
+    (critical,) = found.critical
+    assert critical.value == pytest.approx(brentq(lambda x: np.max(whirl(x).real), 30.0, 60.0, xtol=1e-12), rel=1e-9)
+
+
+TURNING = """\
+mbstab: 1
+parameters: {{Omega: {{value: {spin}, unit: rad/s}}}}
+bodies:
+  disc: {{type: planar, mass: 1, inertia: 1}}
+  b: {{type: planar_point, mass: {m}}}
+  w: {{type: planar_point, mass: 0}}
+constraints: {{px: {{holonomic: disc.x}}, py: {{holonomic: disc.y}}}}
+forces:
+  spring_x: {{type: expression, on: {{b.x: -{k}*(b.x - w.x), w.x: {k}*(b.x - w.x)}}}}
+  spring_y: {{type: expression, on: {{b.y: -{k}*(b.y - w.y), w.y: {k}*(b.y - w.y)}}}}
+  anchor: {{type: expression, on: {{w.x: -{h}*(w.x - cos(disc.theta)), w.y: -{h}*(w.y - sin(disc.theta))}}}}
+  damper_x: {{type: expression, on: {{w.x: -{c}*(rate(w.x) + rate(disc.theta)*w.y)}}}}
+  damper_y: {{type: expression, on: {{w.y: -{c}*(rate(w.y) - rate(disc.theta)*w.x)}}}}
+reference:
+  find: steady
+  steady: {{axis: z, rate: Omega}}
+  coordinates: {{disc: {{theta: 0}}}}
+  guess: {{b: {{x: {x}, y: 0}}, w: {{x: {y}, y: 0}}}}
+"""
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_massless_node_off_the_axis_turns_with_a_steady_motion(seed):
+    """A mass, a node without mass and an anchor on a disk, in whose frame ζ = x + iy obeys linear equations."""
+    rng = np.random.default_rng(seed)
+    spin, m, k, h, c = (float(f"{x:.4g}") for x in rng.uniform([0.5, 0.5, 30, 30, 1], [4, 3, 90, 90, 20]))
+    c *= seed % 2
+    x, y = np.linalg.solve([[k - m * spin**2, -k], [-k, k + h]], [0.0, h])
+    found = mbstab.loads(TURNING.format(spin=spin, m=m, k=k, h=h, c=c, x=1.01 * x, y=0.99 * y)).eig()
+    p = np.polymul([m, 2j * m * spin, k - m * spin**2], [c, k + h] if c else [k + h]).astype(complex)
+    p[-1] -= k * k
+    roots = np.roots(p)
+    size = np.max(np.abs(roots))
+    values = [e.value for e in found.eigenvalues if abs(e.value) > 1e-9 * size]
+    assert close(values, [*roots, *roots.conj()], 1e-10)
+    assert found.counts.expected == len(values) + 2

@@ -213,10 +213,12 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         If nothing determines a motion without mass; names body and coordinate.
     """
     variation, generator, matrices = coefficients(system, motion, frozen)
-    names, light = tuple(system.names), massless(system, motion, matrices)
-    if light is None:
+    names = tuple(system.names)
+    if motion.massless is None:
         rows = tuple(system.rows)
         return Linearization(system, *matrices, system.n_h, names, rows, motion, variation, generator, frozen)
+    terms = _entries(system, motion, generator, multiplier_sizes(system, motion))
+    light = massless(system, motion, matrices, terms, generator is not None)
     n_h = system.n_h + len(light.algebraic)
     matrices = light.extended(matrices)
     return Linearization(system, *matrices, n_h, names, light.rows, motion, variation, generator, frozen, light)

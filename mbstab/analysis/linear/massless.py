@@ -29,7 +29,6 @@ from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.dependencies import names_in
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.reference.multiplier_sizes import multiplier_sizes
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import Array, Row, System
 from mbstab.errors import ConstraintError, MassError
@@ -141,8 +140,15 @@ def _times(directions: Array, A: Any) -> Iterable[Any]:
         yield sum(terms[1:], terms[0])
 
 
-def massless(system: System, motion: Motion, matrices: Matrices) -> Massless | None:
-    """Return the directions without mass of a reference and their rows, or None if there are none.
+def massless(system: System, motion: Motion, matrices: Matrices, terms: Matrices, steady: bool) -> Massless:
+    """Return the directions without mass of a reference, which has some, and their rows.
+
+    Parameters
+    ----------
+    matrices, terms : Matrices
+        Coefficients in the co-moving frame, and the sizes of the terms of which they are sums.
+    steady : bool
+        Whether a symmetry maps the reference to the motion at later times.
 
     Raises
     ------
@@ -151,15 +157,13 @@ def massless(system: System, motion: Motion, matrices: Matrices) -> Massless | N
     ConstraintError
         If a rank decision has no gap.
     """
-    if motion.massless is None:
-        return None
-    return _Decision(system, motion, matrices).found()
+    return _Decision(system, motion, matrices, terms).found(steady)
 
 
 class _Decision:
     """Which of the directions without mass are algebraic, and which of first order."""
 
-    def __init__(self, system: System, motion: Motion, matrices: Matrices) -> None:
+    def __init__(self, system: System, motion: Motion, matrices: Matrices, terms: Matrices) -> None:
         assert motion.massless is not None
         self.system, self.motion, self.matrices = system, motion, matrices
         scale, N = motion.spaces.scale, motion.spaces.N
@@ -174,15 +178,13 @@ class _Decision:
         R, K = (x * scale * scale[:, None] for x in (matrices.R, matrices.K))
         self.R, self.forces = self.basis @ R @ N, np.vstack([R, K])
         self.R_0, self.K_0 = self.basis @ R @ self.basis.T, self.basis @ K @ self.basis.T
-        # Multipliers may be rounding of the forces that they balance.
-        terms = system.terms(motion.q, motion.u, motion.a, multiplier_sizes(system, motion), motion.time)
-        R_size, K_size = (terms[key] * scale * scale[:, None] for key in "RK")
+        R_size, K_size = (x * scale * scale[:, None] for x in (terms.R, terms.K))
         self.force_sizes = np.vstack([R_size, K_size])
         self.sizes = tuple(np.linalg.norm(np.abs(self.basis) @ x @ np.abs(N), axis=1) for x in (R_size, K_size))
 
-    def found(self) -> Massless:
+    def found(self, steady: bool) -> Massless:
         """Return the directions with their rows."""
-        self._refuse_motion()
+        self._refuse_motion(steady)
         first, algebraic, loose = self._by_damping()
         self._check_determined(algebraic, loose)
         system, motion, m, n_h = self.system, self.motion, self.matrices, self.system.n_h
@@ -200,14 +202,22 @@ class _Decision:
         exact = self.exact and all(np.count_nonzero(x) == 1 for x in (*a, *f))
         return Massless(a, f, exact, n_h, system.n_n, rows, spaces, TOLERANCES.direction_rounding / self.least)
 
-    def _refuse_motion(self) -> None:
-        """Refuse what is not known yet: motions, and functions of time."""
-        system, motion = self.system, self.motion
+    def _refuse_motion(self, steady: bool) -> None:
+        """Refuse what is not known yet: functions of time, and references along which its balance changes."""
+        system, motion, hint = self.system, self.motion, HINT.partition(",")[0]
         timed = any(True for _ in system.given_functions())
         timed = timed or any("t" in names_in(x.entry.values) for x in system.scene.items if x.kind.written)
-        if not motion.at_rest or timed:
-            why = "under functions of time" if motion.at_rest else "in a reference that moves"
-            self._refuse(self.basis[0], f"{why} its motion is not determined yet", HINT.partition(",")[0])
+        if timed:
+            self._refuse(self.basis[0], "under functions of time its motion is not determined yet", hint)
+        if motion.at_rest or steady:
+            return
+        state = np.concatenate([motion.a, motion.u]) / np.tile(motion.spaces.scale, 2)
+        slopes, sizes = (np.hstack(np.vsplit(x, 2)) for x in (self.forces, self.force_sizes))
+        for direction in self.basis:
+            size = TOLERANCES.balance_zero * (np.abs(direction) @ sizes @ np.abs(state))
+            if not abs(direction @ slopes @ state) <= size:
+                what = "the forces on it change along the reference, so that its motion is not determined yet"
+                self._refuse(direction, what, hint)
 
     def _by_damping(self) -> tuple[Array, Array, Array]:
         """Return F and G as rows of combinations of the basis, and the motions that no damping sees, as columns.

@@ -26,7 +26,7 @@ from mbstab.analysis.linear.neutral import orthonormal
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.equilibrium import Problem
-from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.motion import Motion, mobility
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.rotation import rate_matrix
 from mbstab.analysis.reference.steady import Family, Generator, centered, declared_family
@@ -384,7 +384,6 @@ def _accelerations(f: Refining, start: Start, state: Dynamics, known: Matrix | N
     plain_M = motion.dynamics.M * scale * scale[:, None]
     plain_J = motion.dynamics.J * scale * row_scale[:, None]
     inverse = np.linalg.pinv(plain_J, rcond=ALGEBRA.singular_value_zero) if len(plain_J) else plain_J.T
-    allowed = spaces.N @ spaces.Z
     n = len(M)
     # Without loads, forces are measured by those that small motions of the size of the scene would cause.
     size = (np.abs(linear.K) @ motion.sizes + np.abs(linear.R) @ np.abs(motion.u) + np.abs(motion.dynamics.F0)) * scale
@@ -399,8 +398,7 @@ def _accelerations(f: Refining, start: Start, state: Dynamics, known: Matrix | N
         except Stalled as stalled:
             raise _undetermined(start, f.values(J), stalled) from None
         return known, nu * row_scale, (loads - f.times(J.T, nu)) / (floor or 1.0)
-    M_z = allowed.T @ plain_M @ allowed
-    move = allowed @ np.linalg.solve(M_z, allowed.T) if M_z.size else np.zeros((n, n))
+    move = mobility(motion, plain_M) if spaces.Z.shape[1] else np.zeros((n, n))
 
     def correction(x: Matrix) -> Matrix:
         a, nu = x[:n], x[n:]

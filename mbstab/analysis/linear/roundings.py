@@ -26,6 +26,7 @@ from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.equations import Balance
+from mbstab.analysis.reference.motion import mobility
 from mbstab.analysis.reference.steady import Generator, declared_family
 from mbstab.compiler.system import Array, System
 from mbstab.model.expressions import ExpressionError
@@ -398,9 +399,8 @@ class _Roundings:
         bias = _misfits(state.B + motion.dynamics.J @ motion.a) + J @ np.abs(motion.a)
         off = np.abs(self._inverse()) @ (bias * spaces.row_scale)
         mass = motion.dynamics.M * spaces.scale * spaces.scale[:, None]
-        allowed = spaces.N @ spaces.Z
-        if allowed.shape[1]:
-            move = allowed @ np.linalg.inv(allowed.T @ mass @ allowed) @ allowed.T
+        if spaces.Z.shape[1]:
+            move = mobility(motion, mass)
             off = off + np.abs(move @ (value * spaces.scale))
             off = off + np.abs(move) @ (error * spaces.scale + np.abs(mass) @ off)
         result: Array = off * spaces.scale + UNIT * np.abs(motion.a)

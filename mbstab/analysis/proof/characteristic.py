@@ -225,11 +225,12 @@ class Proof(Reference):
         for directions, damped in ((light.algebraic, False), (light.first_order, True)):
             for direction in directions:
                 i = int(np.argmax(np.abs(direction)))
-                alone = light.exact and all(row[i].is_zero() for row in [*J, *M]) and all(x.is_zero() for x in M[i])
+                alone = light.exact and self.rough.motion.at_rest
+                alone = alone and all(row[i].is_zero() for row in [*J, *M]) and all(x.is_zero() for x in M[i])
                 if not alone or not (damped or all(x.is_zero() for x in R[i])):
                     raise NotProvable(
-                        f"motions without mass are proven along single coordinates in no constraint; {names[i]} "
-                        "carries a mass, meets a constraint or a damper, or moves along with others, at some value"
+                        "motions without mass are proven about a rest, along single coordinates in no constraint; "
+                        f"{names[i]} carries a mass, meets a constraint or a damper, or moves along with others"
                     )
                 own[i] = damped
         return own

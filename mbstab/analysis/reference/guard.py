@@ -101,7 +101,7 @@ def _followed(
         u = generator.field(q)
         if left := _left_rows(system, motion, q, u, time):
             raise ConstraintError(f"the steady motion leaves {', '.join(left)}")
-        later = motion_at(system, q, u, motion.time + time)
+        later = _motion_at(motion, system, q, u, time)
         excess = (later.dynamics.M @ (later.a - generator.acceleration(q))) * motion.spaces.scale
         if np.max(np.abs(excess)) > unbalance(system, later):
             worst = system.names[int(np.argmax(np.abs(excess)))]
@@ -109,6 +109,11 @@ def _followed(
         later = replace(later, a=generator.acceleration(q))
         M, R, K, J, D_q = matrices_in(system, later, generator)
         yield later, Matrices(T.T @ M @ T, T.T @ R @ T, T.T @ K @ T, J @ T, D_q @ T)
+
+
+def _motion_at(motion: Motion, system: System, q: Array, u: Array, time: float) -> Motion:
+    """Return a state of a motion some time later, without mass where that has none."""
+    return motion_at(system, q, u, motion.time + time, motion.massless is not None)
 
 
 def _left_rows(system: System, motion: Motion, q: Array, u: Array, time: float) -> list[str]:
@@ -140,7 +145,7 @@ def _moved(system: System, motion: Motion) -> Iterator[Motion]:
         rate = float(np.max(np.abs(u / motion.sizes)[kind], initial=0.0))
         if rate > 0.0:
             time = TOLERANCES.guard_turn / rate
-            yield motion_at(system, motion.q + time * u + 0.5 * time * time * a, u + time * a, motion.time + time)
+            yield _motion_at(motion, system, motion.q + time * u + 0.5 * time * time * a, u + time * a, time)
 
 
 def _law_times(system: System, motion: Motion, matrices: Matrices) -> list[float]:
@@ -158,7 +163,7 @@ def _continued(system: System, motion: Motion, matrices: Matrices) -> Iterator[M
     """Yield the motion a step of the midpoint rule later, as given functions of time drive it."""
     last = motion
     for time in _law_times(system, motion, matrices):
-        last = motion_at(system, motion.q + time * last.u, motion.u + time * last.a, motion.time + time)
+        last = _motion_at(motion, system, motion.q + time * last.u, motion.u + time * last.a, time)
         yield last
 
 
@@ -233,6 +238,9 @@ def _change(system: System, motion: Motion, now: Matrices, then: Matrices, time:
     if turned > TOLERANCES.coordinate_rounding:
         return turned
     n = spaces.N.shape[1]
+    if motion.massless is not None:  # forces along these motions are compared as if they had the mass of the others
+        light = motion.massless / scale[:, None]
+        now, then = (x._replace(M=x.M + light @ light.T) for x in (now, then))
     A, B = (deflated(spaces, matrices)[0] for matrices in (now, then))
     # Terms that rounding is relative to, besides the entries: inertia over the time, and the forces that balance.
     forces = float(np.max(np.abs(motion.dynamics.F0 * scale)) / np.min(motion.sizes / scale))

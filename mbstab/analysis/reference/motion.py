@@ -89,9 +89,28 @@ class Motion:
         return not np.any(self.u)
 
 
-def motion_at(system: System, q: Array, u: Array, time: float) -> Motion:
+def motion_at(system: System, q: Array, u: Array, time: float, massless: bool = False) -> Motion:
     """Return accelerations and multipliers of a state that satisfies the constraints."""
-    return Finder(system).motion(q, u, time)
+    return Finder(system, massless).motion(q, u, time)
+
+
+def mobility(motion: Motion, M: Array) -> Array:
+    """Return the matrix that gives the allowed accelerations from forces, in scaled coordinates.
+
+    What carries no mass is not accelerated: no force acts there, as has been checked.
+
+    Parameters
+    ----------
+    M : ndarray, shape (n_q, n_q)
+        The mass matrix in scaled coordinates.
+    """
+    allowed = motion.spaces.allowed
+    inertia = allowed.T @ M @ allowed
+    if motion.massless is None:
+        return np.asarray(allowed @ np.linalg.solve(inertia, allowed.T))
+    inner = allowed.T @ motion.massless
+    whole = allowed @ np.linalg.solve(inertia + inner @ inner.T, allowed.T)
+    return np.asarray(whole - motion.massless @ motion.massless.T)
 
 
 class Finder:
@@ -461,8 +480,8 @@ class Finder:
         hint = "give the body an inertia in this direction, add a joint or a drive, or make it a point"
         if not self.massless:
             hint = (
-                "springs and dampers determine such a motion only about a reference at rest, in scenes that dense "
-                f"matrices can hold; otherwise {hint}"
+                "springs and dampers determine such a motion only about a rest or a steady motion, in scenes that "
+                f"dense matrices can hold; otherwise {hint}"
             )
         raise MassError(str(self.document.problem(location, f"bodies.{body}", message, hint)))
 
