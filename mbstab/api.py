@@ -131,10 +131,12 @@ class Mechanism:
 
         Raises
         ------
-        ModelFileError
-            If the reference does not satisfy constraints or equations of motion.
+        ModelFileError, MassError
+            If the reference does not satisfy constraints or equations of motion; if nothing determines a motion of it.
         """
-        return reference_motion(self._affordable("motion", parameters), massless=True)
+        system = self._affordable("motion", parameters)
+        motion = reference_motion(system, massless=True)
+        return motion if motion.massless is None else linearize(system, motion).motion
 
     @guarded
     def energies(self, **parameters: Setting) -> Energies:

@@ -24,9 +24,10 @@ from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.neutral import orthonormal
 from mbstab.analysis.linear.tolerances import TOLERANCES
+from mbstab.analysis.reference.coefficients import mobility
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.equilibrium import Problem
-from mbstab.analysis.reference.motion import Motion, mobility
+from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.rotation import rate_matrix
 from mbstab.analysis.reference.steady import Family, Generator, centered, declared_family

@@ -24,9 +24,8 @@ from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.tolerances import TOLERANCES
-from mbstab.analysis.reference.coefficients import Matrices
+from mbstab.analysis.reference.coefficients import Matrices, mobility
 from mbstab.analysis.reference.equations import Balance
-from mbstab.analysis.reference.motion import mobility
 from mbstab.analysis.reference.steady import Generator, declared_family
 from mbstab.compiler.system import Array, System
 from mbstab.model.expressions import ExpressionError

@@ -94,25 +94,6 @@ def motion_at(system: System, q: Array, u: Array, time: float, massless: bool = 
     return Finder(system, massless).motion(q, u, time)
 
 
-def mobility(motion: Motion, M: Array) -> Array:
-    """Return the matrix that gives the allowed accelerations from forces, in scaled coordinates.
-
-    What carries no mass is not accelerated: no force acts there, as has been checked.
-
-    Parameters
-    ----------
-    M : ndarray, shape (n_q, n_q)
-        The mass matrix in scaled coordinates.
-    """
-    allowed = motion.spaces.allowed
-    inertia = allowed.T @ M @ allowed
-    if motion.massless is None:
-        return np.asarray(allowed @ np.linalg.solve(inertia, allowed.T))
-    inner = allowed.T @ motion.massless
-    whole = allowed @ np.linalg.solve(inertia + inner @ inner.T, allowed.T)
-    return np.asarray(whole - motion.massless @ motion.massless.T)
-
-
 class Finder:
     """Assembles states of a scene from its file, and reports what does not fit.
 
