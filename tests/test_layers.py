@@ -112,7 +112,8 @@ def test_a_library_is_imported_in_its_place_only(library):
     assert outside == set()
 
 
-HEAVY = ["sympy", "scipy", "matplotlib"]
+LIBRARIES = "numpy numpy.ma numpy.random logging rich sympy scipy mpmath matplotlib yaml"
+"""What takes noticeably long to import."""
 
 
 def loaded_by(arguments: list[str]) -> set[str]:
@@ -121,7 +122,7 @@ def loaded_by(arguments: list[str]) -> set[str]:
         "from mbstab.cli import main\n"
         "try:\n    main(sys.argv[1:])\n"
         "except SystemExit as stop:\n    assert not stop.code, stop.code\n"
-        "print('loaded:', *[m for m in 'numpy sympy scipy mpmath matplotlib yaml'.split() if m in sys.modules])\n"
+        f"print('loaded:', *[m for m in '{LIBRARIES}'.split() if m in sys.modules])\n"
     )
     run = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
     return set(run.stdout.splitlines()[-1].split()[1:])
