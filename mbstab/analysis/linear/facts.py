@@ -292,6 +292,7 @@ class Grounds:
             reversible=self.reversible,
             critical=self.critical,
             family=self.family,
+            warnings=() if self.linear.massless is None else self.linear.massless.warnings,
             frequencies=self.second_variation.warnings,
         )
 

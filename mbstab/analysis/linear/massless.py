@@ -16,7 +16,7 @@ give it, each direction of first order one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,8 @@ class Massless:
         What all rows allow.
     accuracy : float
         Accuracy of directions that are computed, relative to their length.
+    warnings : tuple of str
+        Directions that any mass, however small, would let run away.
     """
 
     algebraic: Array
@@ -66,6 +68,7 @@ class Massless:
     rows: tuple[Row, ...]
     spaces: Subspaces
     accuracy: float
+    warnings: tuple[str, ...] = ()
 
     def extended(self, m: Matrices, sizes: bool = False) -> Matrices:
         """Return the matrices with the rows of the directions, for numbers of any type.
@@ -200,7 +203,28 @@ class _Decision:
         if len(values) and not values[0] > REFERENCE.massless * values[-1]:
             self._refuse(self.basis[0], "forces do not determine it, to the digits of double precision", HINT)
         exact = self.exact and all(np.count_nonzero(x) == 1 for x in (*a, *f))
-        return Massless(a, f, exact, n_h, system.n_n, rows, spaces, TOLERANCES.direction_rounding / self.least)
+        accuracy, warnings = TOLERANCES.direction_rounding / self.least, tuple(self._running_away(len(first), loose))
+        return Massless(a, f, exact, n_h, system.n_n, rows, spaces, accuracy, warnings)
+
+    def _running_away(self, damped: int, loose: Array) -> Iterator[str]:
+        """Yield warnings about directions in which forces push instead of hold.
+
+        With a mass ε → 0 there would be eigenvalues −r/ε of the damping, and ±√(−k/ε) of the stiffness that it leaves.
+        """
+        stiffness = loose.T @ self.K_0 @ loose
+        for what, A, basis, count in (
+            ("damping", self.R_0, self.basis, damped),
+            ("stiffness", stiffness, loose.T @ self.basis, len(stiffness)),
+        ):
+            values, vectors = np.linalg.eig(A)
+            for i in np.argsort(-np.abs(values), kind="stable")[:count].tolist():
+                across = abs(values[i].imag) > TOLERANCES.pushing_part * abs(values[i])
+                if values[i].real < 0.0 or (across and what == "stiffness"):
+                    names = ", ".join(self._involved(np.abs(vectors[:, i] @ basis)))
+                    yield (
+                        f"the forces on {names}, which carries no mass, push it away (its own {what} is not positive): "
+                        "the answer is for no mass at all; with any, however small, it would run away"
+                    )
 
     def _refuse_motion(self, steady: bool) -> None:
         """Refuse what is not known yet: functions of time, and references along which its balance changes."""
@@ -279,15 +303,19 @@ class _Decision:
 
     def _refuse(self, direction: Array, what: str, hint: str) -> None:
         """Refuse a motion without mass, by body, coordinates and place in the file."""
-        size = np.abs(direction) * self.motion.spaces.scale / self.motion.sizes
-        names = self.system.names
-        # States may go along with a body; they never have a mass.
-        size[[is_state(name) for name in names]] = 0.0
-        involved = [names[i] for i in np.argsort(-size, kind="stable") if size[i] > 0.3 * size.max()][:4]
+        involved = self._involved(direction)
         body = involved[0].partition(".")[0]
         message = f"the motion of {', '.join(involved)} carries no mass, and {what}"
         problem = self.system.scene.model.document.problem
         raise MassError(str(problem(self._location(body), f"bodies.{body}", message, hint)))
+
+    def _involved(self, direction: Array) -> list[str]:
+        """Return the coordinates of bodies that change most along a direction."""
+        size = np.abs(direction) * self.motion.spaces.scale / self.motion.sizes
+        names = self.system.names
+        # States may go along with a body; they never have a mass.
+        size[[is_state(name) for name in names]] = 0.0
+        return [names[i] for i in np.argsort(-size, kind="stable") if size[i] > 0.3 * size.max()][:4]
 
     def _rank(self, A: Array, what: str, directions: Array) -> Rank:
         """Return the rank of rows of unit length, which belong to directions; refuse it without a gap."""

@@ -14,6 +14,8 @@ class Tolerances:
     # Errors of the matrices
     balance_zero: Final = 1e-12
     """Along a direction without mass, damping or stiffness below this, relative to its terms, is zero."""
+    pushing_part: Final = 1e-6
+    """Stiffness along a direction without mass that is complex by more than this part of it lets it run away."""
     direction_rounding: Final = 100.0 * EPS
     """Accuracy of computed directions without mass, relative to their length."""
     roundings_of_sum: Final = 2.0

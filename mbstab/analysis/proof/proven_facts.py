@@ -452,6 +452,7 @@ class Case:
             kink=grounds.kink(1),
             rough=grounds.kink(2),
             minimum=self.minimum,
+            warnings=() if grounds.linear.massless is None else grounds.linear.massless.warnings,
             frequencies=self.grounds.second_variation.warnings,
         )
 
