@@ -222,8 +222,8 @@ class _Decision:
                 if values[i].real < 0.0 or (across and what == "stiffness"):
                     names = ", ".join(self._involved(np.abs(vectors[:, i] @ basis)))
                     yield (
-                        f"the forces on {names}, which carries no mass, push it away (its own {what} is not positive): "
-                        "the answer is for no mass at all; with any, however small, it would run away"
+                        f"{names}: no mass, and forces that push away instead of holding (the {what} there is not "
+                        "positive); the answer is for no mass at all: with any, however small, this would run away"
                     )
 
     def _refuse_motion(self, steady: bool) -> None:
