@@ -41,12 +41,16 @@ def modes(result):
     return [e for e in result.eigenvalues if e.vector is not None and e.value.imag >= 0.0]
 
 
+def with_energies(model):
+    """Return the modes of a model that have energies: what cannot be told from zero has none."""
+    found = modes(model.eig(energies=True))
+    assert [e.energy is not None for e in found] == [e.error_bound < abs(e.value) for e in found]
+    return [e for e in found if e.energy is not None]
+
+
 def balances(model):
     """Return the largest defect of the energy balances of a model."""
-    found = modes(model.eig(energies=True))
-    # What cannot be told from zero has no energies.
-    assert [e.energy is not None for e in found] == [e.error_bound < abs(e.value) for e in found]
-    return max((e.energy.defect for e in found if e.energy is not None), default=0.0)
+    return max((e.energy.defect for e in with_energies(model)), default=0.0)
 
 
 # --- the balance ----------------------------------------------------------------------------------------------------
@@ -60,11 +64,14 @@ def test_the_energy_balance_of_every_mode_closes(path):
 
 @pytest.mark.parametrize("seed", sample(range(160), every=8))
 def test_the_energy_balance_of_random_mechanisms_closes(seed):
+    """To 1e-12, or to the rounding of the shapes of slow modes beside fast ones."""
     try:
-        defect = balances(mbstab.loads(random_mechanism(seed)))
+        found = with_energies(mbstab.loads(random_mechanism(seed)))
     except MbstabError as error:
         pytest.skip(str(error))
-    assert defect <= BALANCE
+    fastest = max((abs(e.value) for e in found), default=0.0)
+    for e in found:
+        assert e.energy.defect <= max(BALANCE, np.finfo(float).eps * e.condition * fastest / abs(e.value))
 
 
 def test_an_oscillator_loses_what_its_damper_takes():

@@ -73,7 +73,10 @@ def _drawn(group: click.Group, line: str, path: Path, folder: Path, file: str) -
     try:
         printed = _printed(group, line, path, folder)
     except MbstabError as error:
-        return _Drawn((), (f"<p><code>{html.escape(line)}</code>: {html.escape(str(error))}</p>",))
+        # A sweep draws the points that it has, and fails because of the others.
+        printed = str(error)
+        if not (folder / file).is_file():
+            return _Drawn((), (f"<p><code>{html.escape(line)}</code>: {html.escape(printed)}</p>",))
     shown = f'<p><img src="{quote(file)}" alt="{html.escape(line)}"></p>'
     return _Drawn((file,), (f"<pre>$ {html.escape(line)}\n{html.escape(printed)}</pre>", shown))
 
