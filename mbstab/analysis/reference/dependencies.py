@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node
+from mbstab.model.scene import Scene
 
 
 def names_in(value: object) -> set[str]:
     """Return the names in anything that a model is made of: parameters, coordinates, the time ``t``."""
     return {name for expression in expressions_in(value) for name in expression.names()}
+
+
+def timed(scene: Scene) -> bool:
+    """Whether anything in a scene is a function of the time; a load that is written as numbers is not."""
+    return any("t" in names_in(item.entry.values) for item in scene.items)
 
 
 def expressions_in(value: object) -> Iterator[Expression]:
