@@ -269,7 +269,13 @@ reference: {{rates: {{disk: {{theta: "{rate}"}}}}}}
 
 
 @pytest.mark.parametrize("unit", ["Hz", "1/min", "1/h", "min^-1"])
-@pytest.mark.parametrize("rate", ["f", "2*f", "-f", "f*T/T", "f + 1", "abs(f)", "sin(f*T)"])
+@pytest.mark.parametrize(
+    "rate",
+    [
+        *("f", "2*f", "-f", "f*T/T", "f + 1", "abs(f)", "sin(f*T)", "sin(T/f**-1)", "sqrt(f**2)", "(f**4)**0.25"),
+        *("hypot(1/T, f)", "max(1/T, f, 0.1)", "min(f, 1/T, 0.1)", "saturate(1/T, 0, f, 0.1)"),
+    ],
+)
 def test_turns_are_no_angle(unit, rate):
     with pytest.raises(ModelFileError, match="f counts turns") as caught:
         mbstab.loads(TURNING.format(unit=unit, rate=rate))
@@ -280,6 +286,11 @@ def test_turns_are_no_angle(unit, rate):
     ("unit", "rate"),
     [
         *(("Hz", rate) for rate in ("2*pi*f", "f*2*pi", "6.2832*f", "f*s", "360*deg*f", "sin(2*pi*f*T)*2*pi*f", "1/T")),
+        *(
+            ("Hz", rate)
+            for rate in ("2*acos(-1)*f", "4*asin(1)*f", "8*atan(1)*f", "2*atan2(0, -1)*f", "2*pi*sqrt(f*f)")
+        ),
+        *(("Hz", rate) for rate in ("sqrt((2*pi*f)**2)", "hypot(2*pi*f, 1/T)", "((2*pi*f)**4)**0.25")),
         *((unit, "f") for unit in ("rpm", "rad/s", "deg/s", "1/s", "rad/min", "mrad/s")),
     ],
 )

@@ -16,8 +16,8 @@ from mbstab.model.units import factors
 class Counted(NamedTuple):
     """What a quantity counts: powers of radians and of turns, and the first name that counts turns."""
 
-    radians: int = 0
-    turns: int = 0
+    radians: float = 0
+    turns: float = 0
     name: str = ""
     position: int = 0
 
@@ -95,21 +95,36 @@ def _count(node: Node, names: Mapping[str, Counted]) -> Counted:
             arguments = [_count(argument, names) for argument in node.arguments]
             if node.function in ("sin", "cos", "tan") and arguments[0].lacks:
                 raise _missing(arguments[0], f"{node.function}() takes an angle in rad")
-            return arguments[0] if CALLED[node.function].unit == "same" else NOTHING
+            return _returned(node, arguments)
         case Binary():
             return _combined(node, _count(node.left, names), _count(node.right, names))
         case _:
             return NOTHING
 
 
+def _returned(node: Call, arguments: list[Counted]) -> Counted:
+    """Return what the value of a function counts."""
+    if node.function in ("asin", "acos", "atan", "atan2"):
+        return Counted(radians=1)
+    match CALLED[node.function].unit:
+        case "same":
+            return next((x for x in arguments if x.lacks), arguments[0])
+        case "root":
+            return _power(arguments[0], 0.5)
+        case _:
+            return NOTHING
+
+
+def _power(base: Counted, power: float) -> Counted:
+    return base._replace(radians=power * base.radians, turns=power * base.turns)
+
+
 def _combined(node: Binary, left: Counted, right: Counted) -> Counted:
     if node.operator in "+-":
         return left if left.lacks or not right.lacks else right
     if node.operator == "**":
-        if not isinstance(node.right, Number) or not node.right.text.isdigit():
-            return NOTHING
-        power = int(node.right.text)
-        return left._replace(radians=power * left.radians, turns=power * left.turns)
+        sign, power = (-1, node.right.operand) if isinstance(node.right, Negative) else (1, node.right)
+        return _power(left, sign * float(power.text)) if isinstance(power, Number) else NOTHING
     sign = -1 if node.operator == "/" else 1
     named = left if left.turns else right
     return named._replace(radians=left.radians + sign * right.radians, turns=left.turns + sign * right.turns)
