@@ -1,6 +1,7 @@
 """Units: factors, dimensions, and sums and functions that do not fit."""
 
 import math
+import re
 from fractions import Fraction
 
 import mpmath
@@ -319,3 +320,43 @@ def test_settings_in_turns_and_in_angles(unit, setting, value):
     else:
         system = System(evaluate(bound(read_model_text(TURNING.format(unit=unit, rate="1/T")), {"f": setting})))
         assert system.scene.parameters["f"] == pytest.approx(value, rel=1e-15)
+
+
+ALONG = """
+mbstab: 1
+parameters: {{x: {{value: 2, unit: {unit}}}}}
+bodies: {{b: {{type: planar, mass: 1, inertia: 1}}}}
+joints: {{j: {{type: {joint}, between: [b, ground]}}}}
+{section}: {{e: {{{entry}}}}}
+reference: {{coordinates: {{b: {{x: 0, y: 0, theta: 0}}}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("section", "entry", "angle", "travel"),
+    [
+        ("drives", "type: joint, joint: j, position: x", "rad", "m"),
+        ("drives", "type: joint, joint: j, velocity: x", "rad/s", "m/s"),
+        ("forces", "type: joint_spring, joint: j, stiffness: x", "N*m/rad", "N/m"),
+        ("forces", "type: joint_spring, joint: j, stiffness: 1, rest: x", "rad", "m"),
+        ("forces", "type: joint_spring, joint: j, damping: x", "N*m*s/rad", "N*s/m"),
+        ("forces", "type: actuator, joint: j, effort: x", "N*m", "N"),
+    ],
+)
+@pytest.mark.parametrize("joint", ["revolute", "prismatic"])
+def test_units_along_a_joint_are_those_of_its_motion(section, entry, angle, travel, joint):
+    right, wrong = (angle, travel) if joint == "revolute" else (travel, angle)
+    along = "prismatic, axis: x" if joint == "prismatic" else joint
+    mbstab.loads(ALONG.format(unit=right, joint=along, section=section, entry=entry))
+    expected = rf"{section}\.e\..*: .* has the unit .*, expected {re.escape(right)}"
+    with pytest.raises(ModelFileError, match=expected):
+        mbstab.loads(ALONG.format(unit=wrong, joint=along, section=section, entry=entry))
+
+
+@pytest.mark.parametrize(("name", "right", "wrong"), [("theta", "rad/s", "m/s"), ("x", "m/s", "rad/s")])
+def test_the_units_of_a_driven_coordinate_are_its_own(name, right, wrong):
+    entry = f"type: coordinate, coordinate: b.{name}, velocity: x"
+    text = ALONG.format(unit="UNIT", joint="revolute", section="drives", entry=entry)
+    mbstab.loads(text.replace("UNIT", right))
+    with pytest.raises(ModelFileError, match=f"expected {right}"):
+        mbstab.loads(text.replace("UNIT", wrong))

@@ -12,7 +12,7 @@ every derivative is derived from it ahead of time (`mbstab.compiler.derive`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any, Literal, Protocol
 
 from mbstab.mechanics.measures import Pose
@@ -117,6 +117,8 @@ class Field:
         What kind of field it is, one of those in `mbstab.model.fields`.
     unit : str
         SI unit; "" and "1" stand for everything without a declared unit.
+    units : tuple of str
+        Of what acts along the motion of a joint or a coordinate: the SI units for an angle and for a travel.
     made : bool
         Whether the program writes it, from the other fields.
     needs : tuple of str
@@ -143,6 +145,13 @@ class Field:
     needs: tuple[str, ...] = ()
     motions: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+
+    def along(self, motion: str) -> Field:
+        """Return the field with the unit for a motion, ``angle`` or ``displacement``, if it depends on it."""
+        if not self.units or not motion:
+            return self
+        return replace(self, unit=self.units[0] if motion == "angle" else self.units[1])
 
 
 class PartError(Exception):

@@ -81,8 +81,8 @@ ELEMENTS = (
 
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
-POSITION = Field("position", "law", "given position as a function of the time t (holonomic)")
-VELOCITY = Field("velocity", "law", "given rate as a function of the time t (nonholonomic)")
+POSITION = Field("position", "law", "given position as a function of the time t (holonomic)", units=("rad", "m"))
+VELOCITY = Field("velocity", "law", "given rate as a function of the time t (nonholonomic)", units=("rad/s", "m/s"))
 MOTION = Field("motion", "motion", "which motion of the joint, if it has both", choices=("angle", "displacement"))
 
 
@@ -164,7 +164,7 @@ KINDS: dict[str, Kind] = {
             (
                 Field("at", "marker", "the point: body or body.point", required=True),
                 Field("direction", "ground direction", "the direction, in ground axes", required=True),
-                *_LAW,
+                *(field.along("displacement") for field in _LAW),
             ),
             _point,
             one_of=_ONE,

@@ -356,16 +356,31 @@ KINDS: dict[tuple[str, int], Kind] = {
             (
                 _JOINT,
                 MOTION,
-                Field("stiffness", "number", "stiffness in N/m or N*m/rad", "", default="0", sign="nonnegative"),
+                Field(
+                    "stiffness",
+                    "number",
+                    "stiffness in N/m or N*m/rad",
+                    "",
+                    default="0",
+                    sign="nonnegative",
+                    units=("N*m/rad", "N/m"),
+                ),
                 Field(
                     "rest",
                     "number",
                     "travel or angle without force; in space angles are taken within half a turn of it",
                     "",
                     default="0",
+                    units=("rad", "m"),
                 ),
                 Field(
-                    "damping", "number", "viscous damping in N*s/m or N*m*s/rad", "", default="0", sign="nonnegative"
+                    "damping",
+                    "number",
+                    "viscous damping in N*s/m or N*m*s/rad",
+                    "",
+                    default="0",
+                    sign="nonnegative",
+                    units=("N*m*s/rad", "N*s/m"),
                 ),
             ),
             _joint_spring,
@@ -378,7 +393,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             (
                 _JOINT,
                 MOTION,
-                Field("effort", "law", _EFFORT, "", required=True),
+                Field("effort", "law", _EFFORT, "", required=True, units=("N*m", "N")),
             ),
             _actuator,
             effort=_actuator_effort,
@@ -389,7 +404,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 (
                     _JOINT,
                     MOTION,
-                    Field("effort", "signal", _EFFORT, "", required=True),
+                    Field("effort", "signal", _EFFORT, "", required=True, units=("N*m", "N")),
                     Field("on", "loads", "the effort along the motion of the joint", made=True),
                 ),
                 lambda item: (),

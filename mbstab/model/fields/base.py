@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Protocol
 from mbstab.mechanics.catalogue import Field, Kind, Marker, Number
 from mbstab.model.evaluator import Evaluator
 from mbstab.model.quantities import QuantityReader
-from mbstab.model.schema import Entry
+from mbstab.model.schema import Entry, is_angle, is_length
 from mbstab.model.yamlfile import Mapping as MappingNode
 from mbstab.model.yamlfile import YamlNode
 
@@ -41,9 +41,16 @@ class Reading:
 
     def read(self, kind: FieldKind, field: Field, node: YamlNode) -> None:
         """Read a field; one with a problem has no value."""
-        value = kind.read(self, field, node, f"{self.path}.{field.name}")
+        value = kind.read(self, field.along(self._motion()), node, f"{self.path}.{field.name}")
         if value is not None:
             self.values[field.name] = value
+
+    def _motion(self) -> str:
+        """Return whether what the entry acts on is an ``angle`` or a ``displacement``, empty if it does not say."""
+        if coordinate := self.values.get("coordinate"):
+            return "angle" if is_angle(coordinate) else "displacement" if is_length(coordinate) else ""
+        motions = self.joint.motions if self.joint is not None else ()
+        return str(self.values.get("motion") or (motions[0] if len(motions) == 1 else ""))
 
 
 class Owner(Protocol):
