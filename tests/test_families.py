@@ -130,3 +130,32 @@ reference: {coordinates: {a: {x: 0, y: 0}}}
     assert mechanism.eig().verdict == "undecided"
     assert any("e is 1e-165: products" in x for x in mechanism.eig().reasons)
     assert mechanism.sweep("e", [1e-165, 1e-100]).verdicts == ["undecided", "unstable"]
+
+
+@pytest.mark.parametrize("lag", [0.3, 0.7, 11.0])
+def test_a_line_of_rests_that_a_filter_follows(lag):
+    """F - x/T never changes; the filter G goes where x is, to rounding."""
+    text = f"""
+mbstab: 1
+bodies: {{b: {{type: planar_point, mass: 2}}}}
+constraints: {{y: {{holonomic: b.y}}}}
+states: {{F: {{rate: rate(b.x)/0.5}}, G: {{rate: (b.x - G)/{lag}}}}}
+forces: {{s: {{type: expression, on: {{b.x: -50*b.x - 3*rate(b.x) - 2*F}}}}}}
+reference: {{coordinates: {{b: {{x: 0, y: 0}}}}}}
+"""
+    found = mbstab.loads(text).eig()
+    assert found.verdict == "asymptotically stable up to symmetry"
+    assert found.counts.neutral == 1
+
+
+@pytest.mark.parametrize(("rate", "verdict"), [("x**3", "unstable"), ("-x**3", "asymptotically stable")])
+def test_a_state_that_leaves_slowly_is_no_line_of_rests(rate, verdict):
+    text = f"""
+mbstab: 1
+bodies: {{b: {{type: planar_point, mass: 2}}}}
+constraints: {{y: {{holonomic: b.y}}}}
+states: {{x: {{rate: {rate}}}, G: {{rate: (x + b.x - G)/0.3}}}}
+forces: {{s: {{type: expression, on: {{b.x: -50*b.x - 3*rate(b.x)}}}}}}
+reference: {{coordinates: {{b: {{x: 0, y: 0}}}}}}
+"""
+    assert mbstab.loads(text).eig().verdict in (verdict, "undecided")

@@ -101,7 +101,8 @@ class _Search:
         sizes, n = self.motion.sizes, len(self.motion.q)
         state = self._state(y)
         fastest = max(float(np.max(np.abs(state.u) / sizes)), float(np.max(np.abs(self.motion.u) / sizes)))
-        if float(np.linalg.norm(left[:n])) * self.rate > TOLERANCES.force_vanishes * fastest:
+        allowed = TOLERANCES.force_vanishes * fastest + TOLERANCES.force_rounding * self._rates_of_states(y)
+        if float(np.linalg.norm(left[:n])) * self.rate > allowed:
             return False
         direction = left[n:] * sizes
         at = self.system.dynamics(state.q, state.u, self.motion.time)
@@ -129,6 +130,12 @@ class _Search:
         direction, rate = self._disturbance(y)
         sizes = self.motion.sizes
         return max(float(np.max(np.abs(direction / sizes))), float(np.max(np.abs(rate / sizes))) / self.rate)
+
+    def _rates_of_states(self, y: Array) -> float:
+        """Return the size of the terms of which the rates of first-order coordinates are sums, at rest as well."""
+        spaces, n = self.linear.spaces, self.space.n_xi
+        terms = np.abs(spaces.N) @ (np.abs(self.space.A[:n, :n]) @ np.abs(y[:n]))
+        return float(np.linalg.norm(spaces.scale * terms / self.motion.sizes))
 
     def _disturbance(self, y: Array) -> tuple[Array, Array]:
         """Return Δq and Δu of a disturbance in the coordinates of the balanced S."""
