@@ -1,5 +1,6 @@
 """Child processes that do not outlive the test that starts them."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -39,3 +40,15 @@ def until(condition: Callable[[], bool], process: subprocess.Popen[str], seconds
         assert process.poll() is None, "the process ended early"
         assert time.monotonic() < deadline, f"nothing happened within {seconds:g} s"
         time.sleep(0.01)
+
+
+def ended(number: int, seconds: float = 30.0) -> bool:
+    """Return whether a process ends; its number is free a moment later."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        try:
+            os.kill(number, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.01)
+    return False
