@@ -22,12 +22,12 @@ from mbstab.analysis.algebra.budget import Cost, Task
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.compare.check import CheckReport, check_scene
 from mbstab.analysis.compare.expectations import Outcome, check_expectations
-from mbstab.analysis.linear.eigenvalues import answer, with_energies
 from mbstab.analysis.linear.linearize import Linearization, linearize
-from mbstab.analysis.linear.results import EigenResult
 from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track, symbolic_blocks
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
+from mbstab.analysis.spectrum.eigenvalues import answer, with_energies
+from mbstab.analysis.spectrum.results import EigenResult
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 from mbstab.model.arguments import parted, series, whole
@@ -44,14 +44,14 @@ if TYPE_CHECKING:
     from mbstab.analysis.compare.methods import Comparison
     from mbstab.analysis.compare.verify import Verification
     from mbstab.analysis.design.design import Design
-    from mbstab.analysis.linear.control import ControlModel
-    from mbstab.analysis.linear.precise import PreciseResult
-    from mbstab.analysis.linear.sensitivity import Sensitivities
     from mbstab.analysis.proof.certify import Certificate
     from mbstab.analysis.reference.equilibrium import Equilibrium
+    from mbstab.analysis.response.state_space import ControlModel
     from mbstab.analysis.simulate.energy import Energies
     from mbstab.analysis.simulate.mode_shape import Swing
     from mbstab.analysis.simulate.result import Simulation
+    from mbstab.analysis.spectrum.precise import PreciseResult
+    from mbstab.analysis.spectrum.sensitivity import Sensitivities
     from mbstab.analysis.sweep.chart import Chart
     from mbstab.analysis.sweep.sweep import Sweep
 
@@ -180,7 +180,7 @@ class Mechanism:
     @guarded
     def state_space(self, states: Sequence[str] = (), frozen: bool = False, **parameters: Setting) -> ControlModel:
         """Return A, B, C, D for the inputs and outputs of the file; `states` as in `control_model`."""
-        from mbstab.analysis.linear.control import control_model
+        from mbstab.analysis.response.state_space import control_model
 
         return control_model(self.linearize(frozen, **parameters), states)
 
@@ -254,7 +254,7 @@ class Mechanism:
             As `eig`.
         """
         count = whole("count", count, 1)
-        from mbstab.analysis.linear.modes import modes
+        from mbstab.analysis.spectrum.modes import modes
 
         result = modes(self.system(**parameters), count, near, rightmost, self.force)
         return self._described(result, False, energies, parameters)
@@ -274,7 +274,7 @@ class Mechanism:
         """Return the function that counts the eigenvalues that are zero to many digits."""
 
         def zeros() -> int:
-            from mbstab.analysis.linear.precise import exact_zeros
+            from mbstab.analysis.spectrum.precise import exact_zeros
 
             return exact_zeros(self.at(**parameters).model)
 
@@ -306,7 +306,7 @@ class Mechanism:
         """
         digits = whole("digits", digits)
         model = self._afforded("modes", parameters)
-        from mbstab.analysis.linear.precise import precise_eigenvalues
+        from mbstab.analysis.spectrum.precise import precise_eigenvalues
 
         return precise_eigenvalues(model, digits, frozen, progress)
 
@@ -321,7 +321,7 @@ class Mechanism:
         MbstabError
             As `eig`; also where the reference has no derivative.
         """
-        from mbstab.analysis.linear.sensitivity import sensitivities
+        from mbstab.analysis.spectrum.sensitivity import sensitivities
 
         found = sensitivities(self._afforded("modes", parameters), frozen, self._zeros(parameters))
         return replace(found, result=self._described(found.result, frozen, False, parameters))

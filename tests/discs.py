@@ -1,12 +1,12 @@
-"""Discs of `mbstab.analysis.linear.bounds` beside eigenvalues with many digits."""
+"""Discs of `mbstab.analysis.bounds.location` beside eigenvalues with many digits."""
 
 import numpy as np
 from mpmath import mp
 
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.linear.bounds import enclosures
-from mbstab.analysis.linear.facts import Grounds
-from mbstab.analysis.linear.precise import precise_eigenvalues
+from mbstab.analysis.bounds.location import enclosures
+from mbstab.analysis.spectrum.precise import precise_eigenvalues
+from mbstab.analysis.verdict.facts import Grounds
 
 DIGITS = 30
 

@@ -132,7 +132,7 @@ def of_parameter(path, name):
 
 def contradiction(single, swept):
     """Return what is contradictory between `eig` at both ends and a sweep; empty: nothing."""
-    from mbstab.analysis.linear.verdict import STRENGTH
+    from mbstab.analysis.verdict.rule import STRENGTH
 
     if not swept.out:
         return ""

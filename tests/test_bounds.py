@@ -12,10 +12,11 @@ from sampling import sample
 
 import mbstab
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
-from mbstab.analysis.linear import grouping, roundings
-from mbstab.analysis.linear.bounds import enclosures, enclosures_of
-from mbstab.analysis.linear.facts import Grounds
+from mbstab.analysis.bounds import grouping
+from mbstab.analysis.bounds.location import enclosures, enclosures_of
+from mbstab.analysis.linear import roundings
 from mbstab.analysis.linear.methods import METHODS, solver
+from mbstab.analysis.verdict.facts import Grounds
 from mbstab.errors import MbstabError
 
 EPS = float(np.finfo(float).eps)
@@ -288,7 +289,7 @@ def test_values_lie_in_their_discs_where_conjugates_change_places(exponent):
 
 @pytest.mark.parametrize("powers", [0, 20])
 def test_spectral_radii_are_compared_as_their_eigenvalues_say(monkeypatch, powers):
-    monkeypatch.setattr("mbstab.analysis.linear.tolerances.Tolerances.radius_powers", powers)
+    monkeypatch.setattr("mbstab.analysis.bounds.tolerances.Tolerances.radius_powers", powers)
     rng, agreed = np.random.default_rng(4), []
     for k in range(300):
         matrices = rng.uniform(size=(3, 4, 4)) * (rng.uniform(size=(3, 4, 4)) < (0.3, 0.5, 1.0)[k % 3])

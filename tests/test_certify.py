@@ -22,11 +22,11 @@ from truth import exact_eigenvalues
 import mbstab
 from mbstab.analysis.algebra import ball_polynomials, balls
 from mbstab.analysis.algebra.balls import NotProvable, ball, digits, real
-from mbstab.analysis.linear.verdict import REQUIRED, STRENGTH, UNDECIDED, WORDS, Modulo
 from mbstab.analysis.proof.critical_values import proven_change
 from mbstab.analysis.proof.intervals import Part, common
 from mbstab.analysis.proof.krawczyk import krawczyk_boxes
 from mbstab.analysis.proof.tolerances import TOLERANCES as PROOF
+from mbstab.analysis.verdict.rule import REQUIRED, STRENGTH, UNDECIDED, WORDS, Modulo
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic

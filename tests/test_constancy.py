@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mbstab
-from mbstab.analysis.linear.constancy import (
+from mbstab.analysis.verdict.constancy import (
     _period,
     _shape,
     affine_drives,
@@ -15,8 +15,8 @@ from mbstab.analysis.linear.constancy import (
     time_doubt,
     time_uses,
 )
-from mbstab.analysis.linear.exact_sums import Structure
-from mbstab.analysis.linear.smoothness import kinks
+from mbstab.analysis.verdict.exact_sums import Structure
+from mbstab.analysis.verdict.smoothness import kinks
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import array_arithmetic, mpmath_arithmetic
 from mbstab.model.expressions import parse

@@ -9,10 +9,10 @@ import pytest
 from test_cli import run
 
 import mbstab
-from mbstab.analysis.linear import control
-from mbstab.analysis.linear.measured import Meter
-from mbstab.analysis.linear.signals import Signals, State
 from mbstab.analysis.reference.reactions import reactions
+from mbstab.analysis.response import state_space
+from mbstab.analysis.response.measured import Meter
+from mbstab.analysis.response.signals import Signals, State
 from mbstab.errors import ModelFileError, NumericalError, UsageError
 
 ROOT = Path(__file__).parents[1]
@@ -36,6 +36,13 @@ def transfer(x, s):
     powers = np.array([s**k for _, k in x.orders])
     found = x.C @ np.linalg.solve(s * np.eye(len(x.A)) - x.A, x.B * powers) + x.D * powers
     return np.stack([found[:, [i == j for i, _ in x.orders]].sum(axis=1) for j in range(len(x.inputs))], axis=1)
+
+
+def rounding(x, s):
+    """Return how much one rounding of each entry of A changes the transfer matrix at most, and that of its entries."""
+    resolvent = np.linalg.inv(s * np.eye(len(x.A)) - x.A)
+    effect = np.abs(x.C @ resolvent) @ np.abs(x.A) @ np.abs(resolvent @ x.B)
+    return np.finfo(float).eps * max(effect.max(), np.abs(transfer(x, s)).max())
 
 
 def descriptor_transfer(x, s):
@@ -74,7 +81,8 @@ def test_all_states_and_the_descriptor_form_have_the_same_transfer_functions():
     assert len(all_.states) == 10
     for omega in (0.1, 1.0, 10.0):
         known = transfer(few, 1j * omega)
-        np.testing.assert_allclose(transfer(all_, 1j * omega), known, rtol=0, atol=1e-11 * np.abs(known).max())
+        # Near the zero eigenvalues of place and heading, roundings of A count more.
+        assert np.abs(transfer(all_, 1j * omega) - known).max() <= 64.0 * rounding(all_, 1j * omega)
         np.testing.assert_allclose(
             descriptor_transfer(all_, 1j * omega), known, rtol=0, atol=1e-11 * np.abs(known).max()
         )
@@ -431,8 +439,8 @@ def test_a_model_without_inputs_cannot_be_exported():
 
 def test_the_control_model_is_built_only_where_it_is_asked_for(monkeypatch):
     asked = []
-    own = control.control_model
-    monkeypatch.setattr("mbstab.analysis.linear.control.control_model", lambda *x: asked.append(x) or own(*x))
+    own = state_space.control_model
+    monkeypatch.setattr("mbstab.analysis.response.state_space.control_model", lambda *x: asked.append(x) or own(*x))
     for form in ("equations", "composite"):
         assert run("linearize", "pendulum.yaml", "--form", form).exit_code == 0
     assert not asked

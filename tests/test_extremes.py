@@ -19,8 +19,8 @@ from mbstab.analysis.algebra.matching import assigned, matched
 from mbstab.analysis.algebra.refinement import Quadratic, refined
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.methods import METHODS
-from mbstab.analysis.linear.precise import precise_eigenvalues
-from mbstab.analysis.linear.verdict import STRENGTH
+from mbstab.analysis.spectrum.precise import precise_eigenvalues
+from mbstab.analysis.verdict.rule import STRENGTH
 from mbstab.errors import MbstabError, ModelFileError
 from mbstab.model.library import installed_models
 

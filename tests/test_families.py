@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mbstab
-from mbstab.analysis.linear.verdict import ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE
+from mbstab.analysis.verdict.rule import ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE
 
 ROTOR = """
 mbstab: 1

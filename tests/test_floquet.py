@@ -13,9 +13,9 @@ from scipy.special import ellipe, ellipk
 
 import mbstab
 from mbstab.analysis.algebra.matching import matched
-from mbstab.analysis.linear import floquet
-from mbstab.analysis.linear.floquet import monodromy
 from mbstab.analysis.linear.linearize import linearize, state_space
+from mbstab.analysis.spectrum import floquet
+from mbstab.analysis.spectrum.floquet import monodromy
 from mbstab.compiler.system import System
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError
 from mbstab.model.library import installed_models
@@ -382,7 +382,7 @@ def test_a_period_is_a_positive_number(period):
 
 
 def test_a_period_that_takes_too_many_steps_is_refused(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.linear.tolerances.Tolerances.monodromy_evaluations", 500)
+    monkeypatch.setattr("mbstab.analysis.spectrum.tolerances.Tolerances.monodromy_evaluations", 500)
     with pytest.raises(NumericalError, match=r"more than 500 evaluations: \d+\.\d+% of the period was done"):
         of(mbstab.load(MODELS["pendulum"]), 100.0)
 

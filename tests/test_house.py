@@ -15,11 +15,11 @@ COMPLEXITY = 25
 
 NUMBERS_BESIDE_TOLERANCES = {
     "mbstab/analysis/algebra/shift_invert.py:SEED",
-    "mbstab/analysis/linear/bounds.py:UNLIKE",
-    "mbstab/analysis/linear/constancy.py:SMOOTH",
-    "mbstab/analysis/linear/minimum.py:RATIOS",
-    "mbstab/analysis/linear/periodic.py:INSTANTS",
-    "mbstab/analysis/linear/wording.py:MOST",
+    "mbstab/analysis/bounds/location.py:UNLIKE",
+    "mbstab/analysis/verdict/constancy.py:SMOOTH",
+    "mbstab/analysis/verdict/minimum.py:RATIOS",
+    "mbstab/analysis/spectrum/periodic.py:INSTANTS",
+    "mbstab/analysis/verdict/wording.py:MOST",
     "mbstab/analysis/reference/symmetry_candidates.py:UNEVEN",
     "mbstab/analysis/simulate/run.py:LISTED",
     "mbstab/analysis/simulate/singular_passage.py:NODES",
@@ -58,8 +58,8 @@ LONG_FUNCTIONS = {
 }
 
 COMPLEX_FUNCTIONS = {
-    "mbstab/analysis/linear/critical.py:critical_zero",
-    "mbstab/analysis/linear/verdict.py:judge",
+    "mbstab/analysis/verdict/critical.py:critical_zero",
+    "mbstab/analysis/verdict/rule.py:judge",
     "mbstab/analysis/simulate/steppers/compiled.py:layout_of",
     "mbstab/compiler/machine.py:march",
     "mbstab/report/certificate.py:certificate_text",

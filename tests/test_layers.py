@@ -14,7 +14,20 @@ PACKAGE = Path(mbstab.__file__).parent
 # The types and symbols of mechanics come before the model: the file format is read from their tables.
 LAYERS = ["records", "errors", "mechanics", "model", "compiler", "analysis", "report", "api", "cli"]
 # Inside of the analysis: every wing rests on those before it.
-WINGS = ["algebra", "reference", "linear", "sweep", "design", "simulate", "proof", "compare"]
+WINGS = [
+    "algebra",
+    "reference",
+    "linear",
+    "bounds",
+    "verdict",
+    "spectrum",
+    "response",
+    "sweep",
+    "design",
+    "simulate",
+    "proof",
+    "compare",
+]
 ONLY_IN = {
     "yaml": {"model/yamlfile.py"},
     "click": {"cli"},
@@ -27,7 +40,7 @@ ONLY_IN = {
     "scipy": {"analysis", "report/export.py", "report/animation/solids.py", "report/pictures/stability_chart.py"},
     "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}
     | {f"analysis/reference/{x}.py" for x in ("element_comparison", "symmetries")}
-    | {"analysis/linear/precise.py", "analysis/linear/precise_motion.py"},
+    | {"analysis/spectrum/precise.py", "analysis/spectrum/precise_motion.py"},
     "flint": {f"analysis/algebra/{x}.py" for x in ("balls", "ball_matrices", "ball_polynomials")}
     | {"analysis/proof/krawczyk.py", "analysis/proof/characteristic.py"},
 }

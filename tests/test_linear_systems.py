@@ -11,7 +11,7 @@ from linear_oracle import AS, AS_UP_TO, OPEN, S_UP_TO, M, S, U, random_system, t
 from sampling import sample
 
 import mbstab
-from mbstab.analysis.linear.verdict import WORDS
+from mbstab.analysis.verdict.rule import WORDS
 from mbstab.errors import MbstabError
 
 NONE = [[0, 0], [0, 0]]

@@ -6,13 +6,13 @@ from sampling import sample
 from test_sweep import CUBIC, optimal
 
 import mbstab
-from mbstab.analysis.linear.verdict import WORDS
 from mbstab.analysis.reference import many_points
 from mbstab.analysis.reference.continuation import follow, follow_all
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.paths import Path, Sheet, Surface
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.blocks import home_of, patterns_at
+from mbstab.analysis.verdict.rule import WORDS
 from mbstab.model.parameters import settings_in_si
 
 SWEEPS = [

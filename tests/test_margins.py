@@ -8,9 +8,9 @@ from sampling import sample
 from scipy.optimize import linear_sum_assignment
 from test_cli import run
 
-from mbstab.analysis.linear.margins import closed_loop, largest_gain, margins
-from mbstab.analysis.linear.transfer import Channel
-from mbstab.analysis.linear.zeros import find
+from mbstab.analysis.response.margins import closed_loop, largest_gain, margins
+from mbstab.analysis.response.transfer import Channel
+from mbstab.analysis.response.zeros import find
 
 
 def channel(A, B, C, *D):

@@ -15,7 +15,7 @@ from scipy import sparse
 import mbstab
 from mbstab.analysis.algebra.inertia import ConstrainedForms
 from mbstab.analysis.algebra.sparse_rank import sparse_rank
-from mbstab.analysis.linear.verdict import STRENGTH
+from mbstab.analysis.verdict.rule import STRENGTH
 from mbstab.cli import main
 from mbstab.errors import MbstabError, UsageError
 

@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 from zoo import SYSTEMS
 
 import mbstab
-from mbstab.analysis.linear.multipliers import enclosed, placed
-from mbstab.analysis.linear.verdict import STRENGTH, UNDECIDED
+from mbstab.analysis.verdict.multipliers import enclosed, placed
+from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED
 from mbstab.cli import main
 from mbstab.errors import ModelFileError, UsageError
 from mbstab.model.library import installed_models

@@ -11,10 +11,10 @@ from test_cli import run
 from test_control import MASSES, WHIPPLE, cart
 
 import mbstab
-from mbstab.analysis.linear.frequency import FrequencyResponse
-from mbstab.analysis.linear.response import answer
-from mbstab.analysis.linear.transfer import channels
-from mbstab.analysis.linear.zeros import TransferZeros
+from mbstab.analysis.response.frequency import FrequencyResponse
+from mbstab.analysis.response.response import answer
+from mbstab.analysis.response.transfer import channels
+from mbstab.analysis.response.zeros import TransferZeros
 from mbstab.errors import NumericalError, UsageError
 from mbstab.report.responses import phase, response_data, response_text
 

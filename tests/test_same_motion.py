@@ -12,7 +12,7 @@ from sampling import sample
 from zoo import SYSTEMS
 
 import mbstab
-from mbstab.analysis.linear.verdict import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED
+from mbstab.analysis.verdict.rule import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED
 from mbstab.errors import MbstabError
 
 SECTIONS = ("bodies", "joints", "constraints", "contacts", "drives", "forces")

@@ -14,10 +14,10 @@ from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.algebra.rounded_arrays import RoundedArray, RoundedNumbers
 from mbstab.analysis.algebra.sparse import in_sparse
 from mbstab.analysis.algebra.sparse_rank import last_rows, sparse_null_space, sparse_rank
-from mbstab.analysis.linear.eigenvalues import eigenvalues
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
+from mbstab.analysis.spectrum.eigenvalues import eigenvalues
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
 
 
@@ -268,7 +268,7 @@ def test_many_zeros_that_nothing_explains_are_one_disc(monkeypatch):
     bodies = 80
     dense = []
     monkeypatch.setattr(
-        "mbstab.analysis.linear.eigenvalues.reference_motion", lambda s: dense.append(s.sparse) or reference_motion(s)
+        "mbstab.analysis.spectrum.eigenvalues.reference_motion", lambda s: dense.append(s.sparse) or reference_motion(s)
     )
     result = mbstab.loads(_row_on_relaxed_springs(bodies)).eig()
     assert dense == [True]  # dense matrices take minutes for so many zeros, and say no more

@@ -7,8 +7,8 @@ import pytest
 from sampling import sample
 
 import mbstab
-from mbstab.analysis.linear.verdict import STRENGTH, WORDS
 from mbstab.analysis.sweep.batched_verdict import WORD
+from mbstab.analysis.verdict.rule import STRENGTH, WORDS
 
 NAME = {number: word for word, number in WORD.items()}
 WINDOW = "smooth_start((q-1.3)/0.1)*smooth_start((1.7-q)/0.1)"

@@ -19,11 +19,11 @@ from sampling import sample
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
-from mbstab.analysis.linear.verdict import STRENGTH
 from mbstab.analysis.reference import continuation
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.sweep import batched_spectra, sweep
 from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP
+from mbstab.analysis.verdict.rule import STRENGTH
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.ranges import sweep_values

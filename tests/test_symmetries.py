@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import mbstab
-from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.reference import symmetries
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
+from mbstab.analysis.verdict.facts import Grounds
 from mbstab.compiler.system import System
 from mbstab.model.reader import read_model_text
 from mbstab.model.values import evaluate

@@ -9,7 +9,6 @@ from scipy.optimize import brentq, linear_sum_assignment
 
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import root
-from mbstab.analysis.linear.verdict import MARGINAL, STABLE, UNDECIDED, UNSTABLE
 from mbstab.analysis.sweep.batched_verdict import (
     AXIS,
     LEFT,
@@ -28,6 +27,7 @@ from mbstab.analysis.sweep.batched_verdict import (
 from mbstab.analysis.sweep.stacks import inertia
 from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP
 from mbstab.analysis.sweep.tracking import continuous, discriminant, doubtful, follow, product, squares
+from mbstab.analysis.verdict.rule import MARGINAL, STABLE, UNDECIDED, UNSTABLE
 from mbstab.errors import NumericalError
 
 

@@ -8,7 +8,7 @@ from test_cli import run
 from test_orders import HALF, MASS, POLAR, ROTOR, TRANSVERSE
 
 import mbstab
-from mbstab.analysis.linear.unbalance import unbalance
+from mbstab.analysis.response.unbalance import unbalance
 from mbstab.errors import NumericalError, UsageError
 
 JEFFCOTT = """mbstab: 1

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mbstab.analysis.linear.verdict import (
+from mbstab.analysis.verdict.rule import (
     ASYMPTOTIC,
     ASYMPTOTIC_UP_TO,
     MARGINAL,

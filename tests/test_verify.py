@@ -14,8 +14,8 @@ from zoo import SYSTEMS
 import mbstab
 from mbstab.analysis.compare import verify
 from mbstab.analysis.compare.tolerances import TOLERANCES as COMPARE
-from mbstab.analysis.linear import eigenvalues
 from mbstab.analysis.simulate.energy import Energy
+from mbstab.analysis.spectrum import eigenvalues
 from mbstab.cli import main
 
 EXAMPLES = [

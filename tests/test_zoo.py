@@ -10,7 +10,7 @@ from sampling import sample
 from zoo import SYSTEMS
 
 import mbstab
-from mbstab.analysis.linear.verdict import (
+from mbstab.analysis.verdict.rule import (
     ASYMPTOTIC,
     ASYMPTOTIC_UP_TO,
     MARGINAL,

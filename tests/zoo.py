@@ -12,7 +12,7 @@ from pathlib import Path
 
 import mechanisms
 
-from mbstab.analysis.linear.verdict import (
+from mbstab.analysis.verdict.rule import (
     ASYMPTOTIC,
     ASYMPTOTIC_UP_TO,
     MARGINAL,

@@ -6,8 +6,8 @@ from fractions import Fraction
 from textwrap import wrap
 from typing import Any
 
-from mbstab.analysis.linear.verdict import Modulo
 from mbstab.analysis.proof.certify import Certificate
+from mbstab.analysis.verdict.rule import Modulo
 from mbstab.report import WIDTH
 from mbstab.report.tables import decimals, table
 

@@ -11,10 +11,10 @@ from mbstab.model.schema import Model, unit_of
 from mbstab.report.export import parameters_data, polar
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.mode_energy import EnergyBalance, EnergyShare
-    from mbstab.analysis.linear.precise import PreciseResult
-    from mbstab.analysis.linear.results import EigenResult
-    from mbstab.analysis.linear.verdict import Verdict
+    from mbstab.analysis.spectrum.mode_energy import EnergyBalance, EnergyShare
+    from mbstab.analysis.spectrum.precise import PreciseResult
+    from mbstab.analysis.spectrum.results import EigenResult
+    from mbstab.analysis.verdict.rule import Verdict
 
 
 def _asked(result: EigenResult | PreciseResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
@@ -39,7 +39,7 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     ``kind``, ``frequency`` in Hz, ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s,
     ``error_bound`` in 1/s, ``condition``, ``backward_error``, ``participation``, ``vector``, ``motions``, ``whirl``,
     ``energy``, ``name``), ``coordinates`` (their names and units, in the order of the vectors), ``counts``
-    (`mbstab.analysis.linear.results.Counts`), ``neutral_directions`` (what the neutral eigenvalues belong to, in
+    (`mbstab.analysis.spectrum.results.Counts`), ``neutral_directions`` (what the neutral eigenvalues belong to, in
     words, whatever the verdict), ``warnings``. A ``vector`` has ``magnitude`` (m or rad) and
     ``phase`` (rad) of each coordinate; the one that moves most, lengths relative to the size of the scene,
     has magnitude 1 and phase 0. It is null for neutral eigenvalues and multipliers. ``motions`` are the independent
@@ -87,7 +87,7 @@ def energy_data(balance: EnergyBalance) -> dict[str, Any]:
     Keys: ``of`` (a list with ``entry``, the energies ``kinetic``, ``strain`` and ``load`` relative to the kinetic
     energy of the mode, and the powers ``damping``, ``circulation`` and ``reaction`` relative to it, in 1/s), ``total``
     (the sums), ``real`` (of the eigenvalue: twice it times the energy is the power), ``defect`` (by how much it is
-    not, relative to the largest term). `mbstab.analysis.linear.mode_energy` says what they are.
+    not, relative to the largest term). `mbstab.analysis.spectrum.mode_energy` says what they are.
     """
     shares = [{"entry": share.owner, **_numbers(share)} for share in balance.shares]
     return {

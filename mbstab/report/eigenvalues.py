@@ -8,15 +8,15 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from mbstab.analysis.linear.methods import DEFAULT
-from mbstab.analysis.linear.verdict import Verdict, show
+from mbstab.analysis.verdict.rule import Verdict, show
 from mbstab.errors import counted
 from mbstab.report import WIDTH
 from mbstab.report.modes import modes_table, shapes_text, value_text
 from mbstab.report.tables import eigenvalue, number, table
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.precise import PreciseResult
-    from mbstab.analysis.linear.results import EigenResult, Eigenvalue
+    from mbstab.analysis.spectrum.precise import PreciseResult
+    from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
 
 ZERO = 1e-3
 """An eigenvalue that may be zero is printed as 0 if its error bound is below this fraction of the largest one."""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from mbstab.report.export import to_csv
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.control import ControlModel
     from mbstab.analysis.linear.linearize import Linearization
+    from mbstab.analysis.response.state_space import ControlModel
 
 Named = tuple[Any, Sequence[str], Sequence[str]]
 

@@ -11,8 +11,8 @@ from mbstab.report import WIDTH
 from mbstab.report.tables import table
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.control import ControlModel
     from mbstab.analysis.linear.linearize import Linearization
+    from mbstab.analysis.response.state_space import ControlModel
 
 LARGE = 12
 """Matrices with more rows or columns are shown only on request."""

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from mbstab.analysis.linear.verdict import show
+from mbstab.analysis.verdict.rule import show
 from mbstab.model.schema import unit_of
 from mbstab.report import WIDTH
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.mode_energy import EnergyBalance
-    from mbstab.analysis.linear.results import EigenResult, Eigenvalue
+    from mbstab.analysis.spectrum.mode_energy import EnergyBalance
+    from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
 
 SMALL = 5e-4
 """Shares of energy and power smaller than this fraction of the largest are not printed."""

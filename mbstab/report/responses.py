@@ -14,11 +14,11 @@ from mbstab.report.export import to_csv
 from mbstab.report.tables import eigenvalue, table
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.margins import LargestGain, Margins
-    from mbstab.analysis.linear.response import Response
-    from mbstab.analysis.linear.transfer import Channel
-    from mbstab.analysis.linear.unbalance import UnbalanceResponse
-    from mbstab.analysis.linear.zeros import Zeros
+    from mbstab.analysis.response.margins import LargestGain, Margins
+    from mbstab.analysis.response.response import Response
+    from mbstab.analysis.response.transfer import Channel
+    from mbstab.analysis.response.unbalance import UnbalanceResponse
+    from mbstab.analysis.response.zeros import Zeros
 
 ROWS = 13
 """Rows of a table; the other formats hold all."""

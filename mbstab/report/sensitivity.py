@@ -14,7 +14,7 @@ from mbstab.report.modes import value_text
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.sensitivity import Derivatives, Sensitivities
+    from mbstab.analysis.spectrum.sensitivity import Derivatives, Sensitivities
     from mbstab.analysis.sweep.critical import Critical, CriticalSlopes
     from mbstab.analysis.sweep.sweep import Sweep
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, WORDS
+from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS
 from mbstab.errors import counted
 from mbstab.records import dataclass
 from mbstab.report import WIDTH

@@ -1,6 +1,6 @@
 """Error bounds of eigenvalues against many digits: ``python tests/benchmarks/bounds.py 0 2000 [bare]``.
 
-For each seed of `random_mechanisms` the discs of `mbstab.analysis.linear.bounds` are compared with
+For each seed of `random_mechanisms` the discs of `mbstab.analysis.bounds.location` are compared with
 eigenvalues of 30 digits.
 With ``bare`` nothing is separated by structure: zeros are judged as well. Printed are the seeds whose bounds are
 broken or worst, and how many times larger than the errors bounds are.

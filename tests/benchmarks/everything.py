@@ -13,9 +13,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from every_pair import contradiction, everything, odd_settings, of_model, of_parameter
 
 import mbstab.analysis.compare.methods
-import mbstab.analysis.linear.precise
 import mbstab.analysis.proof.certify
 import mbstab.analysis.simulate.simulate
+import mbstab.analysis.spectrum.precise
 import mbstab.analysis.sweep.sweep
 import mbstab.cli.main
 import mbstab.report.pictures.stability_map  # noqa: F401 (in the parent, that children need not)

@@ -27,8 +27,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from test_fuzz import JUNK, LINES, NUMBERS, TEXTS, VALUES, WORDS
 
-import mbstab.analysis.linear.eigenvalues
 import mbstab.analysis.simulate.simulate
+import mbstab.analysis.spectrum.eigenvalues
 import mbstab.analysis.sweep.sweep
 import mbstab.api  # noqa: F401 (in the parent, that children need not)
 from mbstab.cli import main

@@ -11,7 +11,7 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import mbstab
-from mbstab.analysis.linear.verdict import STRENGTH
+from mbstab.analysis.verdict.rule import STRENGTH
 from mbstab.errors import MbstabError
 
 sys.path.insert(0, str(Path(__file__).parent.parent))

@@ -23,8 +23,8 @@ from random_mechanisms import random_mechanism
 import mbstab
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.linear.methods import DEFAULT, METHODS
-from mbstab.analysis.linear.precise import precise_eigenvalues
-from mbstab.analysis.linear.verdict import STRENGTH, UNDECIDED
+from mbstab.analysis.spectrum.precise import precise_eigenvalues
+from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED
 
 DIGITS = 30
 BROKEN = 3.0

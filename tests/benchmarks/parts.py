@@ -5,9 +5,9 @@ import time
 import numpy as np
 
 from mbstab import load
-from mbstab.analysis.linear.eigenvalues import eigenvalues
 from mbstab.analysis.linear.linearize import linearize, state_space
 from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.spectrum.eigenvalues import eigenvalues
 from mbstab.compiler.system import System
 from mbstab.model.library import installed_models
 from mbstab.model.reader import read_model

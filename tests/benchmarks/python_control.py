@@ -15,10 +15,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from test_control import MASSES, WHIPPLE, cart, whipple
 
-from mbstab.analysis.linear.frequency import FrequencyResponse
-from mbstab.analysis.linear.margins import largest_gain, margins
-from mbstab.analysis.linear.transfer import channels
-from mbstab.analysis.linear.zeros import TransferZeros
+from mbstab.analysis.response.frequency import FrequencyResponse
+from mbstab.analysis.response.margins import largest_gain, margins
+from mbstab.analysis.response.transfer import channels
+from mbstab.analysis.response.zeros import TransferZeros
 
 OMEGA = (0.1, 1.0, 10.0, 100.0)
 

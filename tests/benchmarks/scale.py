@@ -128,7 +128,7 @@ def errors(name, count, frequencies, bounds):
 def own(name, count):
     """Return what mbstab needs and finds: build a chain, then solve it."""
     import mbstab
-    from mbstab.analysis.linear.eigenvalues import answer
+    from mbstab.analysis.spectrum.eigenvalues import answer
 
     start = time.process_time()
     model = mbstab.loads(text_of(name, count))

@@ -27,7 +27,7 @@ class CheckReport:
     bodies : list of (name, coordinates, mass in kg)
     constraints : list of (name, type, holonomic rows, nonholonomic rows)
     n_q, n_holonomic, n_nonholonomic, rank_holonomic, rank_nonholonomic, n_f : int
-        As in `mbstab.analysis.linear.results.Counts`.
+        As in `mbstab.analysis.spectrum.results.Counts`.
     gaps : tuple of float
         Ratio of the singular values on both sides of each of the two rank decisions.
     redundant : list of str

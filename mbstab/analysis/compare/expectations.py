@@ -6,10 +6,10 @@ import numpy as np
 
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.algebra.matching import matched
-from mbstab.analysis.linear.eigenvalues import answer
-from mbstab.analysis.linear.results import EigenResult
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.spectrum.eigenvalues import answer
+from mbstab.analysis.spectrum.results import EigenResult
 from mbstab.compiler.system import System
 from mbstab.errors import Location, MbstabError
 from mbstab.model.arithmetic import FLOAT
@@ -65,7 +65,7 @@ def check_expectation(model: Model, expectation: Expectation) -> list[Outcome]:
 @guarded
 def _answer(model: Model, frozen: bool = False) -> EigenResult:
     def zeros() -> int:
-        from mbstab.analysis.linear.precise import exact_zeros
+        from mbstab.analysis.spectrum.precise import exact_zeros
 
         return exact_zeros(model)
 

@@ -23,15 +23,15 @@ from mpmath import mp
 
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.subspaces import subspaces
+from mbstab.analysis.bounds.location import enclosures
 from mbstab.analysis.compare.tolerances import TOLERANCES
-from mbstab.analysis.linear.bounds import enclosures
-from mbstab.analysis.linear.eigenvalues import judged
-from mbstab.analysis.linear.facts import Grounds, balanced, time_scale
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
 from mbstab.analysis.linear.methods import METHODS, solver
-from mbstab.analysis.linear.precise import PreciseResult, precise_eigenvalues, rounded_eigenvalues
-from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.spectrum.eigenvalues import judged
+from mbstab.analysis.spectrum.precise import PreciseResult, precise_eigenvalues, rounded_eigenvalues
+from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
+from mbstab.analysis.verdict.facts import Grounds, balanced, time_scale
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
@@ -173,7 +173,7 @@ def compare(
     NumericalError
         If no method keeps the tolerance.
     MbstabError
-        As `mbstab.analysis.linear.precise.precise_eigenvalues`.
+        As `mbstab.analysis.spectrum.precise.precise_eigenvalues`.
     """
     _check(tolerance, digits)
     began = time.perf_counter()
@@ -213,7 +213,7 @@ def _further(digits: int, tolerance: float | None) -> list[int]:
     """Return the numbers of digits to measure: fewer than those of the truth, and enough for the tolerance."""
     found = [n for n in TOLERANCES.further_digits if n < digits]
     if tolerance is not None:
-        needed = max(math.ceil(-math.log10(tolerance)) + 1, LINEAR.digits_least)
+        needed = max(math.ceil(-math.log10(tolerance)) + 1, SPECTRUM.digits_least)
         found += [needed] if all(n < needed for n in found) else []
     return found
 
@@ -234,7 +234,7 @@ def cheapest(outcomes: Sequence[Outcome], tolerance: float, verdict: str) -> Out
     nearest = f": {best.method} comes closest with {best.error:.1e}" if math.isfinite(best.error) else ""
     raise NumericalError(
         f"no method keeps {tolerance:g}{nearest}\n"
-        f"hint: mbstab eig --precision {max(LINEAR.digits_least, math.ceil(-math.log10(tolerance)) + 1)}"
+        f"hint: mbstab eig --precision {max(SPECTRUM.digits_least, math.ceil(-math.log10(tolerance)) + 1)}"
     )
 
 

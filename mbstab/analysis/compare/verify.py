@@ -26,12 +26,7 @@ from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.compare import neutral_drift
 from mbstab.analysis.compare.neutral_drift import Drift
 from mbstab.analysis.compare.tolerances import TOLERANCES
-from mbstab.analysis.linear.eigenvalues import answer
-from mbstab.analysis.linear.facts import Grounds, time_scale
-from mbstab.analysis.linear.floquet import monodromy
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
-from mbstab.analysis.linear.results import EigenResult, Eigenvalue
-from mbstab.analysis.linear.verdict import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE, show
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
@@ -41,6 +36,11 @@ from mbstab.analysis.simulate.recording import states
 from mbstab.analysis.simulate.run import Follower, Run
 from mbstab.analysis.simulate.steppers.interface import Options
 from mbstab.analysis.simulate.steppers.table import METHODS
+from mbstab.analysis.spectrum.eigenvalues import answer
+from mbstab.analysis.spectrum.floquet import monodromy
+from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
+from mbstab.analysis.verdict.facts import Grounds, time_scale
+from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE, show
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, percent
@@ -145,12 +145,12 @@ def verify(
     progress : callable
         Called with the fraction of the work that is done, from 0 to 1.
     zeros : callable, optional
-        As for `mbstab.analysis.linear.eigenvalues.eigenvalues`.
+        As for `mbstab.analysis.spectrum.eigenvalues.eigenvalues`.
 
     Raises
     ------
     MbstabError
-        As `mbstab.analysis.linear.eigenvalues.answer`.
+        As `mbstab.analysis.spectrum.eigenvalues.answer`.
     """
     result = answer(system, frozen=frozen, zeros=zeros)
     modes = [e for e in result.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]

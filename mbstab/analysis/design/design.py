@@ -12,9 +12,9 @@ from mbstab.analysis.design.plant import Plant
 from mbstab.analysis.design.search import STOPPED, Found, search
 from mbstab.analysis.design.task import Task
 from mbstab.analysis.design.tolerances import TOLERANCES
-from mbstab.analysis.linear.eigenvalues import answer
-from mbstab.analysis.linear.results import EigenResult
-from mbstab.analysis.linear.verdict import ASYMPTOTIC
+from mbstab.analysis.spectrum.eigenvalues import answer
+from mbstab.analysis.spectrum.results import EigenResult
+from mbstab.analysis.verdict.rule import ASYMPTOTIC
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError, UsageError
 from mbstab.model.arithmetic import FLOAT
@@ -92,7 +92,7 @@ def design(model: Model, task: Task, progress: Callable[[float], object] = lambd
     UsageError
         If the reference cannot follow a parameter, or the motion is periodic.
     MbstabError
-        As `mbstab.analysis.linear.sensitivity.sensitivities`, at the start.
+        As `mbstab.analysis.spectrum.sensitivity.sensitivities`, at the start.
     """
     if evaluate(model).period is not None:
         raise UsageError(f"{model.name} describes a periodic motion: its multipliers come without derivatives")

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Index
-from mbstab.analysis.linear.sensitivity import sensitivities
+from mbstab.analysis.spectrum.sensitivity import sensitivities
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError, UsageError
@@ -91,7 +91,7 @@ class Plant:
         UsageError
             If the reference cannot move with one of them.
         MbstabError
-            As `mbstab.analysis.linear.sensitivity.sensitivities`.
+            As `mbstab.analysis.spectrum.sensitivity.sensitivities`.
         """
         found = sensitivities(bound(self.model, settings_in_si(place)))
         for name in names:

@@ -1,1 +1,1 @@
-"""The linearized equations: eigenvalues, how far each can be trusted, and the verdict."""
+"""The linearized equations of motion: matrices, deflation, errors of their entries, other formulations."""

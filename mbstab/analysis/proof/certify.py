@@ -19,7 +19,7 @@ for all values of the parameters in their balls. Then
     intervals, Routh's array tells on which side of the axis they are;
 5.  where the energy never increases, its second variation is tested for a strict minimum.
 
-The verdict follows from these facts by the rule of `mbstab.analysis.linear.verdict`
+The verdict follows from these facts by the rule of `mbstab.analysis.verdict.rule`
 (`mbstab.analysis.proof.proven_facts` collects the facts).
 
 Equilibria and steady motions are enclosed by the operator of Krawczyk (1969, Computing 4; Rump
@@ -35,7 +35,11 @@ from dataclasses import field
 
 from mbstab.analysis.algebra import balls
 from mbstab.analysis.algebra.balls import Ball, Hopeless, NotProvable, ball
-from mbstab.analysis.linear.verdict import (
+from mbstab.analysis.proof.characteristic import Enclosure, Proof
+from mbstab.analysis.proof.intervals import OPEN, Part, Walk, common, in_words
+from mbstab.analysis.proof.proven_facts import best
+from mbstab.analysis.proof.tolerances import TOLERANCES
+from mbstab.analysis.verdict.rule import (
     ASYMPTOTIC,
     MARGINAL,
     NONLINEAR,
@@ -44,10 +48,6 @@ from mbstab.analysis.linear.verdict import (
     Modulo,
     Verdict,
 )
-from mbstab.analysis.proof.characteristic import Enclosure, Proof
-from mbstab.analysis.proof.intervals import OPEN, Part, Walk, common, in_words
-from mbstab.analysis.proof.proven_facts import best
-from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.errors import UsageError, counted
 from mbstab.model.schema import Model
 from mbstab.records import dataclass

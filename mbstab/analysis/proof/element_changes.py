@@ -11,7 +11,6 @@ import numpy as np
 from mbstab.analysis.algebra import ball_matrices, balls
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, zero_inside
-from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.fields import Map, along_direction, ground_turn, own_turn, short, spin, turned
 from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
@@ -20,6 +19,7 @@ from mbstab.analysis.reference.element_comparison import State as Rough
 from mbstab.analysis.reference.fields import Field as Group
 from mbstab.analysis.reference.fields import OwnTurn, Shift, Symmetry, Turn
 from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.verdict.facts import Grounds
 from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError

@@ -16,8 +16,6 @@ import numpy as np
 from mbstab.analysis.algebra import ball_matrices, balls
 from mbstab.analysis.algebra.balls import Ball, Hopeless, Matrix, NotProvable, ball, real, zero_inside
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
-from mbstab.analysis.linear.constancy import time_doubt
-from mbstab.analysis.linear.facts import Grounds
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.proof.balance import Equations, forces
 from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
@@ -26,6 +24,8 @@ from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.verdict.constancy import time_doubt
+from mbstab.analysis.verdict.facts import Grounds
 from mbstab.compiler.system import System
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate

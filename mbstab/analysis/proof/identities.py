@@ -1,6 +1,6 @@
 """Symmetries and conserved functions of a scene, verified as identities in balls.
 
-`mbstab.analysis.reference.symmetries` and `mbstab.analysis.linear.work` find symmetries, conserved functions and the
+`mbstab.analysis.reference.symmetries` and `mbstab.analysis.verdict.work` find symmetries, conserved functions and the
 work of the elements in double precision. Here each of them is verified again, infinitesimally and
 element by element, at random rational states with the digits of a proof: the force of an element
 changes along a field Y by Dᵀ(Y) F + ∂F/∂q Y + ∂F/∂u Ẏ + M Ÿ, which has to enclose zero and be

@@ -17,13 +17,13 @@ from typing import NamedTuple
 from mbstab.analysis.algebra import balls
 from mbstab.analysis.algebra.balls import Ball, ball
 from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.linear.verdict import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED, Modulo
-from mbstab.analysis.linear.wording import phrases
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.characteristic import GENERIC, Proof
 from mbstab.analysis.proof.identities import Identities
 from mbstab.analysis.proof.proven_facts import Case, best
 from mbstab.analysis.proof.tolerances import TOLERANCES
+from mbstab.analysis.verdict.rule import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED, Modulo
+from mbstab.analysis.verdict.wording import phrases
 from mbstab.errors import MbstabError
 from mbstab.model.schema import Model
 from mbstab.records import dataclass

@@ -1,11 +1,11 @@
-"""The facts about a motion in balls, for the rule of `mbstab.analysis.linear.verdict`.
+"""The facts about a motion in balls, for the rule of `mbstab.analysis.verdict.rule`.
 
 Neutral directions, conserved functions and the work of the elements are those that double precision
 has found, if `mbstab.analysis.proof.identities` verifies them. If it does not, a strict case
 leaves them out, so that the zeros that they explain remain unexplained; another case takes them for
 granted and says so: "provided that rotation about z is a symmetry".
 
-The second variation of the energy is that of `mbstab.analysis.linear.minimum`, H = żᵀM ż + zᵀK z, apart from
+The second variation of the energy is that of `mbstab.analysis.verdict.minimum`, H = żᵀM ż + zᵀK z, apart from
 symmetries and at the given momenta; it is positive definite if all pivots of its elimination are.
 """
 
@@ -20,21 +20,6 @@ import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
 from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, zero_inside
-from mbstab.analysis.linear.verdict import (
-    STABLE,
-    STABLE_UP_TO,
-    UNDECIDED,
-    Disc,
-    Evidence,
-    Facts,
-    Minimum,
-    Neutral,
-    Side,
-    Verdict,
-    judge,
-    weakest,
-)
-from mbstab.analysis.linear.wording import phrases
 from mbstab.analysis.proof.characteristic import (
     Enclosure,
     Factor,
@@ -52,6 +37,21 @@ from mbstab.analysis.proof.fields import ground_turn, short
 from mbstab.analysis.proof.motion import Field
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import Shift, Symmetry, Turn
+from mbstab.analysis.verdict.rule import (
+    STABLE,
+    STABLE_UP_TO,
+    UNDECIDED,
+    Disc,
+    Evidence,
+    Facts,
+    Minimum,
+    Neutral,
+    Side,
+    Verdict,
+    judge,
+    weakest,
+)
+from mbstab.analysis.verdict.wording import phrases
 
 SIDES: dict[str, Side] = {"left": "left", "right": "right", "imaginary": "axis", "open": "open"}
 
@@ -134,7 +134,7 @@ class Case:
         return found + [("position at rest", False, x) for x in self._rests()]
 
     def _rests(self) -> Matrix:
-        """Return the directions of neighbouring rests; see `mbstab.analysis.linear.neutral.Structure`."""
+        """Return the directions of neighbouring rests; see `mbstab.analysis.verdict.neutral.Structure`."""
         r = self.proof.reduced
         m, k = len(r.free), len(r.moving)
         light = self.grounds.linear.massless

@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags
-from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.simulate.tolerances import TOLERANCES
+from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError, amount
@@ -404,7 +404,7 @@ class Constrained:
         if not self.rank:
             return False
         assert self._least is not None
-        if after.value <= LINEAR.constraints_singular * self._least:
+        if after.value <= SPECTRUM.constraints_singular * self._least:
             return True
         return self.signed(before, state) < 0.0
 
@@ -431,8 +431,8 @@ class Constrained:
         left = np.linalg.svd(state.J * self._rows)[0][:, self.rank - 1]
         return ConstraintError(
             f"the mechanism is at a singular configuration at t = {t:.9g} s: the least singular value of its "
-            f"constraints falls to {amount(value)} of that at the start, where {LINEAR.constraints_singular:g} is the "
-            "threshold\n"
+            f"constraints falls to {amount(value)} of that at the start, where {SPECTRUM.constraints_singular:g} is "
+            "the threshold\n"
             f"the rows that depend on each other there: {self.owners(left)}\n{hint}"
         )
 
@@ -442,7 +442,7 @@ class Constrained:
         return ConstraintError(
             f"the mechanism comes to a singular configuration just after t = {t:.9g} s: the least singular value of "
             f"its constraints has fallen to {amount(watch.value / self._least)} of that at the start "
-            f"({LINEAR.constraints_singular:g} counts as singular), and {reason}\n"
+            f"({SPECTRUM.constraints_singular:g} counts as singular), and {reason}\n"
             f"the rows that depend on each other there: {self.owners(watch.left)}\n{LIMIT_HINT}"
         )
 

@@ -13,7 +13,6 @@ from functools import cached_property
 
 import numpy as np
 
-from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.simulate.constrained import BRANCH_HINT, LIMIT_HINT, Constrained, Watch
@@ -26,6 +25,7 @@ from mbstab.analysis.simulate.steppers.interface import Method, Options, Stepper
 from mbstab.analysis.simulate.stiffness import Pace
 from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.analysis.simulate.tolerances import TOLERANCES
+from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
@@ -402,7 +402,7 @@ class _Leg:
         low, high = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, 8)])
         found = minimize_scalar(smallness, bounds=(low, high), method="bounded", options={"xatol": 1e-9 * (high - low)})
         t, least = min([(float(found.x), float(found.fun)), (float(grid[k]), values[k])], key=lambda x: x[1])
-        if least <= LINEAR.constraints_singular:
+        if least <= SPECTRUM.constraints_singular:
             self.run.reached = start
             grown = self.equations.fastest(stepper.u) > TOLERANCES.speed_growth_at_limit * self.rate
             hint = LIMIT_HINT if grown else BRANCH_HINT

@@ -215,8 +215,8 @@ def mode_shape(system: System, motion: Motion, number: int) -> tuple[Array, Arra
 
 def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
     """Return eigenvalue (1/s; the multiplier of a periodic motion), complex Δq and Δu of a mode, as in `mode_shape`."""
-    from mbstab.analysis.linear.eigenvalues import answer
     from mbstab.analysis.linear.linearize import linearize, state_space
+    from mbstab.analysis.spectrum.eigenvalues import answer
 
     listed = [e for e in answer(system).eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
     if not 1 <= number <= len(listed):
@@ -225,7 +225,7 @@ def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
     mode = listed[number - 1]
     motion = reference_motion(system, massless=system.scene.period is None)
     if system.scene.period is not None:
-        from mbstab.analysis.linear.floquet import monodromy
+        from mbstab.analysis.spectrum.floquet import monodromy
 
         around = monodromy(system, motion, float(system.scene.period))
         matrix, value = around.Phi, mode.multiplier

@@ -123,7 +123,7 @@ class Equations:
         )
 
     def _balanced_matrix(self, A: Array, gamma: Array, n_xi: int) -> Array:
-        """Return S, as `mbstab.analysis.linear.facts.balanced`, for each point."""
+        """Return S, as `mbstab.analysis.verdict.facts.balanced`, for each point."""
         n = A.shape[-1]
         weights = np.ones((len(A), n))
         weights[:, n_xi:] = gamma[:, None]
@@ -382,7 +382,7 @@ def _times(matrix: Array, vector: Array) -> Array:
 
 
 def _time_scales(A: Array, n_xi: int) -> Array:
-    """Return a typical rate of each deflated system (1/s), as `mbstab.analysis.linear.facts.time_scale`."""
+    """Return a typical rate of each deflated system (1/s), as `mbstab.analysis.verdict.facts.time_scale`."""
     sizes = [np.sqrt(_norm(A[:, n_xi:, :n_xi])), _norm(A[:, n_xi:, n_xi:]), _norm(A[:, :n_xi, :n_xi])]
     largest: Array = np.max(sizes, axis=0)
     return np.where(largest > 0.0, largest, 1.0)

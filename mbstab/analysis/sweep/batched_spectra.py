@@ -1,6 +1,6 @@
 """Eigenvalues and verdicts at all points of a sweep at once.
 
-One point is computed in full (`mbstab.analysis.linear.facts`): its ranks, its symmetries and the frame of
+One point is computed in full (`mbstab.analysis.verdict.facts`): its ranks, its symmetries and the frame of
 its motion are the pattern. Every other point must have the same pattern, which is checked with the
 same thresholds; points that do not are computed with a pattern of their own, finally one
 by one. Points that the bounds for many points do not decide are judged by the code of `mbstab eig`.
@@ -15,11 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.linear.bounds import enclosures
-from mbstab.analysis.linear.facts import Grounds
+from mbstab.analysis.bounds.location import enclosures
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
-from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
-from mbstab.analysis.linear.verdict import UNDECIDED, judge, place
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.equilibrium import Problem, found_motion
 from mbstab.analysis.reference.motion import Motion
@@ -42,6 +39,9 @@ from mbstab.analysis.sweep.batched_verdict import (
 )
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
+from mbstab.analysis.verdict.facts import Grounds
+from mbstab.analysis.verdict.rule import UNDECIDED, judge, place
+from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, UsageError
 from mbstab.model.parameters import bound, settings_in_si
@@ -64,7 +64,7 @@ class Spectra:
     sides : ndarray of int8, shape (points, r)
         Side of the imaginary axis, as in `mbstab.analysis.sweep.batched_verdict`.
     words : ndarray of int8, shape (points,)
-        Numbers of the verdicts among `mbstab.analysis.linear.verdict.WORDS`.
+        Numbers of the verdicts among `mbstab.analysis.verdict.rule.WORDS`.
     mirrored : ndarray of bool, shape (points,)
         Whether the spectrum is symmetric about the imaginary axis by structure.
     problems : dict
@@ -460,7 +460,7 @@ class _Work:
         system, q = grounds.system, grounds.motion.q
 
         def zeros() -> int:
-            from mbstab.analysis.linear.precise import exact_zeros
+            from mbstab.analysis.spectrum.precise import exact_zeros
 
             # Many digits are computed for the equilibrium that the file's own guess leads to.
             if self.path is not None and not Problem(system).alike(found_motion(system).q, q):
@@ -556,7 +556,7 @@ class _Work:
                 good, points = self._equations(pattern, index, scene).linearized(growth)
                 separation = pattern.known.separated(points)
                 for x in self.values.values():
-                    good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= LINEAR.number_lost))
+                    good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= VERDICT.number_lost))
                 good = good & separation.good & pattern.known.same_signs(points) & pattern.known.keeps_energy(points)
                 found = judged(pattern.known, points, separation)
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):

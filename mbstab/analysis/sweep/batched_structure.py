@@ -1,9 +1,9 @@
 """Neutral directions and energy at many points of a sweep at once.
 
 Symmetries, conserved functions and the work of the forces are
-structure: one point computed in full (`mbstab.analysis.linear.facts`) gives it for its neighbours. Where
+structure: one point computed in full (`mbstab.analysis.verdict.facts`) gives it for its neighbours. Where
 the directions lie, and the second variation of the energy, change from point to point and
-are formed here for all of them, in the same coordinates as in `mbstab.analysis.linear.neutral`. Arrays have
+are formed here for all of them, in the same coordinates as in `mbstab.analysis.verdict.neutral`. Arrays have
 a first axis for the points, of length 1 where all points agree.
 """
 
@@ -18,9 +18,6 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
-from mbstab.analysis.linear.facts import Grounds
-from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
-from mbstab.analysis.linear.verdict import Neutral
 from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Spin, Symmetry
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.sweep.stacks import (
@@ -36,6 +33,9 @@ from mbstab.analysis.sweep.stacks import (
     unit,
 )
 from mbstab.analysis.sweep.tolerances import TOLERANCES
+from mbstab.analysis.verdict.facts import Grounds
+from mbstab.analysis.verdict.rule import Neutral
+from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array, System
 from mbstab.model.schema import is_angle
 from mbstab.records import dataclass
@@ -126,7 +126,7 @@ class Points:
 
 @dataclass(frozen=True)
 class Separation:
-    """S and its structure, as `mbstab.analysis.linear.neutral.Separated`.
+    """S and its structure, as `mbstab.analysis.verdict.neutral.Separated`.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ class Known:
         block = separated.T.T @ grounds.S @ separated.T
         self.chain = 0 if any(separated.frequencies()) else chain(block, float(np.linalg.norm(grounds.S)))
         self.tied = (
-            int(np.linalg.matrix_rank(np.array(along), tol=LINEAR.independent_direction))
+            int(np.linalg.matrix_rank(np.array(along), tol=VERDICT.independent_direction))
             if along and self.directions
             else 0
         )
@@ -283,7 +283,7 @@ class Known:
             n_eta = lower.shape[-2]
             if n_eta:
                 _, s, right = np.linalg.svd(lower)
-                good &= s[:, -1] > LINEAR.rest_manifold_rank * np.linalg.norm(points.S[:, n:], axis=(1, 2))
+                good &= s[:, -1] > VERDICT.rest_manifold_rank * np.linalg.norm(points.S[:, n:], axis=(1, 2))
                 null = transposed(right[:, n_eta:])
             else:
                 null = np.eye(n)[None]
@@ -302,12 +302,12 @@ class Known:
         _, s, right = np.linalg.svd(across)
         full = np.zeros((len(s), len(items)))
         full[:, : s.shape[-1]] = s
-        free = int(np.sum(full[0] <= LINEAR.independent_direction))
-        good &= np.sum(full <= LINEAR.independent_direction, axis=1) == free
+        free = int(np.sum(full[0] <= VERDICT.independent_direction))
+        good &= np.sum(full <= VERDICT.independent_direction, axis=1) == free
         found = columns @ transposed(right[:, right.shape[1] - free :])
         left = found - T @ (transposed(T) @ found)
         own, s, _ = np.linalg.svd(left, full_matrices=False)
-        good &= np.sum(s > LINEAR.independent_direction, axis=1) == self.speeds
+        good &= np.sum(s > VERDICT.independent_direction, axis=1) == self.speeds
         return beside(T, own[..., : self.speeds])
 
     def _functions(self, points: Points, T: Array, good: Flags) -> Array:
@@ -359,9 +359,9 @@ class Known:
         if T.shape[-1]:
             _, s, right = np.linalg.svd(transposed(rows @ T))
             if rank:
-                good &= s[:, rank - 1] > LINEAR.independent_direction
+                good &= s[:, rank - 1] > VERDICT.independent_direction
             if rank < s.shape[-1]:
-                good &= s[:, rank] <= LINEAR.independent_direction
+                good &= s[:, rank] <= VERDICT.independent_direction
             rows = right[:, rank:] @ rows
         return transposed(orthonormal(transposed(rows), count, good))
 
@@ -371,10 +371,10 @@ class Known:
         Q = np.linalg.qr(own, mode="complete")[0][..., own.shape[-1] :]
         size = self.d - self.of_symmetries
         _, s, right = np.linalg.svd(transposed(Q) @ points.S @ Q)
-        good &= s[:, -size] <= LINEAR.mirrored_singular_value * s[:, 0]
+        good &= s[:, -size] <= VERDICT.mirrored_singular_value * s[:, 0]
         if size < s.shape[-1]:
             good &= (s[:, -size - 1] >= ALGEBRA.rank_gap * np.maximum(s[:, -size], 1e-300)) & (
-                s[:, -size - 1] > LINEAR.mirrored_singular_value * s[:, 0]
+                s[:, -size - 1] > VERDICT.mirrored_singular_value * s[:, 0]
             )
         T = orthonormal(beside(own, Q @ transposed(right[:, -size:])), self.d, good)
         return T, self._vanishing(L, T, self.k, self.kept - self.k, good) if L.shape[1] else L
@@ -401,7 +401,7 @@ class Known:
         if not (work.conserved or work.decreases) or self.grounds.system.n_n:
             return np.ones(len(points.S), dtype=bool)
         stiffness, size = _reduced(points.K, points.allowed), _reduced(np.abs(points.K), np.abs(points.allowed))
-        limit = LINEAR.roundings_of_variation * EPS * points.spread[:, None, None]
+        limit = VERDICT.roundings_of_variation * EPS * points.spread[:, None, None]
         good: Flags = np.all(np.abs(stiffness - transposed(stiffness)) <= 2.0 * limit * size, axis=(1, 2))
         damping, size = _reduced(points.R, points.allowed), _reduced(np.abs(points.R), np.abs(points.allowed))
         damping, size = damping + transposed(damping), limit * (size + transposed(size))
@@ -430,30 +430,30 @@ class Known:
         H, size = (np.broadcast_to(x, np.broadcast_shapes(x.shape, shape)).copy() for x in (H, size))
         H[:, :n, :n] += 0.5 * (stiffness + transposed(stiffness))
         size[:, :n, :n] += 0.5 * (known + transposed(known))
-        return H, LINEAR.roundings_of_variation * EPS * points.spread[:, None, None] * size
+        return H, VERDICT.roundings_of_variation * EPS * points.spread[:, None, None] * size
 
     def inertia(self, points: Points) -> Array:
         """Return the numbers of positive, negative and doubtful directions of the second variation, shape (points, 3).
 
-        Modulo the symmetries, at the given momenta; as `mbstab.analysis.linear.minimum`.
+        Modulo the symmetries, at the given momenta; as `mbstab.analysis.verdict.minimum`.
         """
         good = np.ones(len(points.S), dtype=bool)
         found = restricted(self.energy(points), W := self._basis(points, good))
         if len(self.grounds.linear.D_q):
-            good &= points.across <= LINEAR.force_across_rows
+            good &= points.across <= VERDICT.force_across_rows
         found[~good] = 0, 0, W.shape[-1]
         return found
 
     def with_a_multiple(self, points: Points) -> Flags:
         """Return where the energy has a minimum in another frame in which the motion is at rest too.
 
-        As in `mbstab.analysis.linear.minimum`: a multiple of the momentum of a turn that does not move the reference.
+        As in `mbstab.analysis.verdict.minimum`: a multiple of the momentum of a turn that does not move the reference.
         """
         found = np.zeros(len(points.S), dtype=bool)
         angles = np.array([is_angle(name) for name in points.system.names])
         reach = 4.0 * np.max(np.abs(points.u[:, angles]), axis=1, initial=0.0)
         for step in self.idle:
-            ratios, last = np.linspace(-1.0, 1.0, LINEAR.momentum_multiples).tolist(), 0.0
+            ratios, last = np.linspace(-1.0, 1.0, VERDICT.momentum_multiples).tolist(), 0.0
             while ratios:
                 # Neighbours need similar values: the last successful one is tried first.
                 ratios.sort(key=lambda x: -abs(x - last))
@@ -485,7 +485,7 @@ class Known:
         """Return where the symmetry of the spectrum of the pattern is certain: a conserved form is regular."""
         if not self.grounds.structure.work.conserved or not len(self.grounds.linear.D_q):
             return np.ones(len(points.S), dtype=bool)
-        result: Flags = (restricted(self.energy(points), B)[:, 2] == 0) & (points.across <= LINEAR.force_across_rows)
+        result: Flags = (restricted(self.energy(points), B)[:, 2] == 0) & (points.across <= VERDICT.force_across_rows)
         return result
 
     def stiffness(self, points: Points, r: int) -> Array | None:

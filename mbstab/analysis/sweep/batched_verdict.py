@@ -22,9 +22,9 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.analysis.linear.verdict import UNDECIDED, UNSTABLE, WORDS, Disc, Facts, Minimum, Side, judge
 from mbstab.analysis.sweep.batched_structure import Known, Points, Separation
 from mbstab.analysis.sweep.tolerances import TOLERANCES
+from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS, Disc, Facts, Minimum, Side, judge
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -52,7 +52,7 @@ class Judged:
     sides : ndarray of int8, shape (points, r)
         `RIGHT`, `LEFT`, `AXIS` or `OPEN`.
     words : ndarray of int8, shape (points,)
-        Numbers of the verdicts among `mbstab.analysis.linear.verdict.WORDS`.
+        Numbers of the verdicts among `mbstab.analysis.verdict.rule.WORDS`.
     sizes : ndarray, shape (points,)
         Norms of the matrices (1/s).
     """

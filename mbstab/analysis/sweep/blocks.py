@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags
-from mbstab.analysis.linear.verdict import UNDECIDED
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import Surface
 from mbstab.analysis.sweep.batched_equations import Pattern
@@ -23,6 +22,7 @@ from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, unplaced, unstable_counts
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning
+from mbstab.analysis.verdict.rule import UNDECIDED
 from mbstab.compiler.system import Array
 from mbstab.model.parameters import bound
 from mbstab.model.reader import read_model_text

@@ -9,13 +9,13 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.linear.verdict import UNDECIDED
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, settled, unplaced
 from mbstab.analysis.sweep.blocks import Block
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, doubtful, follow, has_twins
+from mbstab.analysis.verdict.rule import UNDECIDED
 from mbstab.compiler.system import Array
 from mbstab.model.schema import after_number
 from mbstab.records import dataclass

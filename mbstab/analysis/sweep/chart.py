@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import others
-from mbstab.analysis.linear.verdict import UNDECIDED, WORDS
 from mbstab.analysis.reference.continuation import follow_all
 from mbstab.analysis.reference.paths import Sheet, Surface
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
@@ -27,6 +26,7 @@ from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import discriminant, product
+from mbstab.analysis.verdict.rule import UNDECIDED, WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.parameters import bound, settings_in_si
@@ -55,7 +55,7 @@ class Chart:
     problems : dict
         By the number of a point, row by row, why it has no answer.
     words : ndarray of int8, shape (len(y), len(x))
-        Numbers of the verdicts among `mbstab.analysis.linear.verdict.WORDS`; `verdicts` has them in words.
+        Numbers of the verdicts among `mbstab.analysis.verdict.rule.WORDS`; `verdicts` has them in words.
     """
 
     parameters: tuple[str, str]
@@ -69,7 +69,7 @@ class Chart:
 
     @property
     def verdicts(self) -> list[list[str]]:
-        """The verdict at each point, row by row, one of `mbstab.analysis.linear.verdict.WORDS`."""
+        """The verdict at each point, row by row, one of `mbstab.analysis.verdict.rule.WORDS`."""
         return [[WORDS[word] for word in row] for row in self.words]
 
 

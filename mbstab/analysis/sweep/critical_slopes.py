@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mbstab.analysis.linear.sensitivity import Derivatives, Sensitivities, sensitivities
+from mbstab.analysis.spectrum.sensitivity import Derivatives, Sensitivities, sensitivities
 from mbstab.analysis.sweep.critical import Critical, CriticalSlopes
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.analysis.sweep.tolerances import TOLERANCES

@@ -11,7 +11,6 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import root
-from mbstab.analysis.linear.verdict import WORDS
 from mbstab.analysis.reference.continuation import AGAIN, BRANCHES, HIDDEN, LONG, TURNS
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_verdict import (
@@ -23,6 +22,7 @@ from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, turning
+from mbstab.analysis.verdict.rule import WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.records import dataclass

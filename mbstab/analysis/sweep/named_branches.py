@@ -1,6 +1,6 @@
 """Names of modes, carried from where the file defines them to where they are asked for.
 
-A name belongs to the branch of an eigenvalue (`mbstab.analysis.linear.mode_names` finds it at the values of the file
+A name belongs to the branch of an eigenvalue (`mbstab.analysis.spectrum.mode_names` finds it at the values of the file
 and of ``at:``). From there parameters are changed one after the other, and branches are followed as in a sweep, through
 crossings and past each other. A pair that meets on the real axis gives its name to both real eigenvalues; a pair that
 arises from two branches has the names of both.
@@ -15,12 +15,12 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.linear.eigenvalues import answer
 from mbstab.analysis.linear.linearize import linearize
-from mbstab.analysis.linear.mode_names import find_modes
-from mbstab.analysis.linear.results import EigenResult
 from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.spectrum.eigenvalues import answer
+from mbstab.analysis.spectrum.mode_names import find_modes
+from mbstab.analysis.spectrum.results import EigenResult
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.blocks import followed
 from mbstab.analysis.sweep.branches import Branches

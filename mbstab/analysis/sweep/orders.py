@@ -13,10 +13,10 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.roots import root
-from mbstab.analysis.linear.eigenvalues import eigenvalues
 from mbstab.analysis.linear.linearize import Linearization
-from mbstab.analysis.linear.results import Eigenvalue
 from mbstab.analysis.reference.continuation import follow as follow_path
+from mbstab.analysis.spectrum.eigenvalues import eigenvalues
+from mbstab.analysis.spectrum.results import Eigenvalue
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep
 from mbstab.analysis.sweep.tolerances import TOLERANCES

@@ -8,8 +8,8 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, norms
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.sweep.tolerances import TOLERANCES
+from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array
 
 
@@ -101,10 +101,10 @@ def orthonormal(columns: Array, rank: int, good: Flags) -> Array:
         return columns[..., :0]
     if columns.shape[-1] == rank:
         Q, R = np.linalg.qr(columns)
-        good &= np.min(np.abs(np.diagonal(R, axis1=-2, axis2=-1)), axis=-1) > LINEAR.independent_direction
+        good &= np.min(np.abs(np.diagonal(R, axis1=-2, axis2=-1)), axis=-1) > VERDICT.independent_direction
         return Q
     left, s, _ = np.linalg.svd(columns, full_matrices=False)
-    good &= (s[..., rank - 1] > LINEAR.independent_direction) & (s[..., rank] <= LINEAR.independent_direction)
+    good &= (s[..., rank - 1] > VERDICT.independent_direction) & (s[..., rank] <= VERDICT.independent_direction)
     return left[..., :rank]
 
 

@@ -1,6 +1,6 @@
 """Sweeps of a parameter: eigenvalue branches, verdicts, and the values at which stability changes.
 
-Every point is judged by the rule of `mbstab.analysis.linear.verdict`, as `mbstab eig` does
+Every point is judged by the rule of `mbstab.analysis.verdict.rule`, as `mbstab eig` does
 (`mbstab.analysis.sweep.batched_spectra`); a point that cannot be decided counts as neither stable nor unstable.
 Branches are followed by continuity: between neighbouring points no eigenvalue may move by
 more than a fraction of its distance to the others; intervals in which one does are divided until
@@ -21,7 +21,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.linear.verdict import UNDECIDED, WORDS
 from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator
@@ -34,6 +33,7 @@ from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
+from mbstab.analysis.verdict.rule import UNDECIDED, WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.schema import Model
@@ -57,7 +57,7 @@ class OrderCrossing:
     whirl : str
         ``forward``, ``backward`` or ``mixed``; empty if no body that spins whirls.
     motions : tuple of (str, complex)
-        The mode in words, as `mbstab.analysis.linear.results.Eigenvalue` has it.
+        The mode in words, as `mbstab.analysis.spectrum.results.Eigenvalue` has it.
     """
 
     order: float
@@ -98,7 +98,7 @@ class Sweep:
         Sweeps along the paths to which the equilibria lead through folds: each from one fold to the next
         or to an end of the range, at those values that lie in between.
     words : ndarray of int8, shape (points,)
-        Numbers of the verdicts among `mbstab.analysis.linear.verdict.WORDS`; `verdicts` has them in words.
+        Numbers of the verdicts among `mbstab.analysis.verdict.rule.WORDS`; `verdicts` has them in words.
     warnings : tuple of str
         Where the search for critical values ended early.
     names : tuple of str
@@ -128,7 +128,7 @@ class Sweep:
 
     @property
     def verdicts(self) -> list[str]:
-        """The verdict at each value, one of `mbstab.analysis.linear.verdict.WORDS`."""
+        """The verdict at each value, one of `mbstab.analysis.verdict.rule.WORDS`."""
         return [WORDS[word] for word in self.words]
 
     @property

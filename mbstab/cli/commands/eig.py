@@ -28,7 +28,7 @@ from mbstab.model.words import REQUIRED
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.results import EigenResult
+    from mbstab.analysis.spectrum.results import EigenResult
     from mbstab.api import Mechanism
     from mbstab.model.schema import Model
 

@@ -98,7 +98,7 @@ def linearize(
 
 def _write(linear: Linearization, model: Model, form: str, states: str | None, full: bool, output: Output) -> None:
     """Write the matrices; the control model is built only where it is asked for or the file has inputs or outputs."""
-    from mbstab.analysis.linear.control import control_model, split_states
+    from mbstab.analysis.response.state_space import control_model, split_states
     from mbstab.report import export, linear_data, linearization
 
     ported = bool(model.outputs or linear.system.scene.inputs)

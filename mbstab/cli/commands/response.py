@@ -23,7 +23,7 @@ from mbstab.cli.output import (
 from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
-    from mbstab.analysis.linear.response import Response
+    from mbstab.analysis.response.response import Response
     from mbstab.api import Mechanism
     from mbstab.model.schema import Model
 
@@ -106,7 +106,7 @@ def response(
     if unbalance is not None and speed is not None:
         _unbalance(mechanism.model, unbalance, speed, goals, (start, stop, points), paths, output)
         return
-    from mbstab.analysis.linear.response import answer
+    from mbstab.analysis.response.response import answer
 
     found = _asked(mechanism, sources, goals).state_space(frozen=frozen)
     warn(found.linear.motion.warnings)
@@ -189,7 +189,7 @@ def _unbalance(
     output: Output,
 ) -> None:
     """Write and draw an unbalance response."""
-    from mbstab.analysis.linear.unbalance import unbalance
+    from mbstab.analysis.response.unbalance import unbalance
     from mbstab.model.ranges import sweep_values
     from mbstab.report import export, responses
 

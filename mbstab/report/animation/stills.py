@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
-from mbstab.analysis.linear.results import Eigenvalue
 from mbstab.analysis.simulate.mode_shape import Swing
+from mbstab.analysis.spectrum.results import Eigenvalue
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 from mbstab.mechanics.catalogue import Marker

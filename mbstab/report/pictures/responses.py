@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
-from mbstab.analysis.linear.response import Response
-from mbstab.analysis.linear.transfer import Channel
-from mbstab.analysis.linear.unbalance import UnbalanceResponse
+from mbstab.analysis.response.response import Response
+from mbstab.analysis.response.transfer import Channel
+from mbstab.analysis.response.unbalance import UnbalanceResponse
 from mbstab.compiler.system import Array
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure

@@ -7,7 +7,7 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from mbstab.analysis.linear.sensitivity import Derivatives, Sensitivities
+from mbstab.analysis.spectrum.sensitivity import Derivatives, Sensitivities
 from mbstab.report.modes import value_text
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.drawing import draw_legend, house_style, picture_height, titled_figure

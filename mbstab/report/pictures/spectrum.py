@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.linear.results import EigenResult, Eigenvalue
+from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure

@@ -1,0 +1,1 @@
+"""Error bounds: discs of the complex plane that contain the eigenvalues."""

@@ -1,0 +1,194 @@
+"""Margins of a loop that is closed with an output, and the largest gain of a transfer function.
+
+The output is subtracted from the input, so that the loop has the eigenvalues of 1 + G(s) = 0. All crossings come from
+the zeros and poles of G with their errors (`mbstab.analysis.response.factored`), values from the unreduced equations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbstab.analysis.response.factored import Exact, Factored, Undecided
+from mbstab.analysis.response.tolerances import TOLERANCES
+from mbstab.analysis.response.zeros import Zeros
+from mbstab.records import dataclass
+
+
+@dataclass(frozen=True)
+class GainCrossing:
+    """Where the gain is 1.
+
+    Attributes
+    ----------
+    frequency : float (rad/s)
+    phase : float (degrees)
+        Phase margin, from -180 to 180.
+    delay : float (s)
+        The smallest delay in the loop that brings an eigenvalue to the imaginary axis at this frequency.
+    """
+
+    frequency: float
+    phase: float
+    delay: float
+
+
+@dataclass(frozen=True)
+class PhaseCrossing:
+    """Where the response is real and negative.
+
+    Attributes
+    ----------
+    frequency : float (rad/s)
+    factor : float
+        Gain margin: the factor of the gain that brings an eigenvalue to the imaginary axis at this frequency.
+    """
+
+    frequency: float
+    factor: float
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins of the loop.
+
+    Attributes
+    ----------
+    closed : bool or None
+        Whether the closed loop is stable; None: not decided.
+    gain : tuple of PhaseCrossing
+    phase : tuple of GainCrossing
+        By frequency.
+    always_real : bool
+        The response is real at all frequencies: there are no single phase crossings.
+    doubt : str
+        Why the margins are not known; empty if they are.
+    """
+
+    closed: bool | None
+    gain: tuple[PhaseCrossing, ...]
+    phase: tuple[GainCrossing, ...]
+    always_real: bool
+    doubt: str = ""
+
+
+@dataclass(frozen=True)
+class LargestGain:
+    """The H-infinity norm: the largest gain over all frequencies of a stable channel.
+
+    Attributes
+    ----------
+    value : float
+        Infinite if an eigenvalue is undamped or the gain grows without limit, nan if there is no norm.
+    frequency : float (rad/s)
+        Where it is reached; infinite if it is only approached at high frequencies.
+    tolerance : float
+        The norm lies between the value and (1 + tolerance) times the value.
+    reason : str
+        Why it is infinite or does not exist.
+    """
+
+    value: float
+    frequency: float
+    tolerance: float
+    reason: str
+
+
+def closed_loop(zeros: Zeros, closing: Zeros) -> bool | None:
+    """Return whether the closed loop is stable, given the zeros of G and of 1 + G; None: not decided.
+
+    A hidden eigenvalue that grows does so in any loop. An eigenvalue of which G has a trace that is lost beside 1 is
+    hidden from 1 + G only as far as rounding tells.
+    """
+    if zeros.hidden_growing:
+        return False
+    if zeros.doubt or closing.doubt or sorted(map(_key, zeros.hidden)) != sorted(map(_key, closing.hidden)):
+        return None
+    return closing.minimum_phase
+
+
+def _key(value: complex) -> tuple[float, float]:
+    return value.real, value.imag
+
+
+def margins(zeros: Zeros, exact: Exact, closed: bool | None) -> Margins:
+    """Return the margins of the loop that is closed by subtracting the output from the input.
+
+    Parameters
+    ----------
+    zeros : Zeros
+    exact : callable
+        Returns G(iω) and its error bounds at frequencies (rad/s).
+    closed : bool or None
+        Whether all zeros of 1 + G lie left of the imaginary axis and no hidden eigenvalue right of it; None: not
+        decided.
+    """
+    if zeros.doubt:
+        return Margins(closed, (), (), False, zeros.doubt)
+    if zeros.vanishes:
+        return Margins(closed, (), (), True)
+    try:
+        own = Factored(zeros, exact)
+        phase = tuple(_gain_crossing(omega, own) for omega in own.crossings(own.gain, "the gain"))
+        values, errors = exact(own.samples())
+        real = bool(np.all(np.abs(values.imag) <= TOLERANCES.errors_of_real * errors))
+        gain = () if real else _phase_crossings(own)
+    except Undecided as reason:
+        return Margins(closed, (), (), False, str(reason))
+    return Margins(closed, gain, phase, real)
+
+
+def _gain_crossing(omega: float, own: Factored) -> GainCrossing:
+    angle = float(np.degrees(np.angle(-own.exact(np.array([omega]))[0][0])))
+    return GainCrossing(omega, angle, float(np.radians(angle % 360.0 or 360.0)) / omega)
+
+
+def _phase_crossings(own: Factored) -> tuple[PhaseCrossing, ...]:
+    """Return where the response is real and negative, without those at which it may be zero."""
+    found = []
+    crossings = own.crossings(own.argument, "the phase")
+    values, errors = own.exact(np.array(crossings))
+    if own.order == 0:
+        # The equations have no value at 0 beside an eigenvalue 0 that is hidden.
+        size, error = own.static()
+        crossings = [0.0, *crossings]
+        values, errors = np.append(size, values), np.append(error, errors)
+    for omega, value, error in zip(crossings, values.tolist(), errors.tolist(), strict=True):
+        if not abs(value.imag) <= error + TOLERANCES.crossing_apart * abs(value):
+            raise Undecided(f"the phase at {omega:.6g} rad/s is not the one of the zeros and eigenvalues")
+        # A gain that may be zero has no margin.
+        if value.real < -error:
+            found.append(PhaseCrossing(omega, -1.0 / value.real))
+    return tuple(found)
+
+
+def largest_gain(zeros: Zeros, exact: Exact) -> LargestGain:
+    """Return the H-infinity norm of what the input reaches and the output sees."""
+    if zeros.vanishes:
+        return LargestGain(0.0, 0.0, 0.0, "")
+    if zeros.doubt:
+        return LargestGain(np.nan, np.nan, np.nan, f"not decided: {zeros.doubt}")
+    poles, errors = zeros.poles, zeros.pole_errors
+    growing = poles[poles.real > errors]
+    if len(growing):
+        worst = growing[np.argmax(growing.real)]
+        return LargestGain(np.nan, np.nan, np.nan, f"the eigenvalue {_text(worst)} is unstable")
+    for k in np.flatnonzero(np.abs(poles.real) <= errors):
+        at = complex(0.0, poles[k].imag if abs(poles[k]) > errors[k] else 0.0)
+        if errors[k] > TOLERANCES.undamped * abs(at):
+            if errors[k] == 0.0:
+                return LargestGain(np.inf, 0.0, 0.0, "the eigenvalue 0 has no damping")
+            reason = f"the eigenvalue {_text(poles[k])} is known to {errors[k]:.1g} 1/s only"
+            return LargestGain(np.nan, np.nan, np.nan, f"not decided: {reason}")
+        return LargestGain(np.inf, abs(at.imag), 0.0, f"the eigenvalue {_text(at)} has no damping")
+    if len(zeros.values) > len(poles):
+        return LargestGain(np.inf, np.inf, 0.0, "the output follows the rate of the input")
+    try:
+        value, at_frequency, error = Factored(zeros, exact).largest()
+    except Undecided as reason:
+        return LargestGain(np.nan, np.nan, np.nan, f"not decided: {reason}")
+    return LargestGain(value, at_frequency, max(TOLERANCES.level_step, error), "")
+
+
+def _text(value: complex) -> str:
+    pair = f" ± {abs(value.imag):.6g}i" if value.imag else ""
+    return f"{value.real:.6g}{pair}"

@@ -1,0 +1,103 @@
+"""What ``mbstab response`` answers: transfer functions over frequency or time, zeros, margins, largest gains."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.bounds.tolerances import TOLERANCES as BOUNDS
+from mbstab.analysis.response.frequency import FrequencyResponse
+from mbstab.analysis.response.margins import LargestGain, Margins, closed_loop, largest_gain, margins
+from mbstab.analysis.response.state_space import ControlModel
+from mbstab.analysis.response.tolerances import TOLERANCES
+from mbstab.analysis.response.transfer import Channel, channels
+from mbstab.analysis.response.zeros import TransferZeros, Zeros
+from mbstab.compiler.system import Array
+from mbstab.errors import UsageError
+from mbstab.records import dataclass
+
+
+def frequencies(zeros: TransferZeros, start: float | None, stop: float | None, points: int) -> Array:
+    """Return angular frequencies (rad/s) in equal ratios; without ends, a decade beyond those of the eigenvalues."""
+    sizes: Any = np.abs(zeros.poles)
+    # What may be zero has no frequency.
+    sizes = sizes[(sizes > zeros.bounds) & (sizes > BOUNDS.slow_eigenvalue * np.max(sizes, initial=0.0))]
+    low = start if start is not None else 0.1 * float(np.min(sizes, initial=np.inf)) if len(sizes) else 0.1
+    high = stop if stop is not None else 10.0 * float(np.max(sizes)) if len(sizes) else 100.0
+    if not 0.0 < low < high < np.inf:
+        raise UsageError(f"frequencies from {low:g} to {high:g} rad/s: two positive numbers, the smaller first")
+    return np.geomspace(low, high, points)
+
+
+@dataclass(frozen=True)
+class Response:
+    """Frequency responses, or responses over time, of several channels.
+
+    Attributes
+    ----------
+    kind : str
+        ``frequency``, ``step`` or ``impulse``.
+    channels : tuple of Channel
+    x : ndarray, shape (points,)
+        Angular frequencies (rad/s) or times (s).
+    values : tuple of ndarray, shape (points,)
+        G(iω), or the output over time.
+    errors : tuple of ndarray, shape (points,)
+        Error bounds of G(iω); empty over time.
+    zeros : tuple of Zeros
+    poles : ndarray of complex (1/s)
+        The eigenvalues.
+    margins : tuple of Margins
+    largest : tuple of LargestGain
+        Of each channel; empty over time, and for very many states.
+    exact : FrequencyResponse or None
+        Of all channels at any frequency; None over time.
+    """
+
+    kind: str
+    channels: tuple[Channel, ...]
+    x: Array
+    values: tuple[Any, ...]
+    errors: tuple[Array, ...]
+    zeros: tuple[Zeros, ...]
+    poles: Complex
+    margins: tuple[Margins, ...] = ()
+    largest: tuple[LargestGain, ...] = ()
+    exact: FrequencyResponse | None = None
+
+
+def answer(
+    model: ControlModel,
+    sources: tuple[str, ...] = (),
+    goals: tuple[str, ...] = (),
+    ends: tuple[float | None, float | None] = (None, None),
+    points: int = 201,
+    duration: float | None = None,
+    impulse: bool = False,
+) -> Response:
+    """Return frequency responses, or with a duration (s) those to a unit step or impulse, with zeros and margins.
+
+    Raises
+    ------
+    UsageError
+        If names are unknown, frequencies out of order, or an output has impulses.
+    """
+    found = channels(model, sources, goals)
+    kind = "frequency" if duration is None else "impulse" if impulse else "step"
+    exact = FrequencyResponse(model)
+    all_zeros = TransferZeros(exact)
+    zeros = tuple(map(all_zeros.of, found))
+    if duration is not None:
+        x = np.linspace(0.0, duration, points)
+        return Response(kind, tuple(found), x, tuple(c.step(x, impulse) for c in found), (), zeros, all_zeros.poles)
+    x = frequencies(all_zeros, *ends, points)
+    values, errors = exact.over(x)
+    at = [exact.number(c) for c in found]
+    judged = zip(found, zeros, strict=True) if len(all_zeros.poles) <= TOLERANCES.zero_states else ()
+    of = [(z, exact.of(c), closed_loop(z, all_zeros.of(c, 1.0))) for c, z in judged]
+    return Response(
+        kind, tuple(found), x, tuple(values[k] for k in at), tuple(errors[k] for k in at), zeros, all_zeros.poles,
+        tuple(margins(*x) for x in of), tuple(largest_gain(*x[:2]) for x in of), exact,
+    )  # fmt: skip

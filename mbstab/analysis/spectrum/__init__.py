@@ -1,0 +1,1 @@
+"""Eigenvalues as answers: all or a few of them, many digits, periodic motions, modes, derivatives."""

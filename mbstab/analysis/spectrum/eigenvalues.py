@@ -1,0 +1,318 @@
+"""Eigenvalues of the linearized equations with error bounds and a verdict.
+
+The default method deflates: the constraints first (`mbstab.analysis.linear.linearize`), then the
+directions of symmetries and families that are verified by structure (`mbstab.analysis.verdict.neutral`), so
+that they do not spoil small physical eigenvalues. The others are enclosed in discs that hold for
+clusters and defective eigenvalues as well (`mbstab.analysis.bounds.location`). The verdict on stability
+follows from the rule of `mbstab.analysis.verdict.rule`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.algebra.budget import Cost
+from mbstab.analysis.algebra.sparse import in_sparse, scaled
+from mbstab.analysis.bounds.discs import Placed
+from mbstab.analysis.bounds.location import enclosures, enclosures_of
+from mbstab.analysis.linear.linearize import Linearization, linearize
+from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
+from mbstab.analysis.reference.requested import fits_sparse, reference_motion
+from mbstab.analysis.spectrum.mode_energy import mode_energies
+from mbstab.analysis.spectrum.named_motions import Telling, Whirl
+from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
+from mbstab.analysis.spectrum.tolerances import TOLERANCES
+from mbstab.analysis.verdict.facts import Grounds
+from mbstab.analysis.verdict.rule import STABLE, STABLE_UP_TO, UNDECIDED, Disc, Verdict, judge, place, show
+from mbstab.compiler.system import Array, System
+from mbstab.errors import MassError, MbstabError, NumericalError, UsageError
+
+
+def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[], int] | None = None) -> EigenResult:
+    """Return the eigenvalues of the linearized equations with bounds and a verdict.
+
+    Parameters
+    ----------
+    linear : Linearization
+    method : str
+        A name of `mbstab.analysis.linear.methods.METHODS`.
+    zeros : callable, optional
+        Returns the number of eigenvalues that are zero to many digits (`mbstab.analysis.spectrum.precise.exact_zeros`);
+        called only if the verdict depends on it.
+
+    Raises
+    ------
+    UsageError
+        If the method is unknown, or not applicable to this motion.
+    NumericalError
+        If the method needs independent constraint rows and they are not.
+    """
+    return judged(Grounds(linear, zeros), method)
+
+
+def judged(grounds: Grounds, method: str = DEFAULT) -> EigenResult:
+    """Return the eigenvalues for facts that are already known; see `eigenvalues`."""
+    if not isinstance(method, str) or method not in METHODS:
+        raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
+    linear, separated = grounds.linear, grounds.separated
+    problem = linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L
+    function = solver(method)
+    if function is None:
+        found, placed = None, enclosures(*problem)
+        if not np.all(np.isfinite(placed.values)):
+            raise NumericalError(
+                "the eigenvalues left the range of double precision\n"
+                "hint: look for numbers of extreme size in the file, or measure length, mass and time in other units"
+            )
+        neutral = separated.frequencies()
+        neutral += [0j] * (separated.neutral.count - len(neutral))
+    else:
+        default = enclosures(*problem)
+        known = [*separated.frequencies()]
+        known += [0j] * (separated.neutral.count - len(known))
+        found = function(linear, grounds.gamma, np.concatenate([default.values, known]))
+        placed = enclosures_of(*problem, found.values, found.vectors)
+        neutral = [complex(placed.values[i]) for i in placed.neutral]
+    return _result(grounds, placed, neutral, method, found)
+
+
+def _result(
+    grounds: Grounds, placed: Placed, neutral: Sequence[complex], method: str, found: Found | None
+) -> EigenResult:
+    """Return eigenvalues with their discs, and the verdict."""
+    linear = grounds.linear
+    spaces, centres = linear.motion.spaces, [d.centre for d in placed.discs]
+    number = len(placed.values)
+    discs = place(centres, [d.radius for d in placed.discs], [len(d.members) for d in placed.discs], grounds.mirrored)
+    facts = grounds.facts(discs, number + (len(neutral) if found is None else 0))
+    verdict = judge(facts)
+    listed: list[Eigenvalue] = []
+    modes = Modes(linear, placed)
+    for disc, members in zip(discs, (d.members for d in placed.discs), strict=True):
+        for i in members:
+            kind = kind_in(complex(placed.values[i]), disc, verdict, grounds)
+            listed.append(_eigenvalue(placed, i, kind, modes))
+    listed = with_saddles(listed)
+    listed += [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in neutral]
+    listed.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
+    besides = found or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
+    light = linear.massless
+    counts = Counts(
+        linear.M.shape[0], grounds.system.n_h, grounds.system.n_n, spaces.C.rank, spaces.W.rank, linear.n_f,
+        len(listed), sum(e.kind == "neutral" for e in listed), besides.infinite, besides.undefined, besides.extra,
+        besides.extra_error, massless=() if light is None else light.names,
+    )  # fmt: skip
+    frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
+    shifts = tuple(s.imag for s in grounds.separated.frequencies() if s.imag > 0.0)
+    return EigenResult(
+        listed, verdict, counts, method, (*linear.motion.warnings, *inexact(listed), *verdict.warnings), frame,
+        not linear.constant or linear.frozen, shifts, coordinates=tuple(linear.names),
+        neutral_directions=verdict.modulo.names or facts.neutral.names,
+    )  # fmt: skip
+
+
+def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
+    """Return the type of singular point of an eigenvalue in a disc."""
+    form = "focus" if s.imag else "node"
+    if disc.side in ("left", "right"):
+        return ("un" if disc.side == "right" else "") + f"stable {form}"
+    if verdict.at_zero and disc.holds_zero:
+        return "neutral"
+    # Where a conserved energy has a minimum, all eigenvalues lie on the axis.
+    held = verdict.word in (STABLE, STABLE_UP_TO) and grounds.structure.work.conserved
+    if (disc.side == "axis" or held) and s.imag:
+        return "center"
+    return "undecided"
+
+
+def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes) -> Eigenvalue:
+    s = complex(placed.values[i])
+    # An eigenvalue that is proven to be on the axis is shown there; its error does not grow.
+    value = complex(0.0 if kind == "center" else s.real + 0.0, s.imag + 0.0)  # no −0
+    bound = float(placed.bounds[i]) if np.isfinite(placed.bounds[i]) else math.inf
+    condition, backward_error = float(placed.condition[i]), float(placed.backward_error[i])
+    shares, vector = modes.of(i)
+    motions, whirl = modes.telling.told(vector), modes.whirl.of(value, vector)
+    return Eigenvalue(value, kind, bound, condition, backward_error, shares, None, vector, motions, whirl)
+
+
+def with_energies(result: EigenResult, linear: Linearization) -> EigenResult:
+    """Return eigenvalues with the energies of their modes, except those that cannot be told from zero."""
+    told = {
+        i: e.vector for i, e in enumerate(result.eigenvalues) if e.vector is not None and e.error_bound < abs(e.value)
+    }
+    found = mode_energies(linear, [(result.eigenvalues[i].value, vector) for i, vector in told.items()])
+    energies = dict(zip(told, found, strict=True))
+    return replace(result, eigenvalues=[replace(e, energy=energies.get(i)) for i, e in enumerate(result.eigenvalues)])
+
+
+class Modes:
+    """Bodies and coordinates that move in each mode; in large scenes conjugates share a vector."""
+
+    def __init__(self, linear: Linearization, placed: Placed) -> None:
+        self.placed, scale = placed, linear.spaces.scale
+        motion = linear.motion
+        self.telling = Telling.of(linear.system, motion.q, motion.sizes, lambda: scale[:, None] * linear.spaces.N)
+        self.whirl = Whirl(linear.system, linear.motion, linear.generator)
+        self._shares = participation(scaled(linear.M, scale, scale), linear.names, placed.vectors)
+        self._shapes = mode_shapes(scale[:, None] * placed.vectors, linear.motion.sizes)
+
+    def of(self, i: int) -> tuple[dict[str, float], Complex | None]:
+        """Return the participation of the bodies and the shape of a mode."""
+        placed = self.placed
+        j = i if placed.column is None else int(placed.column[i])
+        shares, shape = self._shares[j], self._shapes[j]
+        mirrored = placed.column is not None and placed.values[i].imag < 0.0
+        return shares, shape.conj() if mirrored and shape is not None else shape
+
+
+def mode_shapes(dq: Any, sizes: Array) -> list[Complex | None]:
+    """Return modes scaled so that the coordinate that moves most, relative to its size, is 1; None if nothing moves.
+
+    Parameters
+    ----------
+    dq : ndarray, shape (n_q, k)
+        Modes as columns.
+    sizes : ndarray, shape (n_q,)
+        Characteristic sizes of the coordinates (m, rad).
+    """
+    moved = np.abs(dq) / sizes[:, None]
+    most = np.max(moved, axis=0, initial=0.0)
+    with np.errstate(all="ignore"):
+        # The first of those that move equally, so that rounding does not decide.
+        largest = np.argmax(moved >= (1.0 - 1e-9) * most, axis=0)
+        columns = np.arange(dq.shape[1])
+        shapes = (dq / dq[largest, columns]).astype(complex).T + 0.0
+    shapes[columns, largest] = 1.0
+    return [shape if 0.0 < size < math.inf else None for shape, size in zip(shapes, most.tolist(), strict=True)]
+
+
+def participation(M: Any, names: Sequence[str], x: Any) -> list[dict[str, float]]:
+    """Return for each mode the share of each body in its kinetic energy.
+
+    Parameters
+    ----------
+    M : matrix, shape (n_q, n_q)
+        In scaled coordinates.
+    names : sequence of str
+        Names of the coordinates.
+    x : ndarray, shape (n_q, k)
+        Δq in scaled coordinates, as columns.
+    """
+    energy = np.real(x.conj() * (M @ x))
+    total = np.sum(energy, axis=0)
+    bodies, owner = _owners(tuple(names))
+    shares = np.zeros((len(bodies), x.shape[1]))
+    np.add.at(shares, owner, np.where(total > 0.0, energy / np.where(total > 0.0, total, 1.0), 0.0))
+    own = [k for k, body in enumerate(bodies) if body not in names]  # states have no energy
+    return [{bodies[k]: mode[k] for k in own} for mode in shares.T.tolist()]
+
+
+@lru_cache(maxsize=8)
+def _owners(names: tuple[str, ...]) -> tuple[tuple[str, ...], Index]:
+    """Return the bodies of coordinates, and the body of each coordinate."""
+    owners = [name.partition(".")[0] for name in names]
+    bodies = {body: k for k, body in enumerate(dict.fromkeys(owners))}
+    return tuple(bodies), np.array([bodies[body] for body in owners], dtype=np.intp)
+
+
+def answer(
+    system: System,
+    method: str = DEFAULT,
+    frozen: bool = False,
+    progress: Callable[[float], object] | None = None,
+    zeros: Callable[[], int] | None = None,
+) -> EigenResult:
+    """Return the eigenvalues of a scene at its reference motion, with bounds and a verdict.
+
+    Parameters
+    ----------
+    system : System
+    method : str
+    frozen : bool
+        Use the equations frozen at the reference time, in the coordinates of the file.
+    progress : callable, optional
+        Called with the fraction of the work that is done, where it takes long: periodic motions.
+    zeros : callable, optional
+        As for `eigenvalues`.
+
+    Raises
+    ------
+    MbstabError
+        As `mbstab.analysis.reference.motion.reference_motion`.
+    """
+    if method == DEFAULT and not frozen and fits_sparse(system):
+        found = _of_large(system, zeros)
+        if found is not None:
+            return found
+    period = system.scene.period
+    motion = reference_motion(system, massless=period is None)
+    if period is not None and not frozen:
+        from mbstab.analysis.spectrum.periodic import periodic_answer
+
+        if method != DEFAULT:
+            message = f"--method {method} needs constant coefficients; a periodic motion has multipliers"
+            raise UsageError(f"{message}\nhint: leave out --method")
+        return periodic_answer(system, motion, float(period), progress)
+    return eigenvalues(linearize(system, motion, frozen), method, zeros)
+
+
+def _of_large(system: System, zeros: Callable[[], int] | None) -> EigenResult | None:
+    """Return the answer for a large scene at rest; None where dense matrices give more."""
+    sparse, found = in_sparse(system), None
+    affordable = Cost.of("modes", system.n_q, system.n_c).affordable
+    try:
+        found = eigenvalues(linearize(sparse, reference_motion(sparse)), DEFAULT, zeros)
+    except MassError:
+        if not affordable:
+            raise
+    except (np.linalg.LinAlgError, RuntimeError) as error:  # from SciPy, where it cannot factor
+        if isinstance(error, MbstabError) or not affordable:
+            raise
+    if found is None:
+        return None
+    # Many of which nothing can be said are no clearer with dense matrices, which take minutes for them.
+    vague = sum(e.kind == "undecided" or e.error_bound == math.inf for e in found.eigenvalues if e.kind != "neutral")
+    settled = found.verdict != UNDECIDED and not any(e.error_bound == math.inf for e in found.eigenvalues)
+    return found if settled or not affordable or vague > TOLERANCES.vague_looked_at_again else None
+
+
+def inexact(found: list[Eigenvalue], remedy: str = "; --precision gives more digits") -> tuple[str, ...]:
+    """Return a warning about eigenvalues with few known digits, or nothing."""
+    few = [
+        e
+        for e in found
+        if e.kind != "neutral"
+        and e.value.imag >= 0.0
+        and TOLERANCES.relative_bound_warned * abs(e.value) < e.error_bound < abs(e.value)
+    ]
+    if not few:
+        return ()
+    worst = max(few, key=lambda e: e.error_bound / abs(e.value))
+    others = f" (and {len(few) - 1} more, less so)" if len(few) > 1 else ""
+    magnified = f"{worst.condition:.1e} times" if math.isfinite(worst.condition) else "without bound"
+    return (
+        f"the eigenvalue {show(worst.value)} 1/s{others} is known to {worst.error_bound:.1e} 1/s only: "
+        f"the rounding of the data and of the equations is magnified {magnified}{remedy}",
+    )
+
+
+def with_saddles(found: list[Any]) -> list[Any]:
+    """Pair real eigenvalues of opposite sign, in any arithmetic: two such directions form a saddle."""
+    growing = [e for e in found if e.kind == "unstable node"]
+    decaying = [e for e in found if e.kind == "stable node"]
+    saddles: set[int] = set()
+    for e in growing:
+        partner = min(
+            (d for d in decaying if id(d) not in saddles), key=lambda d: abs(d.value.real + e.value.real), default=None
+        )
+        if partner is not None:
+            saddles |= {id(e), id(partner)}
+    return [replace(e, kind="saddle") if id(e) in saddles else e for e in found]

@@ -1,0 +1,291 @@
+"""A few eigenvalues of large equations, each with an error bound.
+
+Approximate vectors x and y of shift-invert iterations give, with the whole problem Q(s) and not a reduced one,
+
+    s₁ = s − yᴴQ(s)x / yᴴQ'(s)x
+
+whose error is the product of those of x and y (Lancaster 1961, Numer. Math. 3; Schwetlick, Schreiber 2012, Linear
+Algebra Appl. 436). The remaining error is bounded by the errors of the entries, and by the residuals of both vectors:
+
+    first  = 4ε |y|ᵀ δQ(|s|) |x| / |yᴴQ'x|,     second = |Q(s)x| |Q(s)ᴴy| / |yᴴQ'x| · max κ / gap.
+
+Values whose vectors cannot be separated are treated together, with bases of their subspaces in place of x and y.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.shift_invert import SingularShift
+from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.linear.sparse_equations import SparseEquations
+from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
+from mbstab.analysis.spectrum.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
+from mbstab.records import dataclass
+
+
+@dataclass(frozen=True)
+class Few:
+    """Eigenvalues with bounds.
+
+    Attributes
+    ----------
+    values : ndarray of complex, shape (k,)
+        With Im ≥ 0; those with Im > 0 stand for a pair (1/s).
+    bounds : ndarray, shape (k,)
+        Radius of a disc about each (1/s); inf: nothing is known.
+    condition, backward_error : ndarray, shape (k,)
+        The bound relative to the eigenvalue in roundings, and the residual relative to the sizes of terms.
+    vectors : ndarray of complex, shape (n_q, k)
+        Δq in scaled coordinates.
+    reach : float (1/s)
+        Radius about the shift within which two searches found no others.
+    """
+
+    values: Complex
+    bounds: Array
+    condition: Array
+    backward_error: Array
+    vectors: Complex
+    reach: float
+
+    def joined(self, other: Few) -> Few:
+        """Return these and others."""
+        values, bounds, condition, backward_error = (
+            np.concatenate([getattr(self, x), getattr(other, x)])
+            for x in ("values", "bounds", "condition", "backward_error")
+        )
+        return Few(values, bounds, condition, backward_error, np.hstack([self.vectors, other.vectors]), self.reach)
+
+    def only(self, chosen: Index | Flags) -> Few:
+        """Return some of them."""
+        return Few(
+            self.values[chosen], self.bounds[chosen], self.condition[chosen], self.backward_error[chosen],
+            self.vectors[:, chosen], self.reach,
+        )  # fmt: skip
+
+
+def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool) -> Few:
+    """Return the eigenvalues nearest to a number; a pair counts as one.
+
+    Parameters
+    ----------
+    shift : complex
+        With Im ≥ 0 (1/s).
+    count : int
+    symmetric : bool
+        Whether M, R and K are symmetric by structure and there are no rows on speeds alone.
+
+    Raises
+    ------
+    NumericalError
+        If the iteration does not converge.
+    """
+    values, vectors, reach = _found(equations, shift, count)
+    pairs: list[tuple[complex, Array, Complex, int]] = []
+    for number, group in enumerate(_groups(values)):
+        pairs += _corrected(equations, values[group], vectors[:, group], symmetric, number)
+    # Beside very slow eigenvalues very fast ones are lost, and infinite ones appear.
+    pairs = [
+        p
+        for p in pairs
+        if p[1][4]
+        < max(TOLERANCES.correction_of_eigenvalue * abs(p[0]), TOLERANCES.correction_beyond_rounding * p[1][0])
+    ]
+    s = np.array([p[0] for p in pairs])
+    first, residual = (np.array([p[1][k] for p in pairs]) for k in (0, 1))
+    strength = np.array([p[1][2] for p in pairs])
+    gaps = _gaps(s, np.array([p[3] for p in pairs]))
+    with np.errstate(all="ignore"):
+        second = residual * np.max(strength, initial=0.0) / gaps
+        bounds = np.where(np.isfinite(first + second), first + second, np.inf)
+        condition = bounds / (EPS * np.abs(s))
+    backward = np.array([p[1][3] for p in pairs])
+    X = np.stack([p[2] for p in pairs], axis=1) if pairs else np.zeros((equations.n_q, 0), dtype=complex)
+    order = np.argsort(np.abs(s - shift), kind="stable")
+    return _once(Few(s, bounds, condition, backward, X, reach).only(order))
+
+
+def _once(found: Few) -> Few:
+    """Return values without duplicates: those in the same disc with the same vector."""
+    kept: list[int] = []
+    for i, (s, radius) in enumerate(zip(found.values, found.bounds, strict=True)):
+        x = found.vectors[:, i] / np.linalg.norm(found.vectors[:, i])
+        for k, j in enumerate(kept):
+            near = abs(found.values[j] - s) <= max(min(found.bounds[j], radius), TOLERANCES.values_together * abs(s))
+            if near and abs(np.vdot(x, found.vectors[:, j])) > TOLERANCES.equal_vectors_cosine * np.linalg.norm(
+                found.vectors[:, j]
+            ):
+                kept[k] = i if radius < found.bounds[j] else j
+                break
+        else:
+            kept.append(i)
+    return found.only(np.array(kept, dtype=np.intp))
+
+
+def _found(equations: SparseEquations, shift: complex, count: int) -> tuple[Complex, Complex, float]:
+    """Return the values nearest to a number that two searches find, with Im ≥ 0, and their reach."""
+    problem, most = equations.problem, equations.n_left
+    if not most:
+        return np.zeros(0, dtype=complex), np.zeros((problem.size, 0), dtype=complex), np.inf
+    wanted = min(most, TOLERANCES.eigenvalues_more + (count if shift.imag else 2 * count))
+    start = shift
+    while True:
+        start, values, vectors = _searched(equations, start, wanted)
+        radius = float(np.max(np.abs(values - start)))
+        if len(values) >= most:
+            return *_upper(values, vectors, shift), np.inf
+        # Another shift must give the same values, or something was missed.
+        beside = start + TOLERANCES.second_search_start * radius
+        others, their_vectors = problem.nearest(beside, wanted, most)
+        missed = _unmatched(others, values)
+        values = np.concatenate([values, others[missed]])
+        vectors = np.hstack([vectors, their_vectors[:, missed]])
+        both = min(radius, float(np.max(np.abs(others - beside))) - TOLERANCES.second_search_start * radius)
+        reach = max(0.0, both * (1.0 - TOLERANCES.values_together) - abs(start - shift))
+        found, columns = _upper(values, vectors, shift)
+        if np.sum(np.abs(found - shift) < reach) >= count or wanted == most:
+            return found, columns, reach
+        wanted = min(most, wanted + wanted // 2)
+
+
+def _searched(equations: SparseEquations, start: complex, wanted: int) -> tuple[complex, Complex, Complex]:
+    """Return the shift of a search, moved off an eigenvalue if necessary, and its values and vectors."""
+    aside = TOLERANCES.search_start_aside * equations.rate
+    for _ in range(TOLERANCES.search_starts):
+        try:
+            values, vectors = equations.problem.nearest(start, wanted, equations.n_left)
+        except SingularShift:
+            start, aside = start + aside, 10.0 * aside
+            continue
+        distance = np.abs(values - start)
+        if len(values) == 1 or np.min(distance) >= TOLERANCES.search_start_nearest * np.max(distance):
+            break
+        aside = TOLERANCES.search_start_aside * float(np.max(distance))
+        start = start + aside
+    else:
+        values, vectors = equations.problem.nearest(start, wanted, equations.n_left)
+    return start, values, vectors
+
+
+def _unmatched(others: Complex, values: Complex) -> list[int]:
+    """Return which of some values have no partner of their own among others."""
+    free = np.ones(len(values), dtype=bool)
+    found = []
+    for k, s in enumerate(others):
+        distance = np.where(free, np.abs(values - s), np.inf)
+        j = int(np.argmin(distance))
+        if distance[j] <= TOLERANCES.values_together * abs(s):
+            free[j] = False
+        else:
+            found.append(k)
+    return found
+
+
+def _upper(values: Complex, vectors: Complex, shift: complex) -> tuple[Complex, Complex]:
+    """Return one of each conjugate pair, the nearest first."""
+    real = np.abs(values.imag) <= TOLERANCES.real_value * np.abs(values)
+    values = np.where(real, values.real, values)
+    upper = np.flatnonzero(real | (values.imag > 0.0))
+    order = upper[np.argsort(np.abs(values[upper] - shift), kind="stable")]
+    return values[order], vectors[:, order]
+
+
+def _groups(values: Complex) -> list[Array]:
+    """Return the numbers of values that are treated together."""
+    left, found = list(range(len(values))), []
+    while left:
+        group = [left.pop(0)]
+        for k in group:
+            near = [j for j in left if abs(values[j] - values[k]) <= TOLERANCES.values_together * abs(values[k])]
+            left = [j for j in left if j not in near]
+            group += near
+        found.append(np.array(sorted(group)))
+    return found
+
+
+def _corrected(
+    equations: SparseEquations, values: Complex, vectors: Complex, symmetric: bool, number: int
+) -> list[tuple[complex, Array, Complex, int]]:
+    """Return for values that are treated together the corrected values, their measures, and Δq.
+
+    The measures are the first bound, the product of the residuals divided by |yᴴQ'x|, the strength κ of the pair, the
+    residual relative to the sizes of terms, and the correction; last comes the number of the group.
+    """
+    problem, n, s0 = equations.problem, equations.n_q, complex(np.mean(values))
+    X = _orthonormal(vectors, n)
+    Y = X.conj() if symmetric else _left(equations, s0, X)
+    slope = Y.conj().T @ (problem.at(s0, slope=True) @ X)
+    with np.errstate(all="ignore"):
+        try:
+            inverse = np.linalg.inv(slope)
+        except np.linalg.LinAlgError:
+            inverse = np.full_like(slope, np.nan)
+        missing = problem.product(s0, Y, X, equations.remainder)
+        change = inverse @ missing
+        if len(values) == 1:
+            corrected, turn = np.array([s0 - change[0, 0]]), np.eye(1, dtype=complex)
+        elif np.all(np.isfinite(change)):
+            steps, turn = np.linalg.eig(-change)
+            corrected = s0 + steps
+        else:
+            corrected, turn = values, np.eye(len(values), dtype=complex)
+        strength = float(np.linalg.norm(inverse, 2)) if np.all(np.isfinite(inverse)) else np.inf
+        sizes = equations.known_to.at(abs(s0))
+        first = ALGEBRA.entry_rounding * strength * float(np.linalg.norm(np.abs(Y).T @ (sizes @ np.abs(X))))
+        moved = [Y.conj().T @ sum(s0**k * (Q.part(k) @ X) for k in range(3)) for Q in equations.moved]
+        first += (
+            TOLERANCES.drawn_rounding_factor * strength * max((float(np.linalg.norm(x)) for x in moved), default=0.0)
+        )
+        right, left = problem.at(s0) @ X, problem.at(s0).conj().T @ Y
+        # The part of the residuals that the correction removes is no error.
+        right = right - (problem.at(s0, slope=True) @ X) @ change
+        left = left - (problem.at(s0, slope=True).conj().T @ Y) @ (missing @ inverse).conj().T
+        product = float(np.linalg.norm(right) * np.linalg.norm(left)) * strength
+        backward = float(np.linalg.norm(right) / np.linalg.norm(sizes @ np.abs(X)))
+    numbers = np.array([first, product, strength, backward, np.linalg.norm(change)])
+    shapes = X[:n] @ turn
+    corrected = np.where(np.abs(corrected.imag) <= TOLERANCES.real_value * np.abs(corrected), corrected.real, corrected)
+    return [(complex(s), numbers, shapes[:, k], number) for k, s in enumerate(corrected)]
+
+
+def _left(equations: SparseEquations, s: complex, X: Complex) -> Complex:
+    """Return a basis of the left vectors of an eigenvalue, by inverse iteration."""
+    problem = equations.problem
+    shift = s * (1.0 + LINEAR.vector_shift) + LINEAR.vector_shift**2 * equations.rate * (1.0 + 1.0j)
+    lu = problem.factors(shift)
+    if lu is None:
+        return np.full_like(X, np.nan)
+    slope = problem.at(s, slope=True).conj().T
+    rng = np.random.default_rng(13)
+    Y: Complex = (X.conj() + rng.normal(size=X.shape) / X.shape[0] ** 0.5).astype(complex)
+    matrix = problem.at(complex(shift)).conj().T
+    for _ in range(TOLERANCES.left_vector_steps):
+        right = np.ascontiguousarray(slope @ Y)
+        Y = np.asarray(lu.solve(right, "H"), dtype=complex)
+        Y = _orthonormal(Y + lu.solve(np.ascontiguousarray(right - matrix @ Y), "H"), equations.n_q)
+    return Y
+
+
+def _orthonormal(vectors: Complex, n: int) -> Complex:
+    """Return combinations of vectors whose first n entries are orthonormal: multipliers may be much larger."""
+    R = np.linalg.qr(vectors[:n], mode="r")
+    with np.errstate(all="ignore"):
+        try:
+            result: Complex = vectors @ np.linalg.inv(R)
+        except np.linalg.LinAlgError:
+            return np.full_like(vectors, np.nan)
+    return result
+
+
+def _gaps(values: Complex, group: Array) -> Array:
+    """Return the distance of each value from the nearest one that is not treated together with it."""
+    every = np.concatenate([values, values.conj()])
+    groups = np.concatenate([group, np.where(values.imag == 0.0, group, -1 - group)])
+    distance = np.abs(values[:, None] - every)
+    distance[group[:, None] == groups] = np.inf
+    result: Array = np.min(distance, axis=1, initial=np.inf)
+    return result

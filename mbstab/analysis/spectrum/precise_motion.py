@@ -1,0 +1,460 @@
+"""The reference motion in refined numbers, starting from double precision: with any number of digits, or with slopes.
+
+Given values are the decimals of the file. Double precision selects the solution;
+the residual of the same equations on mpmath numbers, corrected by the Jacobian in double
+precision, takes it to all digits; on numbers with slopes, to its derivatives by parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from mpmath import mp
+
+from mbstab.analysis.algebra.arrays import norms, others
+from mbstab.analysis.algebra.digits import misfits
+from mbstab.analysis.algebra.rank import rank_of
+from mbstab.analysis.algebra.refining import Matrix, Refining, Stalled
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.linear.linearize import Linearization, linearize
+from mbstab.analysis.reference.coefficients import mobility
+from mbstab.analysis.reference.equations import Balance, State
+from mbstab.analysis.reference.equilibrium import Problem
+from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.reference.rotation import rate_matrix
+from mbstab.analysis.reference.steady import Family, Generator, centered, declared_family
+from mbstab.analysis.spectrum.eigenvalues import judged
+from mbstab.analysis.spectrum.tolerances import TOLERANCES
+from mbstab.analysis.verdict.facts import Grounds
+from mbstab.analysis.verdict.neutral import orthonormal
+from mbstab.compiler.system import Dynamics, System
+from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, NumericalError, UsageError
+from mbstab.model.schema import Model
+from mbstab.model.values import evaluate
+from mbstab.records import dataclass
+
+# --- what double precision says -------------------------------------------------------------------------------------
+
+
+class Start:
+    """The answer in double precision, from which everything is refined.
+
+    Parameters
+    ----------
+    model : Model
+    frozen : bool
+        As in `mbstab.analysis.linear.linearize.linearize`.
+    zeros : callable, optional
+        As in `mbstab.analysis.spectrum.eigenvalues.eigenvalues`.
+
+    Attributes
+    ----------
+    system : System
+    motion : Motion
+    linear : Linearization
+    grounds : Grounds
+        The structure, which does not depend on the digits.
+    plain : EigenResult
+    balance, at : Balance and State, or None
+        The equations of an equilibrium or a steady motion that was solved for, and their solution.
+
+    Raises
+    ------
+    UsageError
+        If the motion is periodic.
+    """
+
+    def __init__(self, model: Model, frozen: bool, zeros: Callable[[], int] | None = None) -> None:
+        self.model = model
+        self.system = system = System(evaluate(model))
+        if system.scene.period is not None and not frozen:
+            raise UsageError(
+                f"{model.name} describes a periodic motion: its multipliers come in double precision only, "
+                "without derivatives\nhint: leave out --precision or --sensitivity"
+            )
+        self.at: State | None = None
+        self.balance: Balance | None = None
+        if model.reference.find is not None:
+            self.motion, search, self.at, _ = Problem(system, massless=True).solved(Problem(system).start)
+            self.balance = search.balance
+        else:
+            self.motion = reference_motion(system, massless=True)
+        self.linear: Linearization = linearize(system, self.motion, frozen)
+        self.grounds = Grounds(self.linear, zeros)
+        self.plain = judged(self.grounds)
+
+    @cached_property
+    def loose(self) -> tuple[str, ...]:
+        """Coordinates that neither the file nor the equations determine to all digits, unless nothing depends on them.
+
+        Newton's method does not refine critical positions, at which the derivative of the equations is singular.
+        """
+        motion, names = self.motion, self.system.names
+        if self.balance is not None and self.at is not None:
+            open_ = self.balance.open.tolist()
+            _, s, right = np.linalg.svd(self.balance.jacobian(self.at))
+            null = right[int(np.sum(s > TOLERANCES.sharpened_slope * np.max(s, initial=0.0))) :, : len(open_)].T
+        else:
+            open_ = [i for i, name in enumerate(names) if name not in self.system.scene.coordinates]
+            J = (motion.dynamics.J[: self.system.n_h] * motion.sizes)[:, open_]
+            lengths = np.linalg.norm(J, axis=1)
+            null = rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null
+        shifts = [item.direction[open_] / motion.sizes[open_] for item in self.grounds.invariance.symmetries]
+        basis = orthonormal([x for x in shifts if np.any(x)], len(open_))
+        free = np.linalg.norm(null - basis @ (basis.T @ null), axis=1) > TOLERANCES.sharpened_coordinate
+        return tuple(names[i] for i, loose in zip(open_, free, strict=True) if loose)
+
+
+# --- the reference motion -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Point:
+    """The reference motion with all digits, or with slopes.
+
+    Attributes
+    ----------
+    q, u, a, nu : ndarray of objects
+        As in `mbstab.analysis.reference.motion.Motion`.
+    state : Dynamics
+        Matrices of objects and exact floats.
+    generator : Generator or None
+        Generator of the rotating frame in which the equations are written.
+    rates : tuple of mpf
+        Rates of that frame and of the coordinates that spin in it, as in `mbstab.analysis.verdict.neutral.Separated`.
+    excess : tuple
+        The largest residual, relative to the terms that balance, and what it belongs to.
+    """
+
+    q: Matrix
+    u: Matrix
+    a: Matrix
+    nu: Matrix
+    state: Dynamics
+    generator: Generator | None
+    rates: tuple[Any, ...]
+    excess: tuple[Any, str]
+
+
+def reference_point(start: Start, system: System, f: Refining) -> Point:
+    """Return the reference motion of a scene in numbers that are refined.
+
+    Raises
+    ------
+    ConstraintError, EquilibriumError, NumericalError
+        If the solution in double precision cannot be refined with more digits.
+    """
+    motion, scene = start.motion, system.scene
+    steady: Generator | None = None
+    if start.balance is not None and start.at is not None:
+        q, steady = _balanced(f, start.balance, start.at, system)
+        u = f.exact(steady.field(q))
+    else:
+        q = _assembled(f, start, system)
+        if scene.steady is not None:
+            steady = _declared(f, start, system, q)
+            u = f.exact(steady.field(q))
+        else:
+            u = _rates(f, start, system, q)
+            if motion.at_rest:
+                steady = _family(f, system, Family(system, None, np.zeros(3), np.zeros((0, 3)), ()))[0].generator(
+                    f.zeros(0)
+                )
+    state = system.dynamics(q, u, scene.time)
+    a, nu, force = _accelerations(f, start, state, None if steady is None else f.exact(steady.acceleration(q)))
+    generator = start.linear.generator
+    if generator is not None and generator.turns and (steady is None or not steady.turns):
+        steady = _detected(f, start, system, q, u)
+    excess = _excess(f, system, motion, state, u, force)
+    # A rate of zero may have a derivative.
+    turning = steady if (generator is not None and generator.turns) or (steady is not None and steady.starts) else None
+    rates = tuple(u) if turning is None else (turning.rate, *turning.spins)
+    return Point(q, u, a, nu, state, turning, tuple(abs(x) for x in rates), excess)
+
+
+def _family(f: Refining, system: System, family: Family) -> tuple[Family, dict[int, Any]]:
+    """Return a family of steady motions in such numbers, and its given coefficients."""
+    steady, d = system.scene.steady, system.scene.dimension
+    point, directions, axis = f.zeros(3), f.zeros(len(family.directions), 3), None
+    known: list[Any] = []
+    if steady is not None:
+        point[:d] = steady.point
+        if steady.axis is not None:
+            axis = f.exact(steady.axis)
+            known.append(steady.rate)
+        if steady.direction is not None:
+            directions[0, :d] = steady.direction
+            known.append(steady.speed)
+    given = {k: x + f.zero for k, x in enumerate(known) if x is not None}
+    return Family(system, axis, point, directions, family.columns), given
+
+
+def _balanced(f: Refining, balance: Balance, at: State, system: System) -> tuple[Matrix, Generator]:
+    """Return coordinates and generator of an equilibrium or a steady motion, refined with `Balance`."""
+    family, known = _family(f, system, balance.family)
+    names, scene, sizes = system.names, system.scene, balance.sizes
+    lengths = norms(at.J * sizes)
+    open_, free, rows, n_h, moving = balance.open, balance.free, balance.rows, balance.n_h, balance.moving
+    fixed = f.exact(at.q)
+    for i in others(system.n_q, open_):
+        fixed[i] = scene.coordinates[names[i]] + f.zero
+    rates = f.exact([scene.rates[names[i]] for i in balance.given])
+    inverse = np.linalg.pinv(balance.jacobian(at), rcond=TOLERANCES.sharpened_slope)
+
+    def unpacked(x: Matrix) -> tuple[Matrix, Generator]:
+        q, c = fixed.copy(), f.exact(at.c)
+        q[open_] = x[: len(open_)] * sizes[open_]
+        for k, value in known.items():
+            c[k] = value
+        c[free] = x[len(open_) : moving] * balance.speed
+        return q, family.generator(c)
+
+    def residual(x: Matrix) -> Matrix:
+        q, steady = unpacked(x)
+        u, a = f.exact(steady.field(q)), f.exact(steady.acceleration(q))
+        state = system.dynamics(q, u)
+        J, E, V = f.exact(state.J)[rows], f.exact(state.E)[rows], f.exact(state.V)[rows]
+        force = (f.times(f.exact(state.M), a) + state.F0) * sizes / balance.energy
+        force = force + f.times((J * sizes / lengths[:, None]).T, x[moving:])
+        parts = [force, E[:n_h] / lengths[:n_h]]
+        if balance.with_speeds:
+            parts += [
+                V / (lengths * balance.speed),
+                (u[balance.given] - rates) / (sizes[balance.given] * balance.speed),
+            ]
+        return f.exact(np.concatenate(parts))
+
+    nu = at.nu[rows] * lengths / balance.energy
+    first = f.exact(np.concatenate([at.q[open_] / sizes[open_], at.c[free] / balance.speed, nu]))
+    try:
+        x = f.polished(first, lambda x: -f.applied(inverse, residual(x)), 1.0)
+    except Stalled as stalled:
+        raise EquilibriumError(
+            f"{scene.model.reference.location}: reference: Newton's method does not sharpen the solution of double "
+            f"precision (steps of {stalled.reached:.1e})\n"
+            "hint: at a critical position the solution is a multiple one; move a parameter away from it"
+        ) from None
+    return unpacked(x)
+
+
+def _assembled(f: Refining, start: Start, system: System) -> Matrix:
+    """Return the coordinates: given ones unchanged, the others from the constraints."""
+    scene, motion, n_h = system.scene, start.motion, system.n_h
+    q = f.exact(motion.q)
+    missing = np.array([name not in scene.coordinates for name in system.names])
+    for i in np.flatnonzero(~missing):
+        q[i] = scene.coordinates[system.names[i]] + f.zero
+    if not (missing.any() and n_h):
+        return q
+    columns, sizes = np.flatnonzero(missing), motion.sizes
+    still = f.zeros(system.n_q)
+    J = start.system.closing.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h][:, columns] * sizes[columns]
+    lengths = norms(J)
+    inverse = np.linalg.pinv(J / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
+
+    def correction(x: Matrix) -> Matrix:
+        place = q.copy()
+        place[columns] = x * sizes[columns]
+        return -f.applied(inverse, f.exact(system.closing.dynamics(place, still, scene.time).E)[:n_h] / lengths)
+
+    try:
+        q[columns] = f.polished(q[columns] / sizes[columns], correction, 1.0) * sizes[columns]
+    except Stalled:
+        raise _unassembled(system) from None
+    return q
+
+
+def _rates(f: Refining, start: Start, system: System, q: Matrix) -> Matrix:
+    """Return the rates: given ones unchanged, the others from the constraints."""
+    scene, motion = system.scene, start.motion
+    u = f.exact(motion.u)
+    missing = np.array([name not in scene.rates for name in system.names])
+    for i in np.flatnonzero(~missing):
+        u[i] = scene.rates[system.names[i]] + f.zero
+    columns, sizes = np.flatnonzero(missing), motion.sizes
+    if not (len(columns) and system.n_c):
+        return u
+    J = motion.dynamics.J[:, columns] * sizes[columns]
+    lengths = norms(motion.dynamics.J * sizes)
+    inverse = np.linalg.pinv(J / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
+    fastest = float(np.max(np.abs(motion.u / sizes), initial=0.0))
+
+    def correction(x: Matrix) -> Matrix:
+        speeds = u.copy()
+        speeds[columns] = x * sizes[columns]
+        return -f.applied(inverse, f.exact(system.dynamics(q, speeds, scene.time).V) / lengths)
+
+    try:
+        u[columns] = f.polished(u[columns] / sizes[columns], correction, fastest) * sizes[columns]
+    except Stalled:
+        raise _unassembled(system) from None
+    return u
+
+
+def _unassembled(system: System) -> ConstraintError:
+    return ConstraintError(
+        f"{system.scene.model.reference.location}: reference: the constraints are satisfied in double precision only: "
+        "with more digits the decimals of the file contradict each other\n"
+        "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
+        "constraints determine"
+    )
+
+
+def _declared(f: Refining, start: Start, system: System, q: Matrix) -> Generator:
+    """Return the generator of a declared steady motion whose position is given."""
+    motion, scene = start.motion, system.scene
+    rough, rough_known = declared_family(start.system)
+    family, known = _family(f, system, rough)
+    found = motion.generators[0]
+    c = [*([found.rate] if rough.axis is not None else []), *(rough.directions @ found.velocity)]
+    plain = np.array([*c, *found.spins[list(rough.columns)]], dtype=float)
+    free = [k for k in range(rough.size) if k not in rough_known]
+    full = f.exact(plain)
+    for k, value in known.items():
+        full[k] = value
+    if not free:
+        return family.generator(full)
+    given = [i for i, name in enumerate(system.names) if name in scene.rates]
+    rates = f.exact([scene.rates[system.names[i]] for i in given])
+    basis = rough.basis(motion.q)[:, free]
+    sizes = motion.sizes
+    weights = 1.0 / norms(np.vstack([motion.dynamics.J * sizes, np.diag(sizes)[given]]))
+    inverse = np.linalg.pinv(np.vstack([motion.dynamics.J @ basis, basis[given]]) * weights[:, None], rcond=1e-12)
+
+    def correction(x: Matrix) -> Matrix:
+        c = full.copy()
+        c[free] = x
+        u = f.exact(family.generator(c).field(q))
+        residual = np.concatenate([f.exact(system.dynamics(q, u, scene.time).V), u[given] - rates])
+        return -f.applied(inverse, residual * weights)
+
+    try:
+        full[free] = f.polished(full[free], correction, float(np.max(np.abs(plain), initial=0.0)))
+    except Stalled:
+        raise _unassembled(system) from None
+    return family.generator(full)
+
+
+def _detected(f: Refining, start: Start, system: System, q: Matrix, u: Matrix) -> Generator:
+    """Return the generator that double precision has found in the speeds of a motion, with all digits."""
+    rough = start.linear.generator
+    assert rough is not None
+    d, sizes = system.scene.dimension, start.motion.sizes
+    columns = tuple(int(i) for i in np.flatnonzero(rough.spins))
+    moves = bool(np.any(rough.point) or np.any(rough.velocity))
+    axis = _axis(f, start, system, q, u)
+    family = Family(system, axis, f.zeros(3), f.exact(np.eye(3))[: d if moves else 0], columns)
+    plain = Family(start.system, rough.axis, np.zeros(3), np.eye(3)[: d if moves else 0], columns)
+    inverse = np.linalg.pinv(plain.basis(start.motion.q) / sizes[:, None], rcond=1e-12)
+    basis = f.exact(
+        np.array([f.exact(unit.field(q)) for unit in map(family.generator, f.exact(np.eye(family.size)))])
+    ).T
+    c = f.polished(f.zeros(family.size), lambda c: f.applied(inverse, (u - f.times(basis, c)) / sizes), abs(rough.rate))
+    found = family.generator(c)
+    return centered(found) if moves else found
+
+
+def _axis(f: Refining, start: Start, system: System, q: Matrix, u: Matrix) -> Matrix:
+    """Return the axis of rotation with all digits: the vertical, x, y, z, or that of a spin."""
+    rough = start.linear.generator
+    assert rough is not None
+    gravity = f.exact(system.scene.gravity)
+    candidates = [sign * row for row in f.exact(np.eye(3)) for sign in (1, -1)]
+    if system.scene.dimension == 3:
+        candidates += [-gravity]
+        for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+            if body.orientation:
+                angles = slice(part.start + 3, part.stop)
+                candidates.append(f.exact(rate_matrix(body, q[angles]) @ u[angles]))
+    units = [x / f.sqrt(sum(x * x)) for x in candidates if f.largest(x)]
+    return min(units, key=lambda x: float(np.linalg.norm((x - rough.axis).astype(float))))
+
+
+def _accelerations(f: Refining, start: Start, state: Dynamics, known: Matrix | None) -> tuple[Matrix, Matrix, Matrix]:
+    """Return a and ν with M a + Jᵀ ν = −F0 and J a = −B, or the known a, and the relative imbalance of the forces."""
+    motion, linear = start.motion, start.linear
+    spaces = motion.spaces
+    scale, row_scale = spaces.scale, spaces.row_scale
+    M = f.exact(state.M) * scale * scale[:, None]
+    J = f.exact(state.J) * scale * row_scale[:, None]
+    force, bias = -(f.exact(state.F0) * scale), f.exact(state.B) * row_scale
+    plain_M = motion.dynamics.M * scale * scale[:, None]
+    plain_J = motion.dynamics.J * scale * row_scale[:, None]
+    inverse = np.linalg.pinv(plain_J, rcond=ALGEBRA.singular_value_zero) if len(plain_J) else plain_J.T
+    n = len(M)
+    # Without loads, forces are measured by those that small motions of the size of the scene would cause.
+    size = (np.abs(linear.K) @ motion.sizes + np.abs(linear.R) @ np.abs(motion.u) + np.abs(motion.dynamics.F0)) * scale
+    floor = float(np.max(size, initial=0.0))
+    if known is not None:
+        a = known / scale
+        loads = force - f.times(M, a)
+        # The imbalance is kept: its rounding in double precision would exceed the digits.
+        to_nu = f.exact(inverse.T)
+        try:
+            nu = f.polished(f.zeros(len(J)), lambda nu: f.times(to_nu, loads - f.times(J.T, nu)), floor)
+        except Stalled as stalled:
+            raise _undetermined(start, f.values(J), stalled) from None
+        return known, nu * row_scale, (loads - f.times(J.T, nu)) / (floor or 1.0)
+    move = mobility(motion, plain_M) if spaces.Z.shape[1] else np.zeros((n, n))
+
+    def correction(x: Matrix) -> Matrix:
+        a, nu = x[:n], x[n:]
+        missing = force - f.times(M, a) - f.times(J.T, nu)
+        step = -f.applied(inverse, bias + f.times(J, a))
+        step = step + f.applied(move, missing - f.applied(plain_M, step))
+        return f.exact(np.concatenate([step, f.applied(inverse.T, missing - f.applied(plain_M, step))]))
+
+    try:
+        x = f.polished(f.zeros(n + len(J)), correction, floor)
+    except Stalled as stalled:
+        raise _undetermined(start, f.values(J), stalled) from None
+    a, nu = x[:n], x[n:]
+    return a * scale, nu * row_scale, (force - f.times(M, a) - f.times(J.T, nu)) / (floor or 1.0)
+
+
+def _undetermined(start: Start, J: Matrix, stalled: Stalled) -> MbstabError:
+    """Return why accelerations and reactions do not converge: rows that are redundant in double precision only."""
+    motion, misfit = start.motion, rank_misfit(start.motion, J, start.system.n_h)
+    if motion.redundant and misfit > mp.mpf(10) ** (-ALGEBRA.polished_digits * mp.dps):
+        return another_rank(motion, misfit)
+    return NumericalError(
+        f"accelerations and reactions do not converge (steps of {stalled.reached:.1e}): "
+        "the masses that move differ by too many orders\n"
+        "hint: look for masses and inertias of extreme size in the file"
+    )
+
+
+def rank_misfit(motion: Motion, J: Matrix, n_h: int) -> Any:
+    """Return by how much scaled rows that are redundant in double precision differ from those that imply them."""
+    spaces = motion.spaces
+    return max(misfits(J[:n_h], spaces.C.rank), misfits(J, spaces.C.rank + spaces.W.rank))
+
+
+def another_rank(motion: Motion, misfit: Any) -> ConstraintError:
+    """Return the error about rows that are redundant in double precision but not with more digits."""
+    rows = ", ".join(dict.fromkeys(str(item.row) for item in motion.redundant))
+    which = f" ({rows})" if rows else ""
+    return ConstraintError(
+        f"with {mp.dps} digits the constraints have another rank than in double precision: rows that depend on "
+        f"each other there differ by {mp.nstr(mp.mpf(misfit), 2)}{which}\n"
+        "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
+        "constraints determine; or remove the redundant rows that mbstab check names"
+    )
+
+
+def _excess(f: Refining, system: System, motion: Motion, state: Dynamics, u: Matrix, force: Matrix) -> tuple[Any, str]:
+    """Return the largest residual of the reference motion, relative to the terms that balance, and its name."""
+    n_h, sizes = system.n_h, motion.sizes
+    lengths = norms(motion.dynamics.J * sizes)
+    fastest = float(np.max(np.abs(motion.u / sizes), initial=0.0)) or 1.0
+    candidates = [(f.zero, "")]
+    for i, row in enumerate(system.rows):
+        if i < n_h:
+            candidates.append((abs(f.exact(state.E)[i]) / lengths[i], str(row)))
+        candidates.append((abs(f.exact(state.V)[i]) / (lengths[i] * fastest), f"the rates of {row}"))
+    candidates += [(abs(x), f"the balance of forces on {system.names[i]}") for i, x in enumerate(force)]
+    return max(candidates, key=lambda pair: pair[0])

@@ -1,0 +1,334 @@
+"""An unexplained zero eigenvalue: stability by the first nonlinear coefficient.
+
+Rest positions (or steady motions of the same frame) are followed along the critical direction: the
+coordinate z along it is prescribed, a force r along it holds the motion there, and Newton's method
+brings everything else into balance (Lyapunov and Schmidt). With r = a z^k + … the motion on the
+centre manifold is c ż = −r (Lyapunov 1892; Carr 1981), where c is the damping along the critical
+direction, or, where energy is conserved, that of a mass in the potential ∫ r dz (Koiter 1945;
+Thompson and Hunt 1973; Hagedorn and Mawhin 1992, Arch. Rat. Mech. Anal. 120, for the instability
+without a minimum). If r vanishes all along, there is a family of such motions, as far as
+checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.reference.coefficients import matrices_in
+from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.verdict.minimum import SecondVariation, sign_of
+from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal
+from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, UNSTABLE, Critical
+from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.compiler.system import Array, Dynamics
+from mbstab.errors import MbstabError
+from mbstab.records import dataclass
+
+ORDERS = {"even": (2, 4), "odd": (3, 5)}
+"""Powers of z that are distinguished."""
+
+
+@dataclass(frozen=True)
+class _Path:
+    """The force that holds the motion at distances ± z = measure·(q − q₀), farthest first, and its zero tolerance."""
+
+    measure: Array
+    z: Array
+    ahead: Array
+    behind: Array
+    zero_ahead: Array
+    zero_behind: Array
+    rounding: Array
+
+    @property
+    def vanishes(self) -> bool:
+        """Return whether there is no force all along; rounding that could hide one is no evidence."""
+        return bool(np.all(np.abs(self.ahead) <= self.zero_ahead) and np.all(np.abs(self.behind) <= self.zero_behind))
+
+
+def critical_zero(
+    structure: Structure, separated: Separated, count: int, others_decay: bool, exact: Callable[[], bool]
+) -> Critical | None:
+    """Return the verdict of the first nonlinear coefficient about a zero eigenvalue, or None if it decides nothing.
+
+    Parameters
+    ----------
+    count : int
+        Number of eigenvalues at zero: 1, or 2 where they form a chain of a coordinate and its rate.
+    others_decay : bool
+        Whether all others lie left of the imaginary axis.
+    exact : callable
+        Returns whether the eigenvalue is zero to many digits. In double precision a zero cannot be
+        told from 1e-20, which decides before any nonlinear term.
+    """
+    energy = SecondVariation(structure, separated)
+    by_energy = energy.applies and _definite_beside(energy, structure, separated)
+    # Motions along symmetries near the reference are not examined.
+    if len(separated.L) or separated.speeds or count > 2 or not (by_energy or (count == 1 and others_decay)):
+        return None
+    direction = _direction(structure, separated)
+    if direction is None:
+        return None
+    try:
+        path = _followed(structure, direction)
+    except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return None
+    if path is None:
+        return None
+    neutral = bool(separated.neutral.count)
+    if path.vanishes:
+        # Disturbances that do not decay may drive the motion along the family, out of its stable part.
+        alone = separated.A.shape[0] == count
+        if not (alone or (others_decay and count == 1)):
+            return None
+        return _family(structure, direction, path, not alone, _drift(separated, count)) if exact() else None
+    found = _power(path)
+    if found is None or not exact():
+        return None
+    k, sign = found
+    text = f"along the critical direction the force that resists is as the power {k} of the distance"
+    if by_energy:
+        if k % 2 and sign > 0:
+            word = STABLE_UP_TO if neutral else STABLE
+            if others_decay and count == 1:
+                word = ASYMPTOTIC_UP_TO if neutral else ASYMPTOTIC
+            return Critical(word, f"{text}: the energy has a strict minimum there")
+        return Critical(UNSTABLE, f"{text} and does not bring the motion back: the energy has no minimum there")
+    yielding = _yielding(structure, separated, path.measure, direction)
+    if yielding is None:
+        return None
+    if k % 2 and sign * yielding > 0:
+        word = ASYMPTOTIC_UP_TO if neutral else ASYMPTOTIC
+        return Critical(word, f"{text} and brings the motion back", drift=_drift(separated, count))
+    return Critical(UNSTABLE, f"{text} and drives the motion away, at least to one side")
+
+
+def _definite_beside(energy: SecondVariation, structure: Structure, separated: Separated) -> bool:
+    """Return whether the energy is positive definite except for one critical direction."""
+    W = energy.basis
+    if not W.shape[1]:
+        return False
+    h = W.T @ energy.H @ W
+    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(h)), np.max(np.abs(h)) * 1e-12))
+    _, vectors = np.linalg.eigh(h * scale * scale[:, None])
+    rest = W @ (scale[:, None] * vectors[:, 1:])
+    known = np.abs(rest).T @ energy.known_to @ np.abs(rest)
+    return not rest.shape[1] or sign_of(rest.T @ energy.H @ rest, known) == 1
+
+
+def _direction(structure: Structure, separated: Separated) -> Array | None:
+    """Return the critical shift of the positions in the basis N; None if there is not exactly one."""
+    n = structure.space.n_xi
+    eta = len(separated.S) - n
+    stiffness = separated.S[n:, :n]
+    T = separated.T[:n]
+    left, s, _ = np.linalg.svd(T) if T.shape[1] else (np.eye(n), np.zeros(0), None)
+    free = left[:, int(np.sum(s > 1e-8)) :]
+    if not 0 < free.shape[1] <= eta:
+        return None
+    _, s, right = np.linalg.svd(stiffness @ free)
+    if len(s) > 1 and s[-2] <= TOLERANCES.simple_zero * s[0]:
+        return None
+    shift: Array = free @ right[-1]
+    return shift
+
+
+def _yielding(structure: Structure, separated: Separated, measure: Array, shift: Array) -> float | None:
+    """Return the speed along the critical direction that a force along it causes; None if its sign is uncertain."""
+    spaces, space, n = structure.linear.spaces, structure.space, structure.space.n_xi
+    values, right = np.linalg.eig(separated.A)
+    k = int(np.argmin(np.abs(values)))
+    try:
+        left = np.linalg.inv(right)[k]
+    except np.linalg.LinAlgError:
+        return None
+    push = spaces.Z.T @ (spaces.N.T @ (spaces.scale * measure))
+    driven = np.zeros(len(separated.S))
+    driven[n:] = np.linalg.solve(space.M_z, push) / structure.gamma
+    along = (separated.B @ right[:, k])[:n] @ shift
+    result = complex(left @ (separated.B.T @ driven)) * complex(along)
+    size = float(np.linalg.norm(left) * np.linalg.norm(driven))
+    return result.real if abs(result) > 1e-9 * size else None
+
+
+def _followed(structure: Structure, shift: Array) -> _Path | None:
+    """Return the force that holds the motion along a shift, at distances halved again and again."""
+    linear = structure.linear
+    motion, spaces = linear.motion, linear.spaces
+    along = spaces.scale * (spaces.N @ shift)
+    unit = float(np.max(np.abs(along / motion.sizes)))
+    along, measure = along / unit, (spaces.N @ shift) / spaces.scale * unit
+    held = [x.direction / motion.sizes for x in structure.invariance.symmetries]
+    distances: Array = np.array([TOLERANCES.critical_reach * 0.5**k for k in range(TOLERANCES.critical_halvings)])
+    sides = []
+    for sign in (1.0, -1.0):
+        forces, zeros, roundings = [], [], []
+        q, nu, r = motion.q, motion.nu, 0.0
+        for z in sign * distances[::-1]:
+            q = q + (z - float(measure @ (q - motion.q))) * along
+            try:
+                found = _balanced(structure, q, nu, r, (measure, held, float(z)))
+            except (MbstabError, ArithmeticError, ValueError):
+                found = None
+            if found is None:
+                break
+            before = q
+            q, nu, r, rounding = found
+            tangent = (q - before) / z + along
+            forces.append(r)
+            zeros.append(_zero(structure, q, tangent))
+            roundings.append(float(rounding @ np.abs(tangent)))
+        sides.append((forces, zeros, roundings))
+    reached = min(len(forces) for forces, _, _ in sides)
+    if reached < TOLERANCES.critical_distances:
+        return None
+    (ahead, zero_ahead, near), (behind, zero_behind, far) = (
+        (np.array(part[:reached][::-1]) for part in side) for side in sides
+    )
+    return _Path(
+        measure, distances[TOLERANCES.critical_halvings - reached :], ahead, behind, zero_ahead, zero_behind, near + far
+    )
+
+
+def _zero(structure: Structure, q: Array, tangent: Array) -> float:
+    """Return the tolerance for no force along a direction: a fraction of the forces of the single elements along it."""
+    motion = structure.linear.motion
+    each = size = 0.0
+    for element in structure.invariance.elements:
+        columns = list(element.columns)
+        force = np.array(element.force(q, motion.u, motion.a, motion.time), dtype=float)
+        before = np.array(element.force(motion.q, motion.u, motion.a, motion.time), dtype=float)
+        # Constant loads must not hide a weak force.
+        each += abs(float((force - before) @ tangent[columns]))
+        size += float(np.abs(force) @ np.abs(tangent[columns]))
+    return TOLERANCES.force_vanishes * each + TOLERANCES.force_rounding * size
+
+
+def _acting(structure: Structure, q: Array, u: Array, a: Array) -> Array:
+    """Return the sizes of the forces that act along each coordinate, shape (n_q,)."""
+    total = np.zeros(len(q))
+    for element in structure.invariance.elements:
+        force = np.array(element.force(q, u, a, structure.linear.motion.time), dtype=float)
+        total[list(element.columns)] += np.abs(force)
+    return total
+
+
+def _balanced(
+    structure: Structure, q: Array, nu: Array, r: float, given: tuple[Array, list[Array], float]
+) -> tuple[Array, Array, float, Array] | None:
+    """Return the motion that a force along the critical direction holds at a distance, by Newton's method.
+
+    Returns
+    -------
+    q, nu, r
+    rounding : ndarray, shape (n_q,)
+        How well the forces balance along each coordinate.
+    """
+    measure, held, z = given
+    linear, reference = structure.linear, structure.linear.motion
+    system, generator = linear.system, linear.generator
+    n, c, n_h = system.n_q, system.n_c, system.n_h
+    sizes = reference.sizes
+    before = np.inf
+    for _ in range(TOLERANCES.newton_steps_critical):
+        u = np.zeros(n) if not np.any(reference.u) else (generator.field(q) if generator is not None else reference.u)
+        a = generator.acceleration(q) if generator is not None and generator.turns else np.zeros(n)
+        state = system.dynamics(q, u, reference.time)
+        at = _at(reference, q, u, a, nu, state)
+        K = matrices_in(system, at, generator if generator is not None and generator.turns else None).K
+        # Forces far away, or on other bodies, do not tell how well forces balance here.
+        acting = _acting(structure, q, u, a) + np.abs(state.J.T) @ np.abs(nu) + np.abs(measure * r)
+        rounding = TOLERANCES.critical_balance * acting + 4.0 * EPS * np.abs(K) @ (np.abs(q) + np.abs(reference.q))
+        force = state.F0 + state.M @ a + state.J.T @ nu - measure * r
+        # Rows on speeds hold along steady motions; rows on positions are solved.
+        residual = np.concatenate(
+            [force, state.E[:n_h], [x @ ((q - reference.q) / sizes) for x in held], [measure @ (q - reference.q) - z]]
+        )
+        allowed = np.concatenate(
+            [
+                rounding,
+                4.0 * EPS * np.abs(state.J[:n_h]) @ (np.abs(q) + sizes),
+                np.full(len(held), TOLERANCES.critical_balance),
+                [4.0 * EPS * float(np.abs(measure) @ (np.abs(q) + np.abs(reference.q)))],
+            ]
+        )
+        off = float(np.max(np.abs(residual) / np.maximum(allowed, 1e-300)))
+        if off <= 1.0 or (off <= 1e3 and off > 0.5 * before):
+            return q, nu, r, np.maximum(rounding, np.abs(force))
+        before = off
+        matrix = np.zeros((len(residual), n + c + 1))
+        matrix[:n, :n] = K * sizes
+        matrix[:n, n : n + c] = state.J.T
+        matrix[:n, -1] = -measure
+        matrix[n : n + n_h, :n] = state.J[:n_h] * sizes
+        for i, x in enumerate(held):
+            matrix[n + n_h + i, :n] = x
+        matrix[-1, :n] = measure * sizes
+        rows = norms(matrix)
+        matrix = matrix / rows[:, None]
+        columns = norms(matrix, 0)
+        step = -np.linalg.lstsq(matrix / columns, residual / rows, rcond=1e-13)[0] / columns
+        q, nu, r = q + sizes * step[:n], nu + step[n : n + c], r + float(step[-1])
+    return None
+
+
+def _at(reference: Motion, q: Array, u: Array, a: Array, nu: Array, dynamics: Dynamics) -> Motion:
+    """Return the reference with another state."""
+    return replace(reference, q=q, u=u, a=a, nu=nu, dynamics=dynamics)
+
+
+def _power(path: _Path) -> tuple[int, int] | None:
+    """Return the power of z and the sign of its coefficient; None if they are uncertain.
+
+    Even and odd parts in z are separated first: a small term of lower order is not
+    hidden by a large one of the next order.
+    """
+    zero = path.zero_ahead + path.zero_behind + path.rounding
+    found = []
+    for parity, part in (("even", path.ahead + path.behind), ("odd", path.ahead - path.behind)):
+        resolved = np.abs(part) > TOLERANCES.critical_force * zero
+        if not resolved.any():
+            continue
+        # The smallest distances with three consecutive forces above the tolerance.
+        rows = [i for i in range(len(part) - 2) if resolved[i : i + 3].all()]
+        if not rows:
+            return None
+        last = rows[-1]
+        if resolved[last + 3 :].any():
+            return None
+        powers = [float(np.log2(abs(part[j] / part[j + 1]))) for j in (last, last + 1)]
+        k = round(powers[1])
+        if k not in ORDERS[parity] or abs(powers[1] - k) > TOLERANCES.power_misfit:
+            return None
+        found.append((k, int(np.sign(part[last + 2]))))
+    return min(found, default=None)
+
+
+def _drift(separated: Separated, count: int) -> int:
+    """Return the power of time with which disturbances along neutral directions and of the remaining zeros grow."""
+    values, vectors = np.linalg.eig(separated.A)
+    zeros = vectors[:, np.argsort(np.abs(values))[:count]]
+    T = orthonormal([*separated.T.T, *(separated.B @ zeros.real).T, *(separated.B @ zeros.imag).T], len(separated.S))
+    return drift_of(replace(separated, T=T, L=separated.L[:0], B=complement(T)))
+
+
+def _family(structure: Structure, shift: Array, path: _Path, decays: bool, drift: int) -> Critical:
+    """Return the verdict from a family of motions that was followed to both sides."""
+    spaces, names = structure.linear.spaces, structure.linear.names
+    change = np.abs(spaces.scale * (spaces.N @ shift) / structure.linear.motion.sizes)
+    name = names[int(np.argmax(change))]
+    off = max(float(np.max(np.abs(path.ahead))), float(np.max(np.abs(path.behind))))
+    return Critical(
+        ASYMPTOTIC_UP_TO if decays else STABLE_UP_TO,
+        f"as far as checked: a family of motions of the same kind goes through this one, along {name} "
+        f"(followed by {path.z[0]:.2g} of the size of the scene both ways; {off:.0e} N or N*m are left of the forces), "
+        "and " + ("all other disturbances decay" if decays else "the energy has a strict minimum across it"),
+        "numerical",
+        f"position of {name}",
+        drift,
+    )

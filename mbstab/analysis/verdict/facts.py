@@ -1,0 +1,332 @@
+"""The facts about a motion that do not depend on how its eigenvalues are computed.
+
+Time and smoothness come from the expressions of the file, neutral directions, energy and
+reversibility from the elements. All commands share them, so that their verdicts can differ in
+strength only, never in substance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import RandomNumbers, norms
+from mbstab.analysis.algebra.sparse import scaled
+from mbstab.analysis.algebra.sparse_rank import sparse_rank, with_unit_rows
+from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
+from mbstab.analysis.reference.dependencies import expressions_in
+from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.symmetries import Invariance
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
+from mbstab.analysis.verdict.constancy import affine_drives, time_doubt
+from mbstab.analysis.verdict.critical import critical_zero
+from mbstab.analysis.verdict.families import family
+from mbstab.analysis.verdict.minimum import SecondVariation
+from mbstab.analysis.verdict.neutral import Separated, Structure, unseparated
+from mbstab.analysis.verdict.reversor import Reversor, reversor
+from mbstab.analysis.verdict.rule import Critical, Disc, Facts, Minimum, Neutral
+from mbstab.analysis.verdict.smoothness import kinks
+from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
+from mbstab.errors import percent
+from mbstab.model.expressions import Number
+from mbstab.model.schema import is_length
+
+ADVICE = (
+    "if it follows a symmetry, declare it with reference.steady; if it is periodic, give reference.period; "
+    "or describe the motion so that it stands still"
+)
+
+
+class Grounds:
+    """The facts on which verdicts about a linearization rest; each part is computed at first use.
+
+    Parameters
+    ----------
+    linear : Linearization
+    zeros : callable, optional
+        Returns the number of eigenvalues that are zero to many digits; without it no verdict rests on one
+        that is zero exactly.
+    """
+
+    def __init__(self, linear: Linearization, zeros: Callable[[], int] | None = None) -> None:
+        self.linear, self.zeros = linear, zeros
+        self.system, self.motion = linear.system, linear.motion
+
+    @cached_property
+    def space(self) -> StateSpace:
+        """The deflated system."""
+        return state_space(self.linear)
+
+    @cached_property
+    def gamma(self) -> float:
+        """A typical rate of the deflated system (1/s), the unit of speeds."""
+        # In a critical state only rounding may be left of it.
+        return max(time_scale(self.space), TOLERANCES.slowest_typical_rate * self.invariance.rate)
+
+    @cached_property
+    def S(self) -> Array:
+        """The balanced matrix of the deflated system."""
+        return balanced(self.space, self.gamma)
+
+    @cached_property
+    def invariance(self) -> Invariance:
+        """The symmetries of the scene."""
+        return Invariance(self.system, self.motion)
+
+    @cached_property
+    def structure(self) -> Structure:
+        """The neutral directions and the work of the forces."""
+        return Structure(self.linear, self.space, self.gamma, self.invariance)
+
+    @cached_property
+    def plain(self) -> Separated:
+        """The balanced matrix with the directions that symmetries and conserved functions of the scene separate."""
+        return self.structure.separated(self.S)
+
+    @cached_property
+    def separated(self) -> Separated:
+        """The balanced matrix with its neutral directions, including those of a reversor."""
+        found = self.plain
+        if found.doubt and (self.linear.frozen or not self.linear.constant):
+            return unseparated(self.S)  # frozen equations need not have the symmetries of the motion
+        if self.reversor is None or found.doubt:
+            return found
+        return self.reversor.widened(self.structure, found, self.structure.symmetric(len(self.S)))
+
+    @cached_property
+    def second_variation(self) -> SecondVariation:
+        """The energy near the reference."""
+        return SecondVariation(self.structure, self.plain)
+
+    @cached_property
+    def lost(self) -> str:
+        """A number of the file that is so small that products with it may underflow, in words; empty: there is none."""
+        scene = self.system.scene
+        numbers = {name: float(value) for name, value in scene.parameters.items()}
+        written = (node for item in scene.items for x in expressions_in(item.entry.values) for node in x.walk())
+        numbers |= {node.text: float(node.text) for node in written if isinstance(node, Number)}
+        small = [name for name, value in numbers.items() if 0.0 < abs(value) < TOLERANCES.number_lost]
+        if not small:
+            return ""
+        return f"{small[0]} is {numbers[small[0]]:g}: products with a number so small are lost in double precision"
+
+    # --- time and smoothness ----------------------------------------------------------------------------------------
+
+    @cached_property
+    def time(self) -> str:
+        """Why the coefficients are not known to be constant; empty: they are."""
+        linear = self.linear
+        if linear.frozen or not linear.constant:
+            return self._frozen()
+        if doubt := time_doubt(self.system):
+            return doubt
+        if not np.any(self.motion.u) and not affine_drives(self.system):
+            return ""
+        generator = linear.generator or _standing(self.linear)
+        # The same motion may follow several symmetries; one that holds for all elements is enough.
+        others = [g for g in self.motion.generators if g is not generator]
+        if affine_drives(self.system):
+            broken = [self.invariance.keeps_time(g) for g in (generator, *others)]
+            return f"the motion is not known to be steady: {broken[0]} changes along it" if all(broken) else ""
+        if any(self.invariance.steady(g) for g in (generator, *others)):
+            return ""
+        return (
+            f"the motion is not known to be steady: that of now and that of later ({generator}) are not the same by a "
+            f"symmetry of the scene; {ADVICE}"
+        )
+
+    def _frozen(self) -> str:
+        linear = self.linear
+        change = linear.variation
+        size = f"by {percent(change)}" if math.isfinite(change) else "without bound"
+        # A change that looks like none is printed with its limit.
+        least = (
+            f" (below {percent(REFERENCE.variation_along_motion)} they would count as constant)"
+            if change < REFERENCE.variation_told
+            else ""
+        )
+        if linear.frozen:
+            along = f", and change {size} along the motion{least}" if not linear.constant else ""
+            return f"frozen-time (asked for): not a stability verdict; the coefficients are those of an instant{along}"
+        return (
+            f"frozen-time: not a stability verdict; the coefficients of the linearized equations change {size} along "
+            f"the motion{least}{self._accelerating()}; {ADVICE}"
+        )
+
+    def _accelerating(self) -> str:
+        """Name the coordinate that accelerates most: a reference out of balance is the usual reason for a change."""
+        motion = self.motion
+        size = np.abs(motion.a / motion.spaces.scale)
+        if not np.any(size > 0.0):
+            return ""
+        worst = int(np.argmax(size))
+        unit = "m/s^2" if is_length(self.linear.names[worst]) else "rad/s^2"
+        return f" ({self.linear.names[worst]} accelerates with {motion.a[worst]:.4g} {unit})"
+
+    def kink(self, order: int) -> str:
+        """Return why the equations are not known to have `order` derivatives at the reference; empty: they have."""
+        return kinks(self.system, self.motion.q, self.motion.u, self.motion.time, order) or self._singular
+
+    @cached_property
+    def _singular(self) -> str:
+        """Why the rank of the constraints may be different near the reference; empty: it is the same.
+
+        Independent rows remain so. Others may be redundant everywhere, or only at the
+        reference; then the linearized equations are not those of the motions nearby.
+        """
+        spaces, system = self.motion.spaces, self.system
+        n_c = system.n_c - system.n_h
+        if (spaces.C.rank == system.n_h and spaces.W.rank == n_c) or not spaces.N.shape[1]:
+            return ""
+        sizes, rng = self.motion.sizes, RandomNumbers(3)
+        for _ in range(TOLERANCES.rank_states):
+            step = spaces.scale * (spaces.N @ rng.uniform(-1.0, 1.0, spaces.N.shape[1]))
+            step *= TOLERANCES.rank_state_distance / float(np.max(np.abs(step) / sizes))
+            start = self.motion.q + step
+            state = self.invariance.onto_rows(start, self.motion.u, TOLERANCES.repeated_row_misfit)
+            if state is None or float(np.max(np.abs(state.q - start) / sizes)) > 0.3 * TOLERANCES.rank_state_distance:
+                return "the constraints leave other positions next to the reference than to first order"
+            J = system.dynamics(state.q, state.u, self.motion.time).J
+            if system.sparse:
+                ranks = sparse_rank(with_unit_rows(scaled(J, sizes)), TOLERANCES.row_singular_value).rank, 0
+            else:
+                ranks = _ranks(J * sizes, system.n_h)
+            if ranks != (spaces.C.rank, spaces.W.rank):
+                return (
+                    f"the constraints have rank {spaces.C.rank + spaces.W.rank} at the reference and {sum(ranks)} next "
+                    "to it: the linearized equations are not those of the motions nearby"
+                )
+        return ""
+
+    # --- structure of the spectrum ----------------------------------------------------------------------------------
+
+    @cached_property
+    def mirrored(self) -> str:
+        """What makes the spectrum symmetric about the imaginary axis, in words; empty: nothing."""
+        work = self.structure.work
+        if work.conserved and (not self.linear.D_q.shape[0] or self._regular_energy()):
+            return "the energy is conserved"
+        if not np.any(self.motion.u) and work.reversible:
+            return "the equations are the same backwards in time"
+        if self.reversor is not None:
+            return "the motion backwards in time is its mirror image"
+        return ""
+
+    def _regular_energy(self) -> bool:
+        """Whether the second variation of a conserved energy is a regular form on the directions left to judge."""
+        energy, B = self.second_variation, self.separated.B
+        if not energy.applies or not B.shape[1]:
+            return False
+        h, known = B.T @ energy.H @ B, np.abs(B).T @ energy.known_to @ np.abs(B)
+        scale = 1.0 / np.sqrt(np.maximum(np.max(np.abs(h), axis=1), 1e-300))
+        least = float(np.linalg.svd(h * scale * scale[:, None], compute_uv=False)[-1])
+        return least > float(np.linalg.norm(known * scale * scale[:, None], 2))
+
+    @cached_property
+    def reversor(self) -> Reversor | None:
+        """A reflection that, combined with time reversal, maps the motion to itself."""
+        work = self.structure.work
+        at_rest = not np.any(self.motion.u)
+        known = (at_rest and work.reversible) or (work.conserved and not self.linear.D_q.shape[0])
+        if known or work.kinds["damping"] or self.system.sparse or self.linear.massless is not None:
+            return None  # not searched in large scenes
+        return reversor(self.structure, self.structure.symmetric(len(self.S)))
+
+    def minimum(self) -> Minimum | None:
+        """Return the result of the energy criterion, or None."""
+        return self.second_variation.minimum()
+
+    def reversible(self) -> str:
+        """Return why motions nearby are periodic, where a reversor has −1 as a simple eigenvalue."""
+        if self.reversor is None or not self.reversor.simple:
+            return ""
+        return "the motion backwards in time is its mirror image, and it has a single frequency"
+
+    def critical(self, count: int, others_decay: bool) -> Critical | None:
+        """Return the verdict of the first nonlinear coefficient about a zero eigenvalue."""
+        separated = self.separated
+        if self.system.sparse or self.linear.massless is not None:
+            return None
+
+        def exact() -> bool:
+            return self.zeros is not None and self.zeros() == separated.neutral.count + count
+
+        return critical_zero(self.structure, separated, count, others_decay, exact)
+
+    def family(self, count: int) -> Neutral | None:
+        """Return the neutral directions with a family of motions that was followed, unless many digits refute it."""
+        if self.system.sparse or self.linear.massless is not None:
+            return None
+        found = family(self.structure, self.separated, count)
+        if found is None or self.zeros is None:
+            return found
+        return None if 0 <= self.zeros() < found.count else found
+
+    def facts(self, discs: Sequence[Disc], found: int, doubts: tuple[str, ...] = ()) -> Facts:
+        """Return the facts with the eigenvalues left to judge, from any computation.
+
+        Parameters
+        ----------
+        discs : sequence of Disc
+        found : int
+            Number of eigenvalues, including those of the neutral directions.
+        """
+        separated = self.separated
+        # A disc that is entirely left or right of the axis is so whatever else is lost.
+        lost = self.lost if separated.neutral.count or any(d.side in ("axis", "open") for d in discs) else ""
+        doubts = (*doubts, *(x for x in (separated.doubt, lost) if x))
+        return Facts(
+            expected=self.linear.n_f,
+            found=found,
+            discs=tuple(discs),
+            neutral=separated.neutral,
+            time=self.time,
+            kink=self.kink(1),
+            rough=self.kink(2),
+            doubts=doubts,
+            minimum=self.minimum,
+            reversible=self.reversible,
+            critical=self.critical,
+            family=self.family,
+            warnings=() if self.linear.massless is None else self.linear.massless.warnings,
+            frequencies=self.second_variation.warnings,
+        )
+
+
+def _standing(linear: Linearization) -> Generator:
+    """Return the steady motion with the speeds of the reference, in a frame that does not rotate."""
+    zero = np.zeros(3)
+    return Generator(linear.system, np.array([0.0, 0.0, 1.0]), zero, 0.0, zero, linear.motion.u)
+
+
+def _ranks(J: Array, n_h: int) -> tuple[int, int]:
+    """Return the rank of the holonomic rows, and of the others on the null space of those."""
+    J = J / norms(J)[:, None]
+    _, s, right = np.linalg.svd(J[:n_h])
+    rank = int(np.sum(s > TOLERANCES.row_singular_value))
+    left = J[n_h:] @ right[rank:].T
+    return rank, int(np.sum(np.linalg.svd(left, compute_uv=False) > TOLERANCES.row_singular_value)) if left.size else 0
+
+
+def time_scale(space: StateSpace) -> float:
+    """Return a typical rate of the deflated system (1/s)."""
+    A, n = space.A, space.n_xi
+    size = [
+        math.sqrt(float(np.linalg.norm(A[n:, :n]))),
+        float(np.linalg.norm(A[n:, n:])),
+        float(np.linalg.norm(A[:n, :n])),
+    ]
+    return max(size, default=0.0) or 1.0
+
+
+def balanced(space: StateSpace, gamma: float) -> Array:
+    """Return S with speeds in units of γ, so that its blocks are of similar size."""
+    weights = np.ones(len(space.A))
+    weights[space.n_xi :] = gamma
+    result: Array = space.A * weights
+    result /= weights[:, None]
+    return result

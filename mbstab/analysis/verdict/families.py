@@ -1,0 +1,187 @@
+"""Families of steady motions that no structure explains: followed a finite distance in all directions.
+
+A motion is of the kind of the reference if its speeds and accelerations are those of a symmetry:
+(u, a) = Σ c_k (Y_k, DY_k u). Where A, apart from symmetries, has a null space that symmetries,
+conserved functions and reversors do not explain, such motions are searched at a finite distance along
+each null direction and along combinations of them, by the Gauss-Newton method. If they exist, to
+rounding, the null space belongs to a family "as far as checked": this is no proof, and the answer says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import RandomNumbers
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.reference.element_comparison import State
+from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal
+from mbstab.analysis.verdict.rule import Neutral
+from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
+from mbstab.errors import MbstabError
+
+
+def family(structure: Structure, found: Separated, count: int) -> Neutral | None:
+    """Return the neutral directions with a family that was followed, or None if it does not explain the zeros.
+
+    Parameters
+    ----------
+    found : Separated
+    count : int
+        Number of unexplained zero eigenvalues.
+    """
+    n = len(found.S)
+    symmetries = structure.symmetric(n)
+    Q = complement(symmetries)
+    if n > TOLERANCES.family_states or not Q.shape[1]:
+        return None
+    _, s, right = np.linalg.svd(Q.T @ found.S @ Q)
+    size = int(np.sum(s <= TOLERANCES.family_singular_value * max(float(s[0]), structure.invariance.rate)))
+    known = found.T.shape[1] + len(found.L) - symmetries.shape[1]
+    if size != known + count or (
+        size < len(s) and s[-size - 1] < ALGEBRA.rank_gap * TOLERANCES.family_singular_value * s[0]
+    ):
+        return None
+    null = Q @ right[-size:].T
+    try:
+        search = _Search(structure, symmetries, null)
+        if not all(search.reaches(direction) for direction in _directions(size)):
+            return None
+    except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+        return None
+    T = orthonormal([*symmetries.T, *null.T], n)
+    wider = replace(found, T=T, L=np.zeros((0, n)), B=complement(T))
+    checked = f"motions of the same kind were found {TOLERANCES.family_reach:g} of the size of the scene to all sides"
+    name = f"motions of the same kind nearby ({size - known} more direction{'s' if size - known > 1 else ''})"
+    return Neutral(
+        found.neutral.symmetries, (*found.neutral.family, name), T.shape[1], drift_of(wider), "numerical", checked
+    )
+
+
+def _directions(size: int) -> list[Array]:
+    """Return the directions of a null space that are followed, each in both senses."""
+    rng = RandomNumbers(3)
+    some = [*np.eye(size), *rng.uniform(-1.0, 1.0, 2 * size, size)]
+    return [sign * x / np.linalg.norm(x) for x in some for sign in (1.0, -1.0)]
+
+
+class _Search:
+    """Search for motions of the kind of the reference."""
+
+    def __init__(self, structure: Structure, symmetries: Array, null: Array) -> None:
+        self.structure, self.symmetries, self.null = structure, symmetries, null
+        self.linear, self.space = structure.linear, structure.space
+        self.motion, self.system = self.linear.motion, self.linear.system
+        self.rate = structure.invariance.rate
+        self.held = np.hstack([symmetries, null])
+        self.free = complement(self.held)
+
+    def reaches(self, direction: Array) -> bool:
+        """Return whether there is a motion of the kind at a finite distance along a null direction."""
+        return all(self._reaches(direction, TOLERANCES.family_reach * part) for part in TOLERANCES.family_parts)
+
+    def _reaches(self, direction: Array, reach: float) -> bool:
+        y = self.null @ direction
+        y = y * (reach / self._extent(y))
+        for _ in range(TOLERANCES.newton_steps_family):
+            left = self._left(y)
+            if self._vanishes(y, left):
+                return True
+            if not self.free.shape[1]:
+                return False
+            h = TOLERANCES.acceleration_difference
+            slopes = np.array([(self._left(y + h * x) - self._left(y - h * x)) / (2.0 * h) for x in self.free.T]).T
+            y = y - self.free @ np.linalg.lstsq(slopes, left, rcond=1e-10)[0]
+        return False
+
+    def _vanishes(self, y: Array, left: Array) -> bool:
+        """Return whether a residual is rounding, relative to the force of each single element along it."""
+        sizes, n = self.motion.sizes, len(self.motion.q)
+        state = self._state(y)
+        fastest = max(float(np.max(np.abs(state.u) / sizes)), float(np.max(np.abs(self.motion.u) / sizes)))
+        allowed = TOLERANCES.force_vanishes * fastest + TOLERANCES.force_rounding * self._rates_of_states(y)
+        if float(np.linalg.norm(left[:n])) * self.rate > allowed:
+            return False
+        direction = left[n:] * sizes
+        at = self.system.dynamics(state.q, state.u, self.motion.time)
+        M = at.M
+        push = float(direction @ M @ direction) * self.rate**2
+        still = np.zeros(n)
+        each = each_size = 0.0
+        for element in self.structure.invariance.elements:
+            columns = list(element.columns)
+            force = np.array(element.force(state.q, state.u, still, self.motion.time), dtype=float)
+            # Constant loads must not hide a weak force.
+            before = np.array(element.force(self.motion.q, self.motion.u, still, self.motion.time), dtype=float)
+            each += abs(float((force - before) @ direction[columns]))
+            each_size += float(np.abs(force) @ np.abs(direction[columns]))
+        a, nu = self._balanced(state.q, state.u)
+        each_size += float((np.abs(M @ a) + np.abs(nu) @ np.abs(at.J)) @ np.abs(direction))
+        # Where no force acts at all, the residual is the effect of rounding in the change; a residual that is
+        # zero to the last bit is zero by structure.
+        K, R, _ = self.system.linearize(state.q, state.u, a, nu, self.motion.time)
+        q, u = np.transpose([self._disturbance(x) for x in np.eye(len(y))[y != 0.0]], (1, 2, 0))
+        each_size += float(np.linalg.norm(y)) * float(np.sum(np.abs(direction @ (K @ q + R @ u))))
+        return push <= TOLERANCES.force_vanishes * each + TOLERANCES.force_rounding * each_size
+
+    def _extent(self, y: Array) -> float:
+        direction, rate = self._disturbance(y)
+        sizes = self.motion.sizes
+        return max(float(np.max(np.abs(direction / sizes))), float(np.max(np.abs(rate / sizes))) / self.rate)
+
+    def _rates_of_states(self, y: Array) -> float:
+        """Return the size of the terms of which the rates of first-order coordinates are sums, at rest as well."""
+        spaces, n = self.linear.spaces, self.space.n_xi
+        terms = np.abs(spaces.N) @ (np.abs(self.space.A[:n, :n]) @ np.abs(y[:n]))
+        return float(np.linalg.norm(spaces.scale * terms / self.motion.sizes))
+
+    def _disturbance(self, y: Array) -> tuple[Array, Array]:
+        """Return Δq and Δu of a disturbance in the coordinates of the balanced S."""
+        spaces, n = self.linear.spaces, self.space.n_xi
+        direction = spaces.scale * (spaces.N @ y[:n])
+        rate = spaces.scale * (spaces.N @ (self.space.A[:n, :n] @ y[:n] + self.structure.gamma * (spaces.Z @ y[n:])))
+        generator = self.linear.generator
+        if generator is not None and generator.turns:
+            rate = rate + generator.frame(self.motion.q)[0] @ direction
+        return direction, rate
+
+    def _state(self, y: Array) -> State:
+        """Return the state nearest to a disturbance that satisfies the constraints."""
+        direction, rate = self._disturbance(y)
+        state = self.structure.invariance.onto_rows(self.motion.q + direction, self.motion.u + rate)
+        if state is None:
+            raise ValueError("no state that satisfies the constraints")
+        return state
+
+    def _left(self, y: Array) -> Array:
+        """Return the residual of speeds and accelerations modulo symmetries, relative to the characteristic sizes."""
+        state = self._state(y)
+        q, u = state.q, state.u
+        a, _ = self._balanced(q, u)
+        sizes, rate_ = self.motion.sizes, self.rate
+        moves = np.concatenate([u / sizes / rate_, a / sizes / rate_**2])
+        fields = [field for _, field in self.structure.invariance.fields]
+        columns = [
+            np.concatenate([Y / sizes, field.slope(q) @ u / sizes / rate_])
+            for field in fields
+            for Y in [field.field(q)]
+        ]
+        if not columns:
+            return moves
+        basis = orthonormal(columns, len(moves))
+        result: Array = moves - basis @ (basis.T @ moves)
+        return result
+
+    def _balanced(self, q: Array, u: Array) -> tuple[Array, Array]:
+        """Return the accelerations and the multipliers."""
+        state, spaces = self.system.dynamics(q, u, self.motion.time), self.linear.spaces
+        n, c = len(q), self.system.n_c
+        M = state.M * spaces.scale * spaces.scale[:, None]
+        J = state.J * spaces.scale * spaces.row_scale[:, None]
+        matrix = np.zeros((n + c, n + c))
+        matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = M, J.T, J
+        right = np.concatenate([-state.F0 * spaces.scale, -state.B * spaces.row_scale])
+        found = np.linalg.lstsq(matrix, right, rcond=1e-11)[0]
+        return spaces.scale * found[:n], spaces.row_scale * found[n:]

@@ -1,0 +1,326 @@
+"""Stability by energy: a function that never increases, and its second variation at the reference.
+
+In the co-moving frame, with disturbances z, the second variation of E − p_X is
+H = żᵀM ż + zᵀK z (M and K of `mbstab.analysis.linear.linearize`). Where it is definite the motion is
+stable, up to the symmetries, at the given momenta (Lagrange and Dirichlet at rest; Routh 1877;
+Simo, Lewis, Marsden 1991; Patrick 1992; Ortega and Ratiu 1999 for all nearby momenta); eigenvalues
+on the imaginary axis cannot decide this. Where a rotation does not move the reference (a top that
+stands upright turns about the vertical and about its own axis alike), a multiple of its momentum may
+be added: the co-moving frame is not unique.
+
+Stability that needs such a multiple, or a maximum, is gyroscopic: damping destroys it (Thomson and
+Tait 1879; Chetaev 1961; Zajac 1964). Modes with energy of opposite sign may destroy it in resonance
+(Cherry 1925; Markeev 1978).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from mbstab.analysis.algebra.inertia import ConstrainedForms
+from mbstab.analysis.algebra.sparse import scaled
+from mbstab.analysis.algebra.sparse_rank import SparseRank
+from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.linear.linearize import Linearization
+from mbstab.analysis.linear.roundings import roundings
+from mbstab.analysis.reference.coefficients import matrices_in
+from mbstab.analysis.reference.fields import Shift, Turn
+from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.verdict.neutral import Separated, Structure
+from mbstab.analysis.verdict.rule import Minimum
+from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
+from mbstab.model.schema import is_angle
+
+RATIOS = ((1, 1), (1, 2), (1, 3))
+"""Ratios of frequencies at which modes of opposite energy may excite each other."""
+
+
+class SecondVariation:
+    """The second variation of the energy in the co-moving frame.
+
+    Parameters
+    ----------
+    structure : Structure
+    separated : Separated
+    """
+
+    def __init__(self, structure: Structure, separated: Separated) -> None:
+        self.structure, self.separated = structure, separated
+        self.linear = structure.linear
+        self.moving = bool(np.any(self.linear.motion.u))
+
+    # --- the form -----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def rates(self) -> Array:
+        """The map from y to ż in the basis N, shape (n_ξ, n)."""
+        space, Z = self.structure.space, self.linear.spaces.Z
+        n = space.n_xi
+        result: Array = np.hstack([space.A[:n, :n], self.structure.gamma * Z])
+        return result
+
+    def form(self, M: Array, K: Array) -> Array:
+        """Return H in the coordinates of the balanced S, for M and K in those of the scene."""
+        spaces = self.linear.spaces
+        N = spaces.scale[:, None] * spaces.N
+        n = N.shape[1]
+        H = self.rates.T @ (N.T @ M @ N) @ self.rates
+        stiffness = N.T @ K @ N
+        H[:n, :n] += 0.5 * (stiffness + stiffness.T)
+        return H
+
+    @cached_property
+    def H(self) -> Array:
+        """The second variation, shape (n, n)."""
+        return self.form(self.linear.M, self.linear.K)
+
+    @cached_property
+    def known_to(self) -> Array:
+        """Bound of the rounding error of each entry of H, shape (n, n)."""
+        terms, spaces = self.linear.terms, self.linear.spaces
+        N = np.abs(spaces.scale[:, None] * spaces.N)
+        n, rates = N.shape[1], np.abs(self.rates)
+        size = rates.T @ (N.T @ terms.M @ N) @ rates
+        stiffness = N.T @ terms.K @ N
+        size[:n, :n] += 0.5 * (stiffness + stiffness.T)
+        result: Array = TOLERANCES.roundings_of_variation * EPS * size
+        if self.linear.system.scene.model.reference.find is not None:
+            # Coordinates that were solved for are the less accurate the flatter the energy is.
+            known = roundings(self.linear)
+            result[:n, :n] += N.T @ known.errors.K @ N
+            basis = spaces.scale[:, None] * spaces.N
+            for changes in known.displaced:
+                result[:n, :n] += np.abs(basis.T @ changes.K @ basis)
+        return result
+
+    @cached_property
+    def applies(self) -> bool:
+        """Whether the function never increases, and its first variation vanishes."""
+        structure, motion, linear = self.structure, self.linear.motion, self.linear
+        if not structure.work.decreases:
+            return False
+        if not self._splits():
+            return False
+        # Rows on speeds must not need reactions along the motions that they forbid.
+        spaces = linear.spaces
+        across = spaces.N.T @ (spaces.scale * (linear.J[linear.n_h :].T @ linear.nu[linear.n_h :]))
+        load = motion.dynamics.F0 + motion.dynamics.M @ motion.a
+        forces = float(np.max(np.abs(load * spaces.scale), initial=0.0))
+        return bool(np.max(np.abs(across), initial=0.0) <= TOLERANCES.force_across_rows * forces)
+
+    def _splits(self) -> bool:
+        """Whether translations that rotate with the frame decouple, because a common speed changes nothing."""
+        generator, invariance = self.linear.generator, self.structure.invariance
+        if generator is None or not generator.turns:
+            return True
+        boosts = [item.name for item in invariance.boosts]
+        return all(
+            item.name in boosts or np.linalg.norm(generator.frame(self.linear.motion.q)[0] @ item.direction) < 1e-9
+            for item in invariance.symmetries
+            if isinstance(item.of, Shift) and np.any(item.of.direction[~self._angles()])
+        )
+
+    @cached_property
+    def basis(self) -> Array:
+        """Disturbances at the given momenta, modulo symmetries, as orthonormal columns."""
+        structure, n = self.structure, len(self.separated.S)
+        invariance = structure.invariance
+        columns = [structure.column(x.direction, x.rate) for x in invariance.symmetries]
+        rows: list[Array] = []
+        if self.moving:
+            rows = [structure.differential(x.direction, x.rate) for x in invariance.momenta]
+        else:
+            # Neighbouring rests without a symmetry are kept: along them the energy has no minimum.
+            m = structure.space.n_xi
+            columns = [np.concatenate([x[:m], np.zeros(n - m)]) for x in columns]
+        kernel = _null(rows, n)
+        if not columns:
+            return kernel
+        inside = kernel.T @ np.array([x / (np.linalg.norm(x) or 1.0) for x in columns]).T
+        outside = np.array(columns).T / [np.linalg.norm(x) or 1.0 for x in columns] - kernel @ inside
+        # Symmetries that do not change the given momenta.
+        _, s, right = np.linalg.svd(outside)
+        along = inside @ right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
+        left, s, _ = np.linalg.svd(along)
+        result: Array = kernel @ left[:, int(np.sum(s > TOLERANCES.independent_direction)) :]
+        return result
+
+    def definite(self) -> int:
+        """Return 1 if H is positive definite, −1 if negative definite, both beyond rounding, and 0 otherwise."""
+        if self.linear.system.sparse:
+            return self._definite_in_large()
+        W = self.basis
+        if not W.shape[1]:
+            return 1
+        return sign_of(W.T @ self.H @ W, np.abs(W).T @ self.known_to @ np.abs(W))
+
+    def _definite_in_large(self) -> int:
+        """Return 1 if the stiffness is positive on all motions that are allowed, apart from symmetries; 0 if unknown.
+
+        So it is at rest and without rows on speeds; that these motions carry mass is known.
+        """
+        from scipy.sparse import csr_array, vstack
+
+        linear, spaces = self.linear, self.linear.spaces
+        assert isinstance(spaces.C, SparseRank)
+        forms, symmetries = spaces.C.forms, self.structure.invariance.symmetries
+        if symmetries:
+            basis = np.linalg.qr(np.array([x.direction / spaces.scale for x in symmetries]).T)[0]
+            further = csr_array(np.where(np.abs(basis) > EPS, basis, 0.0).T)
+            forms = ConstrainedForms(vstack([spaces.C.J[spaces.C.kept], further], format="csr"))
+        error = roundings(linear).errors.K + TOLERANCES.roundings_of_variation * EPS * abs(linear.K)
+        K, error = (scaled(x, spaces.scale, spaces.scale) for x in (linear.K, error))
+        return int(forms.negatives(0.5 * (K + K.T), float(np.linalg.norm(error.data))) == 0)
+
+    # --- what it says -------------------------------------------------------------------------------------------------
+
+    def minimum(self) -> Minimum | None:
+        """Return the result of the energy criterion, or None if it decides nothing."""
+        if not self.applies:
+            return None
+        turning = self.linear.generator is not None and self.linear.generator.turns
+        name = "the energy in the frame of the motion" if turning or self.moving else "the energy"
+        sign = self.definite()
+        if sign < 0 and not self.structure.work.conserved:
+            sign = 0
+        if sign:
+            whole = not self.moving and not self.separated.neutral.count
+            whole = whole or (self.moving and not self.structure.invariance.symmetries)
+            return Minimum(name, True, whole, sign < 0)
+        if self.structure.work.conserved and self._with_a_multiple():
+            return Minimum(f"{name} with a multiple of the angular momentum", True, False, True)
+        return None
+
+    def _with_a_multiple(self) -> bool:
+        """Return whether H is definite in another frame in which the reference is at rest too."""
+        for step in self._idle_turns():
+            reach = 4.0 * float(np.max(np.abs(self.linear.motion.u[self._angles()]), initial=0.0))
+            if reach == 0.0:
+                continue
+            tried = np.linspace(-reach, reach, TOLERANCES.momentum_multiples)
+            found = [(self._least(step, x), x) for x in tried.tolist()]
+            best, at = max(found)
+            width = 2.0 * reach / (TOLERANCES.momentum_multiples - 1)
+            while best <= 0.0 and width > 1e-6 * reach:
+                width *= 0.5
+                best, at = max((best, at), *((self._least(step, at + x), at + x) for x in (-width, width)))
+            if best > 0.0:
+                return True
+        return False
+
+    def _angles(self) -> npt.NDArray[np.bool_]:
+        return np.array([is_angle(name) for name in self.linear.names])
+
+    def _idle_turns(self) -> list[Generator]:
+        """Return rotations of the ground that do not move the reference, with spins that compensate them."""
+        invariance, motion = self.structure.invariance, self.linear.motion
+        spins = [field.direction for _, field in invariance.fields if isinstance(field, Shift)]
+        found = []
+        for _, field in invariance.fields:
+            if not isinstance(field, Turn) or not field.generator.turns or not spins:
+                continue
+            Y, columns = field.field(motion.q), np.array(spins).T
+            c = np.linalg.lstsq(columns, Y, rcond=1e-12)[0]
+            undone = columns @ c
+            if np.max(np.abs(Y - undone) / motion.sizes) < 1e-9 and np.any(undone) and invariance.conserves(field):
+                found.append(replace(field.generator, spins=field.generator.spins - undone))
+        return found
+
+    def _least(self, step: Generator, rate: float) -> float:
+        """Return the smallest eigenvalue of H, scaled, in a frame that turns faster; negative: not definite."""
+        own = self.linear.generator
+        spins = step.spins * rate if own is None else own.spins + step.spins * rate
+        turn = rate
+        if own is not None and own.turns:
+            if np.linalg.norm(own.axis - step.axis) > 1e-9 or np.linalg.norm(own.point - step.point) > 1e-9:
+                return -1.0
+            turn += own.rate
+        velocity = np.zeros(3) if own is None else own.velocity
+        generator = Generator(step.system, step.axis, step.point, turn, velocity, spins)
+        other = self._seen_from(generator)
+        W = other.basis
+        h = W.T @ other.H @ W
+        scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(h)), 1e-300))
+        known = np.abs(W).T @ other.known_to @ np.abs(W)
+        least = float(np.linalg.eigvalsh(h * scale * scale[:, None])[0])
+        return least - float(np.linalg.norm(known * scale * scale[:, None], 2))
+
+    def _seen_from(self, generator: Generator) -> SecondVariation:
+        """Return the second variation in another frame."""
+        structure, linear = self.structure, self.linear
+        matrices = matrices_in(linear.system, linear.motion, generator)
+        other: Linearization = replace(
+            linear, M=matrices.M, R=matrices.R, K=matrices.K, D_q=matrices.D_q, generator=generator
+        )
+        return SecondVariation(Structure(other, structure.space, structure.gamma, structure.invariance), self.separated)
+
+    # --- warnings -----------------------------------------------------------------------------------------------------
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return what may destroy stability that rests on gyroscopic terms or on reversibility."""
+        if not self.structure.work.conserved:
+            return self._resonances(signed=False)
+        W = self.basis
+        if self.linear.D_q.shape[0] or not W.shape[1]:
+            return ()
+        negative = int(np.sum(np.linalg.eigvalsh(W.T @ self.H @ W) < 0.0))
+        found: tuple[str, ...] = ()
+        if negative:
+            found = (
+                "stable by gyroscopic effect only: any damping inside the system that reaches all its motions makes it "
+                f"unstable ({negative} direction{'s' if negative > 1 else ''} of negative energy)",
+            )
+        return found + self._resonances(signed=True)
+
+    def _resonances(self, signed: bool) -> tuple[str, ...]:
+        """Return pairs of modes that may excite each other: frequencies in a low ratio, energies of opposite sign.
+
+        Without a conserved energy (`signed` false) the ratio alone is told.
+        """
+        found = self.separated
+        values, vectors = np.linalg.eig(found.A)
+        largest = float(np.max(np.abs(values), initial=0.0))
+        modes = []
+        for s, w in zip(values, (found.B @ vectors).T, strict=True):
+            if s.imag > 1e-9 * largest and abs(s.real) < 1e-9 * largest:
+                modes.append((float(s.imag), float(np.sign((w.conj() @ self.H @ w).real)) if signed else 0.0))
+        texts = []
+        for i, (one, sign) in enumerate(modes):
+            for other, second in modes[i + 1 :]:
+                slow, fast = sorted((one, other))
+                for p, q in RATIOS:
+                    off = abs(fast * p - slow * q)
+                    if (sign * second < 0.0 or not signed) and off <= TOLERANCES.resonance_misfit * fast:
+                        why = " and belong to modes with energies of opposite sign" if signed else ""
+                        texts.append(
+                            f"the frequencies {slow:.6g} and {fast:.6g} 1/s are as {p} to {q}{why}: resonance may "
+                            "destroy stability"
+                        )
+        return tuple(texts)
+
+
+def _null(rows: list[Array], n: int) -> Array:
+    """Return an orthonormal basis of the null space of rows of length n."""
+    if not rows:
+        return np.eye(n)
+    matrix = np.array([x / (np.linalg.norm(x) or 1.0) for x in rows])
+    _, s, right = np.linalg.svd(matrix)
+    result: Array = right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
+    return result
+
+
+def sign_of(h: Array, known_to: Array) -> int:
+    """Return the sign of a definite matrix with given rounding errors, or 0."""
+    diagonal = np.diag(h)
+    for sign in (1, -1):
+        if np.all(sign * diagonal > np.diag(known_to)):
+            scale = 1.0 / np.sqrt(sign * diagonal)
+            least = float(np.linalg.eigvalsh(sign * h * scale * scale[:, None])[0])
+            if least > float(np.linalg.norm(known_to * scale * scale[:, None], 2)):
+                return sign
+    return 0

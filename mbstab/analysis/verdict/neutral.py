@@ -1,0 +1,429 @@
+"""Disturbances that lead to other motions of the same kind, and the matrix left to judge.
+
+In the deflated system ẏ = S y, with y = [ξ; η] of `mbstab.analysis.linear.linearize`, two things are known
+by structure: directions T, S T ⊂ T, of verified symmetries and of families of motions, and
+differentials L, L S = 0, of functions that are constant along every motion (momenta, energy).
+If S restricted to the rest, A = Bᵀ S B with B an orthonormal basis of {y ⟂ T, L y = 0}, is regular,
+then for each value of those functions there is exactly one motion of the same kind near the reference
+(implicit function theorem), and each row of L adds a direction to the family.
+
+No eigenvalue is taken as zero because it is small: those that T and L do not explain stay in A.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import RandomNumbers
+from mbstab.analysis.linear.linearize import Linearization, StateSpace
+from mbstab.analysis.reference.fields import Combination, Symmetry
+from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.symmetries import Invariance
+from mbstab.analysis.verdict.rule import Neutral
+from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.analysis.verdict.work import Work
+from mbstab.compiler.system import Array
+from mbstab.model.schema import is_length
+from mbstab.records import dataclass
+
+
+@dataclass(frozen=True)
+class Separated:
+    """The balanced matrix S and its structure.
+
+    Attributes
+    ----------
+    S : ndarray, shape (n, n)
+    T : ndarray, shape (n, d)
+        Orthonormal directions of symmetries and families.
+    L : ndarray, shape (k, n)
+        Orthonormal differentials of conserved functions, L T = 0.
+    B : ndarray, shape (n, n − d − k)
+        Orthonormal basis of the rest.
+    neutral : Neutral
+    rates : tuple of float (1/s)
+        Ω of the co-moving frame, if it rotates, and rates of the coordinates that spin in it.
+    doubt : str
+        A contradiction between the structure and the numbers; empty: there is none.
+    speeds : int
+        Number of directions of T that are speeds along symmetries, at which a scene at rest may move.
+    """
+
+    S: Array
+    T: Array
+    L: Array
+    B: Array
+    neutral: Neutral
+    rates: tuple[float, ...] = ()
+    doubt: str = ""
+    speeds: int = 0
+
+    @cached_property
+    def A(self) -> Array:
+        """The matrix left to judge, Bᵀ S B."""
+        if self.B.shape[0] == self.B.shape[1]:
+            return self.S
+        result: Array = self.B.T @ self.S @ self.B
+        return result
+
+    def frequencies(self) -> list[complex]:
+        """Return ±iΩ for each pair of neutral directions that rotates with the motion; the others are zero."""
+        if not self.rates or not self.T.shape[1]:
+            return []
+        values = np.linalg.eigvals(self.T.T @ self.S @ self.T).imag
+        nearest = np.array(self.rates)[np.argmin(np.abs(values[:, None] - self.rates), axis=1)]
+        turning = sorted(
+            nearest[np.abs(values - nearest) < TOLERANCES.turning_frequency * nearest].tolist(), reverse=True
+        )
+        return [complex(0.0, sign * rate) for rate in turning for sign in (1.0, -1.0)]
+
+
+class Structure:
+    """The structure of a linearization; each part is computed at first use.
+
+    Parameters
+    ----------
+    linear : Linearization
+    space : StateSpace
+    gamma : float (1/s)
+        The unit of speeds.
+    invariance : Invariance
+    """
+
+    def __init__(self, linear: Linearization, space: StateSpace, gamma: float, invariance: Invariance) -> None:
+        self.linear, self.space, self.gamma, self.invariance = linear, space, gamma, invariance
+
+    @cached_property
+    def work(self) -> Work:
+        """The work of the elements."""
+        return Work(self.invariance, self.linear.generator)
+
+    @cached_property
+    def _slope(self) -> Array:
+        """Ξ of the motion, if it is steady."""
+        assert self.linear.generator is not None
+        return self.linear.generator.frame(self.linear.motion.q)[0]
+
+    @cached_property
+    def _basis(self) -> Array:
+        """N in coordinates (m, rad)."""
+        spaces = self.linear.spaces
+        return spaces.scale[:, None] * spaces.N
+
+    # --- into the coordinates of S ----------------------------------------------------------------------------------
+
+    def column(self, direction: Array, rate: Array) -> Array:
+        """Return a disturbance (Δq, Δu), or columns of some, in the coordinates of the balanced S."""
+        linear, space = self.linear, self.space
+        spaces, n = linear.spaces, self.space.n_xi
+        generator = linear.generator
+        if generator is not None and generator.turns:
+            rate = rate - self._slope @ direction
+        xi = spaces.N.T @ (direction.T / spaces.scale).T
+        eta = spaces.Z.T @ (spaces.N.T @ (rate.T / spaces.scale).T - space.A[:n, :n] @ xi)
+        return np.concatenate([xi, eta / self.gamma])
+
+    def columns(self, pairs: list[tuple[Array, Array]]) -> list[Array]:
+        """Return disturbances one by one; those of a large scene are computed together."""
+        if not self.linear.system.sparse or not pairs:
+            return [self.column(direction, rate) for direction, rate in pairs]
+        return list(self.column(*(np.array(x).T for x in zip(*pairs, strict=True))).T)
+
+    def differential(self, direction: Array, rate: Array) -> Array:
+        """Return the differential of the momentum along a symmetry Y, or of the energy along the motion itself, as row.
+
+        Yᵀ times the linearized equations is its rate: (Yᵀ R − Y'ᵀ M) Δq + Yᵀ M Δu, with Y' the
+        rate of change of Y in the co-moving frame.
+        """
+        linear, space = self.linear, self.space
+        spaces, n = linear.spaces, self.space.n_xi
+        N = self._basis
+        carried = rate if linear.generator is None else rate - self._slope @ direction
+        speeds = direction.T @ linear.M @ N
+        positions = direction.T @ linear.R @ N - carried.T @ linear.M @ N
+        return np.concatenate([positions + speeds @ space.A[:n, :n], self.gamma * (speeds @ spaces.Z)], axis=-1)
+
+    # --- directions -------------------------------------------------------------------------------------------------
+
+    def separated(self, S: Array) -> Separated:
+        """Return the balanced S with its neutral directions."""
+        n = len(S)
+        generator = self.linear.generator
+        rates = () if generator is None else _rates(generator)
+        if not n:
+            return unseparated(S)
+        symmetries = self.invariance.symmetries
+        boosts = self.invariance.boosts
+        columns = self.columns([(item.direction, item.rate) for item in symmetries])
+        columns += self.columns([(np.zeros_like(item.direction), item.direction) for item in boosts])
+        family = [f"speed along {_axis(item)}" for item in boosts]
+        rest, named = self._rest(S, columns)
+        T = orthonormal([*columns, *rest], n)
+        family += named
+        L, kept = self._conserved(T, S)
+        family += kept
+        # Where conserved functions have other values, the motion need not be steady.
+        moving, speeds, slow = self._moving(T) if not len(L) else ([], [], [])
+        family += speeds
+        T = orthonormal([*T.T, *moving], n) if moving else T
+        d = T.shape[1]
+        B = complement(np.hstack([T, L.T]))
+        # Where forces cancel in a critical state, S itself may be only rounding.
+        size = max(spectral_norm(S), self.invariance.rate) if d + len(L) else 1.0
+        doubt = ""
+        worst = max(
+            float(np.linalg.norm(S @ T - T @ (T.T @ S @ T), 2)) if d else 0.0,
+            float(np.linalg.norm((L @ S) - (L @ S @ T) @ T.T, 2)) if len(L) else 0.0,
+        )
+        if worst > TOLERANCES.direction_closure * size:
+            doubt = (
+                f"the symmetries found ({', '.join(x.name for x in symmetries)}) do not fit the linearized equations "
+                f"({worst / size:.1e} of their norm): please report this model"
+            )
+        found = Separated(S, T, L, B, Neutral(), rates, doubt, len(moving))
+        names = tuple(item.name for item in symmetries)
+        neutral = Neutral(
+            names,
+            tuple(family),
+            d + len(L),
+            drift_of(found),
+            "numerical" if d + len(L) else "structural",
+            slow=tuple(slow),
+        )
+        return replace(found, neutral=neutral)
+
+    def symmetric(self, n: int) -> Array:
+        """Return orthonormal directions of the symmetries alone, shape (n, d)."""
+        return orthonormal(self.columns([(item.direction, item.rate) for item in self.invariance.symmetries]), n)
+
+    def _rest(self, S: Array, columns: list[Array]) -> tuple[list[Array], list[str]]:
+        """Return the directions of neighbouring rest positions, where rows on speeds leave a manifold of them.
+
+        Where forces along all allowed motions have full rank as functions of the positions, rests
+        form a manifold of the dimension of the independent nonholonomic rows (Neimark, Fufaev 1972).
+        """
+        linear, n = self.linear, self.space.n_xi
+        if linear.massless is not None and len(linear.massless.first_order):
+            return [], []  # their rows are not satisfied by every rest
+        n_eta = len(S) - n
+        if n_eta >= n or np.any(linear.motion.u) or not self.work.rows_at_rest:
+            return [], []
+        size = float(np.linalg.norm(S[n:], 2)) or 1.0
+        if n_eta:
+            _, s, right = np.linalg.svd(S[n:, :n])
+            if s[-1] <= TOLERANCES.rest_manifold_rank * size:
+                return [], []
+            null = right[n_eta:].T
+        else:
+            null = np.eye(n)
+        found = [np.concatenate([x, np.zeros(n_eta)]) for x in null.T]
+        further = len(found) - orthonormal(columns, len(S)).shape[1]
+        return found, ["position at rest"] if further > 0 else []
+
+    def _moving(self, T: Array) -> tuple[list[Array], list[str], list[str]]:
+        """Return speeds along symmetries at which a scene may move as steadily as at rest, and as the reference does.
+
+        A wheel may roll, and a balanced rotor turn, at any speed, although no momentum along it is conserved. The names
+        of speeds that the energy may bound, those of a scene at rest, are repeated.
+        """
+        invariance, linear = self.invariance, self.linear
+        items, u = [x for x in invariance.symmetries if self._commutes(x)], linear.motion.u
+        if not items or not self.work.rows_at_rest:
+            return [], [], []
+        spaces = linear.spaces
+        directions = np.array([x.direction for x in items]).T
+        columns = self.gamma * np.array([self.column(np.zeros_like(x), x) for x in directions.T]).T
+        directions = directions / spaces.scale[:, None]
+        lengths = np.linalg.norm(directions, axis=0)
+        columns, directions = columns / lengths, directions / lengths
+        c = admissible(directions, spaces.allowed)
+        _, s, right = np.linalg.svd(columns @ c - T @ (T.T @ (columns @ c)))
+        c = c @ right[: int(np.sum(s > TOLERANCES.independent_direction))].T
+        along, own = directions @ c, u / spaces.scale
+        off = own - along @ (np.linalg.pinv(along) @ own)
+        if not c.shape[1] or np.linalg.norm(off) > TOLERANCES.independent_direction * np.linalg.norm(own):
+            return [], [], []
+        chosen = _sparse(c / lengths[:, None])
+        mixed = [*RandomNumbers(7).uniform(-1.0, 1.0, 2 if c.shape[1] > 1 else 0, c.shape[1])]
+        if not all(
+            invariance.moves_on(Combination(_parts(x, items)))
+            for x in (*chosen, *(np.array(chosen).T @ x for x in mixed))
+        ):
+            return [], [], []
+        names = [
+            f"speed of {items[int(np.argmax(np.abs(x)))].name}" if np.sum(x != 0.0) == 1 else "speed" for x in chosen
+        ]
+        return [columns @ x for x in c.T], names, [] if np.any(u) else names
+
+    def _conserved(self, T: Array, S: Array) -> tuple[Array, list[str]]:
+        """Return independent differentials that vanish on T, and names of what their values distinguish."""
+        motion, n = self.linear.motion, len(S)
+        integrals = [item for item in self.invariance.integrals if self._commutes(item)]
+        pairs = [(item.direction, item.rate) for item in integrals]
+        if self.linear.system.sparse and pairs:
+            differentials = list(self.differential(*(np.array(x).T for x in zip(*pairs, strict=True))))
+        else:
+            differentials = [self.differential(direction, rate) for direction, rate in pairs]
+        kinds = self._told_apart(differentials, T, S)
+        named = zip(kinds, integrals, differentials, strict=True)
+        candidates = [(f"{kind} of {item.name}", x) for kind, item, x in named]
+        if np.any(motion.u) and self.work.conserved_at_rest:
+            candidates.append(("speed", self.differential(motion.u, motion.a)))
+        if not candidates or self._driven_boost():
+            return np.zeros((0, n)), []
+        rows = np.array([x / (np.linalg.norm(x) or 1.0) for _, x in candidates])
+        # Combinations that do not change along T.
+        if T.shape[1]:
+            _, s, right = np.linalg.svd((rows @ T).T)
+            rank = int(np.sum(s > TOLERANCES.independent_direction))
+            rows = right[rank:] @ rows
+            # The difference of equal functions is rounding.
+            rows = rows[np.linalg.norm(rows, axis=1) > TOLERANCES.independent_direction]
+        basis = orthonormal(list(rows), n)
+        # Each is named after its largest component whose name is not taken yet.
+        names: list[str] = []
+        left = [(name, x, np.linalg.norm(x) or 1.0) for name, x in candidates]
+        for differential in basis.T:
+            names.append(min((-abs(x @ differential) / length, name) for name, x, length in left)[1])
+            left = [x for x in left if x[0] != names[-1]]
+        if self.linear.system.sparse:
+            names.sort(key=[name for name, _ in candidates].index)  # for many equal ones any basis is as good
+        return basis.T, names
+
+    def _told_apart(self, rows: list[Array], T: Array, S: Array) -> list[str]:
+        """Return whether motions with different conserved functions end at another speed or at another place."""
+        n = self.space.n_xi
+        if self.linear.system.sparse and not any(np.any(row[:n]) for row in rows):
+            return ["speed"] * len(rows)  # functions of the speeds alone
+        _, s, right = np.linalg.svd(S - T @ (T.T @ S))
+        kernel = right[s <= TOLERANCES.independent_direction * s[0]] if s[0] else right
+        found = [kernel.T @ (kernel @ row) for row in rows]
+        return [
+            "position" if np.linalg.norm(y[n:]) <= TOLERANCES.direction_closure * np.linalg.norm(y[:n]) else "speed"
+            for y in found
+        ]
+
+    def _commutes(self, item: Symmetry) -> bool:
+        """Return whether a symmetry is constant in the co-moving frame."""
+        if self.linear.system.sparse and not np.any(item.rate):
+            return True  # at rest
+        y = self.column(item.direction, item.rate)
+        n = self.space.n_xi
+        moving = np.concatenate([self.space.A[:n, :n] @ y[:n], y[n:]])
+        return bool(np.linalg.norm(moving[n:]) <= 1e-9 * np.linalg.norm(y))
+
+    def _driven_boost(self) -> bool:
+        """Return whether everything may be given another speed along a shift, although forces act along it.
+
+        Motions of such a family need not be steady where other conserved functions have other values.
+        """
+        return not all(self.invariance.passing([x.of for x in self.invariance.boosts], self.invariance.conserves))
+
+
+def admissible(directions: Array, allowed: Array) -> Array:
+    """Return the combinations of directions that the rows allow as speeds.
+
+    Parameters
+    ----------
+    directions : ndarray, shape (n_q, k)
+        Unit columns in scaled coordinates.
+    allowed : ndarray, shape (n_q, m)
+        Orthonormal speeds that the rows allow.
+
+    Returns
+    -------
+    c : ndarray, shape (k, number), orthonormal columns
+    """
+    across = directions - allowed @ (allowed.T @ directions)
+    _, s, right = np.linalg.svd(across)
+    result: Array = right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
+    return result
+
+
+def _sparse(c: Array) -> list[Array]:
+    """Return the columns with rounding errors set to zero."""
+    return [np.where(np.abs(x) > TOLERANCES.independent_direction * np.max(np.abs(x)), x, 0.0) for x in c.T]
+
+
+def _parts(c: Array, items: list[Symmetry]) -> tuple[tuple[float, Any], ...]:
+    return tuple((float(x), item.of) for x, item in zip(c, items, strict=True) if x)
+
+
+def unseparated(S: Array) -> Separated:
+    """Return a matrix without known structure."""
+    n = len(S)
+    return Separated(S, np.zeros((n, 0)), np.zeros((0, n)), np.eye(n), Neutral())
+
+
+def _rates(generator: Generator) -> tuple[float, ...]:
+    """Return the different rates at which a steady motion turns (rad/s), fastest first."""
+    spins = [x for name, x in zip(generator.system.names, generator.spins.tolist(), strict=True) if not is_length(name)]
+    return tuple(sorted({abs(x) for x in (float(generator.rate), *spins) if x}, reverse=True))
+
+
+def _axis(item: Symmetry) -> str:
+    return item.name.removeprefix("translation along ")
+
+
+def orthonormal(columns: list[Array], n: int) -> Array:
+    """Return an orthonormal basis of the span of columns of length n."""
+    if not columns:
+        return np.zeros((n, 0))
+    matrix = np.array([x / (np.linalg.norm(x) or 1.0) for x in columns]).T
+    left, s, _ = np.linalg.svd(matrix, full_matrices=False)
+    result: Array = left[:, s > TOLERANCES.independent_direction]
+    return result
+
+
+def complement(columns: Array) -> Array:
+    """Return an orthonormal basis of the orthogonal complement of independent columns."""
+    if not columns.shape[1]:
+        return np.eye(len(columns))
+    if len(columns) >= TOLERANCES.norm_by_powers_from:
+        return np.asarray(np.linalg.qr(columns, mode="complete")[0][:, columns.shape[1] :])
+    result: Array = np.linalg.svd(columns)[0][:, columns.shape[1] :]
+    return result
+
+
+def spectral_norm(S: Array) -> float:
+    """Return |S|₂; for large matrices a lower bound from some steps of the power method."""
+    if len(S) < TOLERANCES.norm_by_powers_from:
+        return float(np.linalg.norm(S, 2))
+    x = np.random.default_rng(9).standard_normal(len(S))
+    for _ in range(TOLERANCES.norm_powers):
+        x = S.T @ (S @ (x / np.linalg.norm(x)))
+    return float(np.sqrt(np.linalg.norm(x)))
+
+
+def drift_of(found: Separated) -> int:
+    """Return the power of t with which disturbances along neutral directions grow; 0: they do not grow."""
+    S, T, L, B = found.S, found.T, found.L, found.B
+    if not T.shape[1] + len(L):
+        return 0
+    V = L.T
+    if len(L) and B.shape[1]:
+        try:
+            V = L.T - B @ np.linalg.solve(found.A, B.T @ S @ L.T)
+        except np.linalg.LinAlgError:
+            return 1
+    d, k = T.shape[1], len(L)
+    step = np.zeros((d + k, d + k))
+    step[:d, :d], step[:d, d:] = T.T @ S @ T, T.T @ S @ V
+    size = float(np.linalg.norm(step, 2))
+    if size <= 1e-9 * spectral_norm(S):
+        return 0
+    values = np.linalg.eigvals(step)
+    turning = float(np.max(np.abs(values.imag), initial=0.0))
+    power = step / size
+    if turning > 1e-4 * size:
+        power = power @ (power @ power + (turning / size) ** 2 * np.eye(d + k))
+    product = np.eye(d + k)
+    for order in range(TOLERANCES.chain_length):
+        product = product @ power
+        if np.linalg.norm(product, 2) <= 1e-7:
+            return order
+    return TOLERANCES.chain_length

@@ -1,0 +1,597 @@
+"""The verdict on the stability of a motion, from facts about it.
+
+Every command collects the strongest facts that it can, and `judge` turns them into a
+verdict; there is no second rule. With A the matrix of the disturbances, T the directions of
+verified symmetries and families of steady motions, and A_⊥ the quotient of A by T:
+
+1.  unstable: a disc that contains at least one eigenvalue lies right of the imaginary axis
+    (Lyapunov 1892);
+2.  asymptotically stable: all eigenvalues lie left of it (Lyapunov 1892);
+3.  asymptotically stable up to symmetry: those of A_⊥ lie left of it (Lyapunov and Malkin 1952; Fenichel
+    1971; Krupa 1990);
+4.  stable, possibly up to symmetry: a function that never increases has a strict minimum, modulo
+    the symmetries and at the given momenta (Lagrange, Dirichlet, Routh; Simo, Lewis, Marsden
+    1991; Ortega, Ratiu 1999);
+5.  stable up to symmetry: the motion is reversible and A_⊥ has a single pair on the axis (Devaney
+    1976; Sevryuk 1986);
+6.  marginally stable: no eigenvalue of A_⊥ lies right of the axis, and each that does not lie left
+    of it is simple and held on it by a structure of the equations;
+7.  a single zero of A_⊥, the others left: the first nonlinear coefficient decides (Lyapunov 1892;
+    Carr 1981);
+8.  undecided: everything else.
+
+Where only a few eigenvalues are computed, rules 1, 2 and 4 still apply if the number of those right of the axis is
+known (`Census`).
+
+What is not known is never taken as harmless: an eigenvalue that is not located, a count that
+differs, or a kink or time dependence that is not understood leaves the answer undecided.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from mbstab.analysis.verdict.wording import phrases
+from mbstab.errors import amount, counted
+from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
+from mbstab.model.words import ASYMPTOTIC_UP_TO as ASYMPTOTIC_UP_TO
+from mbstab.model.words import MARGINAL as MARGINAL
+from mbstab.model.words import REQUIRED as REQUIRED
+from mbstab.model.words import STABLE as STABLE
+from mbstab.model.words import STABLE_UP_TO as STABLE_UP_TO
+from mbstab.model.words import UNDECIDED as UNDECIDED
+from mbstab.model.words import UNSTABLE as UNSTABLE
+from mbstab.model.words import WORDS as WORDS
+from mbstab.records import dataclass
+
+Side = Literal["left", "right", "axis", "open"]
+Evidence = Literal["structural", "enclosed", "numerical"]
+
+NONLINEAR = "whether disturbances stay small in the long run is up to nonlinear terms"
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A disc of the complex plane that contains `count` eigenvalues of A_⊥.
+
+    Attributes
+    ----------
+    centre : complex (1/s)
+    radius : float (1/s)
+        inf or nan where nothing is known.
+    count : int
+    side : str
+        ``left`` or ``right`` of the imaginary axis, held on the ``axis`` by a structure, or ``open``.
+    why : str
+        The structure that holds it on the axis.
+    """
+
+    centre: complex
+    radius: float
+    count: int
+    side: Side
+    why: str = ""
+
+    @property
+    def holds_zero(self) -> bool:
+        """Whether zero is not excluded."""
+        return not abs(self.centre) > self.radius
+
+
+@dataclass(frozen=True)
+class Modulo:
+    """The symmetries and families up to which a verdict holds.
+
+    Attributes
+    ----------
+    symmetries : tuple of str
+        Symmetries of all motions: ``position along x``, ``heading`` and the like.
+    family : tuple of str
+        Quantities that distinguish the steady motions of a family: ``speed``.
+    """
+
+    symmetries: tuple[str, ...] = ()
+    family: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return all of them in words."""
+        return self.symmetries + self.family
+
+
+@dataclass(frozen=True)
+class Neutral(Modulo):
+    """Directions of neighbouring motions of the same kind.
+
+    Attributes
+    ----------
+    count : int
+        Number of eigenvalues that belong to them.
+    drift : int
+        0: disturbances along them stay constant; 1: they grow like t (by another speed); 2: like t².
+    evidence : str
+        The weakest evidence among them.
+    checked : str
+        How far a family without a symmetry was followed, in words; empty: there is none.
+    slow : tuple of str
+        Those of the family that are speeds of a scene at rest; they stay small where the energy bounds them.
+    """
+
+    count: int = 0
+    drift: int = 0
+    evidence: Evidence = "structural"
+    checked: str = ""
+    slow: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A function that never increases along motions, and its extremum at the reference.
+
+    Attributes
+    ----------
+    name : str
+        Its name: ``the energy``, ``the energy in the frame of the motion``.
+    definite : bool
+        Whether it has a strict minimum (or maximum), modulo symmetries and at the given momenta.
+    in_place : bool
+        Whether the extremum is unrestricted: no symmetry and no momentum is left out.
+    maximum : bool
+        Whether it is a maximum, or a minimum only with a multiple of a momentum: damping destroys such stability.
+    evidence : str
+    """
+
+    name: str
+    definite: bool
+    in_place: bool
+    maximum: bool = False
+    evidence: Evidence = "numerical"
+
+
+@dataclass(frozen=True)
+class Critical:
+    """The verdict of the first nonlinear coefficient about a single zero eigenvalue.
+
+    Attributes
+    ----------
+    verdict : str
+        `UNSTABLE`, `ASYMPTOTIC` (`ASYMPTOTIC_UP_TO` beside neutral directions), or `STABLE` by the form of the energy.
+    reason : str
+    evidence : str
+    family : str
+        The quantity that distinguishes the members of a family that was followed; empty: there is none.
+    drift : int
+        Power of t with which disturbances along neutral directions and the critical one grow; 0: they do not grow.
+    """
+
+    verdict: str
+    reason: str
+    evidence: Evidence = "numerical"
+    family: str = ""
+    drift: int = 0
+
+
+@dataclass(frozen=True)
+class Census:
+    """Numbers of eigenvalues by location, counted without computing them.
+
+    Attributes
+    ----------
+    right : int or None
+        Number of eigenvalues right of the imaginary axis; None: not counted.
+    least : int
+        Lower bound of this number.
+    zeros : int
+        Number of zeros that were separated: squares of the stiffness or eigenvalues.
+    left : bool
+        Whether all eigenvalues lie left of the axis.
+    how : str
+        How they are counted, in words; or why they are not.
+    proven : bool
+        Whether the count is exact for all matrices within rounding; else it rests on estimates.
+    """
+
+    right: int | None
+    least: int = 0
+    zeros: int = 0
+    left: bool = False
+    how: str = ""
+    proven: bool = True
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known about a motion.
+
+    Attributes
+    ----------
+    expected, found : int
+        Numbers of finite eigenvalues that exist and that were found (including those of `neutral`).
+    discs : tuple of Disc
+        Discs of the eigenvalues of A_⊥.
+    neutral : Neutral
+    time : str
+        Why the coefficients are not known to be constant, or periodic with the stated period; empty: they are.
+    kink : str
+        Why the equations are not known to have a linearization at the reference; empty: they have.
+    rough : str
+        Why they are not known to be smooth; empty: they are. Otherwise only eigenvalues may decide.
+    doubts : tuple of str
+        Other doubts, which prevent every verdict but instability.
+    minimum : callable
+        Returns a `Minimum`, or None; called only where eigenvalues do not decide.
+    reversible : callable
+        Returns in words why the motion is reversible with −1 as a simple eigenvalue of the
+        reversor (rule 5), or an empty text.
+    critical : callable
+        Takes the number of eigenvalues at zero and whether all others decay; returns a
+        `Critical`, or None. Called where zeros alone are left.
+    family : callable
+        Takes the number of unexplained zero eigenvalues; returns the `Neutral` in which
+        a family that was followed explains them, or None.
+    warnings : tuple of str
+    frequencies : callable
+        Returns warnings about stability that nonlinear resonance or damping may destroy.
+    multipliers : bool
+        Whether the eigenvalues are Floquet exponents.
+    census : Census or None
+        Where only a few eigenvalues are computed: the count of all; None: all are computed.
+    """
+
+    expected: int
+    found: int
+    discs: tuple[Disc, ...]
+    neutral: Neutral = Neutral()
+    time: str = ""
+    kink: str = ""
+    rough: str = ""
+    doubts: tuple[str, ...] = ()
+    minimum: Callable[[], Minimum | None] = lambda: None
+    reversible: Callable[[], str] = lambda: ""
+    critical: Callable[[int, bool], Critical | None] = lambda count, others: None
+    family: Callable[[int], Neutral | None] = lambda count: None
+    warnings: tuple[str, ...] = ()
+    frequencies: Callable[[], tuple[str, ...]] = tuple
+    multipliers: bool = False
+    census: Census | None = None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on the stability of a motion.
+
+    Attributes
+    ----------
+    word : str
+        One of `WORDS`.
+    reasons : tuple of str
+        Its grounds, in sentences.
+    symmetries, family : tuple of str
+        Those up to which it holds.
+    in_place : bool or None
+        Whether disturbed motions also stay near the reference itself, not only near its family; None: not claimed.
+    evidence : str
+        The weakest fact it rests on: ``structural``, ``enclosed`` or ``numerical``.
+    warnings : tuple of str
+    at_zero : bool
+        Whether eigenvalues that cannot be told from zero are zero: a family of motions explains
+        them, or they are critical.
+    """
+
+    word: str
+    reasons: tuple[str, ...]
+    symmetries: tuple[str, ...] = ()
+    family: tuple[str, ...] = ()
+    in_place: bool | None = None
+    evidence: Evidence = "numerical"
+    warnings: tuple[str, ...] = ()
+    at_zero: bool = False
+
+    @property
+    def modulo(self) -> Modulo:
+        """Symmetries and families up to which it holds."""
+        return Modulo(self.symmetries, self.family)
+
+
+class Judged:
+    """An answer with a verdict, `judged`."""
+
+    judged: Verdict
+
+    @property
+    def verdict(self) -> str:
+        """The word of the verdict, one of `mbstab.analysis.verdict.rule.WORDS`."""
+        return self.judged.word
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What the verdict rests on, in sentences."""
+        return self.judged.reasons
+
+    @property
+    def modulo(self) -> Modulo:
+        """Symmetries and families of motions up to which the verdict holds."""
+        return self.judged.modulo
+
+    @property
+    def in_place(self) -> bool | None:
+        """Whether disturbed motions stay near the reference itself; None: not claimed."""
+        return self.judged.in_place
+
+    @property
+    def evidence(self) -> str:
+        """The weakest fact that the verdict rests on: ``structural``, ``enclosed`` or ``numerical``."""
+        return self.judged.evidence
+
+
+STRENGTH: dict[str, frozenset[str]] = {
+    ASYMPTOTIC: frozenset(WORDS) - {UNSTABLE},
+    ASYMPTOTIC_UP_TO: frozenset({ASYMPTOTIC_UP_TO, STABLE_UP_TO, MARGINAL, UNDECIDED}),
+    STABLE: frozenset({STABLE, STABLE_UP_TO, MARGINAL, UNDECIDED}),
+    STABLE_UP_TO: frozenset({STABLE_UP_TO, MARGINAL, UNDECIDED}),
+    MARGINAL: frozenset({MARGINAL, UNDECIDED}),
+    UNSTABLE: frozenset({UNSTABLE, UNDECIDED}),
+    UNDECIDED: frozenset({UNDECIDED}),
+}
+"""What each verdict implies: the same, or a weaker claim."""
+
+
+def side(real: float, radius: float) -> Side:
+    """Return on which side of the imaginary axis a disc lies; what is not known lies on none."""
+    return "right" if real > radius else "left" if real < -radius else "open"
+
+
+def place(centres: Sequence[complex], radii: Sequence[float], counts: Sequence[int], mirrored: str) -> tuple[Disc, ...]:
+    """Return the discs with the side of the axis on which they lie.
+
+    Parameters
+    ----------
+    centres, radii, counts : sequences of the same length
+        Disjoint discs.
+    mirrored : str
+        In words, what makes the spectrum symmetric to the imaginary axis; empty: nothing does.
+        Then a disc is held on the axis if it contains one eigenvalue and no other disc overlaps its
+        mirror image: the image of the eigenvalue is one as well, so it can only be itself.
+    """
+    found = []
+    middle, reach = np.array(centres, dtype=complex), np.array(radii, dtype=float)
+    for i, (centre, radius, count) in enumerate(zip(centres, radii, counts, strict=True)):
+        where = side(centre.real, radius)
+        why = ""
+        if where == "open" and mirrored and count == 1 and abs(centre) > radius:
+            apart = np.abs(-centre.conjugate() - middle) > radius + reach
+            apart[i] = True
+            if np.all(apart):
+                where, why = "axis", mirrored
+        found.append(Disc(complex(centre), float(radius), count, where, why))
+    return tuple(found)
+
+
+def judge(facts: Facts) -> Verdict:
+    """Return the strongest verdict that the facts allow."""
+    undecided = _obstacle(facts)
+    if undecided:
+        return Verdict(UNDECIDED, undecided, warnings=facts.warnings)
+    growing = [d for d in facts.discs if d.side == "right"]
+    if growing:
+        return Verdict(UNSTABLE, (_growth(max(growing, key=lambda d: d.centre.real), facts),), warnings=facts.warnings)
+    if facts.census is not None:
+        return _counted(facts, facts.census)
+    doubts = _doubts(facts)
+    if doubts:
+        return Verdict(UNDECIDED, doubts, warnings=facts.warnings)
+    neutral = facts.neutral
+    left = sum(d.count for d in facts.discs)
+    decays = left and all(d.side == "left" for d in facts.discs)
+    if facts.rough and not (decays and not neutral.count):
+        return Verdict(UNDECIDED, (facts.rough,), warnings=facts.warnings)
+    if decays:
+        return _decaying(facts)
+    # The energy gives a stronger verdict where it bounds the speeds of a scene at rest.
+    if (left or neutral.slow) and (minimum := facts.minimum()) is not None and minimum.definite:
+        return _by_energy(facts, minimum)
+    if not left:
+        return _up_to(facts, STABLE_UP_TO, f"every motion nearby is of the same kind: {_differ(neutral)}")
+    on_axis = [d for d in facts.discs if d.side == "axis"]
+    rest = [d for d in facts.discs if d.side == "open"]
+    warnings = facts.warnings + facts.frequencies()
+    if not rest:
+        if len(on_axis) == len(facts.discs) == 2 and neutral.count and (why := facts.reversible()):
+            return _up_to(facts, STABLE_UP_TO, f"{why}, so motions nearby repeat themselves, {_except(neutral)}")
+        number = sum(d.count for d in on_axis)
+        where = "of absolute value 1" if facts.multipliers else "on the imaginary axis"
+        kind = "multipliers are" if facts.multipliers else "eigenvalues lie"
+        reasons = [f"{number} {kind} {where}, held there because {on_axis[0].why}, and none beyond it: {NONLINEAR}"]
+        if neutral.checked:
+            reasons.append(f"as far as checked: {neutral.checked}")
+        return Verdict(MARGINAL, tuple(reasons), neutral.symmetries, neutral.family, None, neutral.evidence, warnings)
+    zeros = sum(d.count for d in rest)
+    if all(d.holds_zero for d in rest) and (critical := facts.critical(zeros, not on_axis)) is not None:
+        return _critical(facts, critical)
+    if all(d.holds_zero for d in rest) and (wider := facts.family(zeros)) is not None:
+        left_over = tuple(d for d in facts.discs if d not in rest)
+        return replace(judge(replace(facts, discs=left_over, neutral=wider, minimum=lambda: None)), at_zero=True)
+    return Verdict(UNDECIDED, tuple(_unplaced(d, facts) for d in rest if d.centre.imag >= 0.0), warnings=facts.warnings)
+
+
+def _counted(facts: Facts, census: Census) -> Verdict:
+    """Return the verdict where a few eigenvalues were computed, none of which grows, and the others counted."""
+    few = f"{facts.found} of {facts.expected} eigenvalues were looked for and found"
+    if census.least:
+        exactly = "" if census.right is not None else ", at least"
+        verb = "lies" if census.least == 1 else "lie"
+        reason = (
+            f"{counted(census.least, 'eigenvalue')}{exactly} {verb} right of the imaginary axis, counted {census.how}"
+        )
+        return Verdict(UNSTABLE, (reason,), warnings=facts.warnings)
+    if census.right is None:
+        reason = f"{few}, none of them grows; the others were not looked for, and they are not counted: {census.how}"
+        return Verdict(UNDECIDED, (reason, *facts.doubts), warnings=facts.warnings)
+    none = f"no eigenvalue lies right of the imaginary axis, counted {census.how}"
+    if facts.doubts:
+        return Verdict(UNDECIDED, (*facts.doubts, none), warnings=facts.warnings)
+    if census.left:
+        found = _decaying(facts)
+        return replace(found, reasons=(*found.reasons, f"counted {census.how}; {few}"))
+    if facts.rough:
+        return Verdict(UNDECIDED, (facts.rough, none), warnings=facts.warnings)
+    if (minimum := facts.minimum()) is not None and minimum.definite:
+        found = _by_energy(facts, minimum)
+        return replace(found, reasons=(*found.reasons, none))
+    zeros = f", and {counted(census.zeros, 'zero')} of the stiffness" if census.zeros else ""
+    reason = f"{none}, but {few}, and what lies on it was not judged{zeros}"
+    return Verdict(UNDECIDED, (reason,), warnings=facts.warnings)
+
+
+def _obstacle(facts: Facts) -> tuple[str, ...]:
+    """Return what prevents any verdict, even instability."""
+    if facts.time:
+        return (facts.time,)
+    if facts.kink:
+        return (facts.kink,)
+    if not facts.expected:
+        return ("constraints and drives leave no motion free whose stability could be judged",)
+    return ()
+
+
+def _doubts(facts: Facts) -> tuple[str, ...]:
+    """Return what prevents every verdict but instability."""
+    doubts = facts.doubts
+    if facts.found != facts.expected:
+        doubts = (f"{facts.expected} finite eigenvalues exist, {facts.found} were found", *doubts)
+    judged = sum(d.count for d in facts.discs) + facts.neutral.count
+    if judged != facts.found:
+        doubts = (*doubts, f"{facts.found} eigenvalues were found, {judged} of them are judged")
+    return doubts
+
+
+def _growth(worst: Disc, facts: Facts) -> str:
+    value = show(worst.centre)
+    if worst.count > 1:
+        return f"{worst.count} eigenvalues within {amount(worst.radius)} 1/s of {value} 1/s grow"
+    pair = bool(worst.centre.imag)
+    what, verb = ("eigenvalues", "grow") if pair else ("eigenvalue", "grows")
+    return f"the {what} {value} 1/s {verb} (error bound {amount(worst.radius)})"
+
+
+def _decaying(facts: Facts) -> Verdict:
+    neutral = facts.neutral
+    if not neutral.count:
+        what = (
+            "all multipliers lie inside the unit circle"
+            if facts.multipliers
+            else ("all eigenvalues lie to the left of the imaginary axis")
+        )
+        return Verdict(ASYMPTOTIC, (f"all disturbances decay: {what}",), in_place=True, warnings=facts.warnings)
+    return _up_to(facts, ASYMPTOTIC_UP_TO, f"all disturbances decay, {_except(neutral)}")
+
+
+def _by_energy(facts: Facts, minimum: Minimum) -> Verdict:
+    neutral = facts.neutral
+    neutral = replace(neutral, family=tuple(x for x in neutral.family if x not in neutral.slow))
+    facts = replace(facts, neutral=neutral)
+    warnings = facts.warnings + (facts.frequencies() if minimum.maximum else ())
+    extremum = "maximum" if minimum.maximum else "minimum"
+    evidence = weakest(neutral.evidence, minimum.evidence)
+    if minimum.in_place and not neutral.count:
+        reason = f"{minimum.name} has a strict {extremum} here and cannot leave it: small disturbances stay small"
+        return Verdict(STABLE, (reason,), in_place=True, evidence=evidence, warnings=warnings)
+    reason = f"{minimum.name} has a strict {extremum} here: small disturbances stay small, {_except(neutral)}"
+    verdict = _up_to(facts, STABLE_UP_TO, reason)
+    return Verdict(
+        verdict.word, verdict.reasons, verdict.symmetries, verdict.family, verdict.in_place, evidence, warnings
+    )
+
+
+def _critical(facts: Facts, critical: Critical) -> Verdict:
+    neutral = facts.neutral
+    reason = critical.reason
+    family = (*neutral.family, *([critical.family] if critical.family else []))
+    up_to = critical.verdict in (ASYMPTOTIC_UP_TO, STABLE_UP_TO)
+    if up_to and neutral.names:
+        reason += f", {_except(neutral)}"
+    if up_to and critical.family:
+        reason += _growing(critical.drift)
+    elif up_to and critical.drift:
+        # A decay like a root of t may sum without bound.
+        reason += f"; what they change there may go on growing, more slowly than {_power(critical.drift)}"
+    staying = critical.verdict == ASYMPTOTIC_UP_TO and bool(critical.family) and not critical.drift
+    in_place = critical.verdict in (ASYMPTOTIC, STABLE) or staying
+    return Verdict(
+        critical.verdict, (reason,), neutral.symmetries if up_to else (), family if up_to else (),
+        True if in_place else None, critical.evidence, facts.warnings, at_zero=True,
+    )  # fmt: skip
+
+
+def _up_to(facts: Facts, word: str, reason: str) -> Verdict:
+    """Return a verdict that holds up to the neutral directions."""
+    neutral = facts.neutral
+    # Other motions of a family may move along the symmetries, however slowly: x' = y^2, y' = 0.
+    known = bool(neutral.drift) or not (neutral.symmetries and neutral.family)
+    reasons = [reason + (_growing(neutral.drift) if known else "; whether that goes on growing is not judged")]
+    if neutral.checked:
+        reasons.append(f"as far as checked: {neutral.checked}")
+    in_place = neutral.drift == 0 if known and word == ASYMPTOTIC_UP_TO else None
+    return Verdict(word, tuple(reasons), neutral.symmetries, neutral.family, in_place, neutral.evidence, facts.warnings)
+
+
+def _growing(drift: int) -> str:
+    """Return the growth of changes along neutral directions, in words."""
+    return f"; what they change there goes on growing like {_power(drift)}" if drift else ""
+
+
+def _power(drift: int) -> str:
+    return "t" if drift == 1 else f"t^{drift}"
+
+
+def _differ(neutral: Neutral) -> str:
+    return f"it differs in {phrases(neutral.names)} only" if neutral.names else "nothing is left to judge"
+
+
+def _except(neutral: Neutral) -> str:
+    """Return what disturbances may change permanently, in words."""
+    if not neutral.names:
+        return "at the given momenta"
+    return f"except that {phrases(neutral.names)} may end up slightly different"
+
+
+def _unplaced(disc: Disc, facts: Facts) -> str:
+    """Return why an eigenvalue leaves the verdict open."""
+    if not disc.radius < float("inf"):
+        return f"nothing is known about how far the eigenvalue {show(disc.centre)} 1/s is off"
+    many = disc.count > 1
+    if disc.holds_zero and not disc.radius:
+        what = f"{disc.count} eigenvalues are" if many else "an eigenvalue is"
+        return f"{what} exactly zero, and no symmetry or family of motions explains it: a critical state"
+    if disc.holds_zero:
+        what = f"{disc.count} eigenvalues lie" if many else "an eigenvalue lies"
+        return (
+            f"{what} within {disc.radius:.1e} 1/s of zero, and no symmetry or family of motions explains it: a "
+            "critical state, or motions so slow that rounding hides on which side of the imaginary axis they are"
+        )
+    value = f"{show(disc.centre)} 1/s"
+    if many and disc.radius:
+        return (
+            f"{disc.count} eigenvalues lie within {disc.radius:.1e} 1/s of {value}, and this disc reaches over the "
+            "imaginary axis"
+        )
+    what = f"{disc.count} eigenvalues {value} lie" if many else f"the eigenvalue {value} lies"
+    where = f"within its error bound {disc.radius:.1e} of" if disc.radius else "exactly on"
+    return (
+        f"{what} {where} the imaginary axis, and no structure of the equations holds {'them' if many else 'it'} there"
+    )
+
+
+def weakest(*evidence: Evidence) -> Evidence:
+    """Return the weakest of several kinds of evidence."""
+    order: tuple[Evidence, ...] = ("numerical", "enclosed", "structural")
+    return min(evidence, key=order.index)
+
+
+def show(s: complex) -> str:
+    """Return an eigenvalue with six significant digits; a pair as ±."""
+    return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g} ± {abs(s.imag):.6g}i"

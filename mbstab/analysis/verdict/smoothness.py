@@ -1,0 +1,187 @@
+"""Where expressions have no continuous derivatives with respect to the state."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.verdict.constancy import SMOOTH, Place, call_at, cut, expressions
+from mbstab.analysis.verdict.exact_sums import Atom, Monomial, Structure, Sum, atoms
+from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.compiler.measured import values
+from mbstab.compiler.system import System
+from mbstab.model.expressions import Call, Expression, ExpressionError, moves
+from mbstab.model.functions import CALLED, PIECED, Break
+from mbstab.model.schema import is_length
+
+
+def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool = False) -> str:
+    """Return where an expression lacks the required continuous derivatives with respect to the state.
+
+    Only expressions of the file are looked at: forces and constraints. A state within rounding
+    of a kink counts as being there.
+
+    Parameters
+    ----------
+    q, u : array_like, shape (…, n_q)
+        Coordinates (m, rad) and speeds of the reference.
+    time : float or array_like, shape (…) (s)
+    order : int
+        Number of derivatives that must be continuous.
+    along : bool
+        Whether the states are those of one motion, which also passes all states between two of them.
+
+    Returns
+    -------
+    str
+        A sentence, or nothing.
+    """
+    state = set(system.names)
+    corners: _Corners | None = None
+    for path, role, expression, _ in expressions(system):
+        if role in ("position", "velocity") or not (
+            expression.rates() or any(moves(name, state) for name in expression.names())
+        ):
+            continue
+        corners = corners or _Corners(Structure(system.scene), system, q, u, time, along)
+        try:
+            place = corners.worst(corners.structure.exact(expression))
+        except ExpressionError as error:
+            return f"the equations are not smooth at the reference: {path} ({cut(expression.text)}): {error.message}"
+        if place is not None and place[0] < order:
+            text = corners.text(expression, place[1])
+            missing = {-1: "is not continuous", 0: "has no derivative"}.get(place[0], "has no second derivative")
+            return f"the equations have a kink at the reference: {path} ({text}) {missing} where {place[2]}"
+    return ""
+
+
+class _Corners:
+    """Search for kinks of sums at a state."""
+
+    def __init__(self, structure: Structure, system: System, q: Any, u: Any, time: Any, along: bool = False) -> None:
+        self.structure, self.along = structure, along
+        q, u = np.asarray(q, dtype=float), np.asarray(u, dtype=float)
+        lengths = np.array([is_length(name) for name in system.names], dtype=bool)
+        known = max((abs(float(x)) for x in system.scene.lengths), default=0.0) or 1.0
+        sizes = np.where(lengths, max(known, float(np.max(np.abs(q[..., lengths]), initial=0.0))), 1.0)
+        speed = max(1.0, float(np.max(np.abs(u) / sizes, initial=0.0)))
+        self.names: dict[str, Any] = {"t": np.asarray(time, dtype=float)}
+        self._worst: dict[Sum, Place | None] = {}
+        self.steps: dict[str, Any] = {}
+        for i, name in enumerate(system.names):
+            self.names[name], self.names[f"rate({name})"] = q[..., i], u[..., i]
+            self.steps[name] = TOLERANCES.kink_distance * max(float(np.max(np.abs(q[..., i]))), sizes[i])
+            self.steps[f"rate({name})"] = TOLERANCES.kink_distance * speed * sizes[i]
+        if system.scene.measures:
+            measures = values(system.scene, system.names, q, u)
+            self.names |= measures
+            reach = float(np.max(sizes, initial=1.0))
+            for name, value in measures.items():
+                size = reach * (speed if name.startswith("rate(") else 1.0)
+                self.steps[name] = TOLERANCES.kink_distance * max(float(np.max(np.abs(value))), size)
+        self.angles = {name for name, x in system.scene.measures.items() if x.kind == "angle" and len(x.numbers)}
+
+    def near(self, x: Sum) -> bool:
+        """Whether a sum is zero within rounding, or has no value."""
+        value, size = self.structure.value(x, self.names)
+        if self.along and np.any(value > 0.0) and np.any(value < 0.0):
+            return True
+        room = TOLERANCES.constant_rounding * size
+        for name in {atom.name for atom in atoms(x) if atom.kind == "state"}:
+            moved = [
+                abs(self.structure.value(x, {**self.names, name: self.names[name] + step})[0] - value)
+                for step in (-self.steps[name], self.steps[name])
+            ]
+            room = room + np.maximum(*moved)
+        return not bool(np.all(np.abs(value) > room))
+
+    def worst(self, x: Sum) -> Place | None:
+        """Return the place with the fewest continuous derivatives, or None if there is no kink."""
+        if x in self._worst:
+            return self._worst[x]
+        found: list[Place] = []
+        for monomial, _ in x.terms:
+            for atom, n in monomial:
+                if not atom.state:
+                    continue
+                derivatives, where = self._derivatives(atom, n, monomial)
+                if derivatives < SMOOTH:
+                    found.append((derivatives, atom, where))
+                inner = atom.arguments
+                if atom.kind == "power" and (size := _absolute(inner[0])) is not None:
+                    inner = size[0].arguments
+                found += [place for argument in inner if (place := self.worst(argument)) is not None]
+        self._worst[x] = min(found, key=lambda place: place[0]) if found else None
+        return self._worst[x]
+
+    def _derivatives(self, atom: Atom, n: int, monomial: Monomial) -> tuple[int, str]:
+        """Return how many derivatives of a product are continuous with respect to one factor, and where not."""
+        x = atom.arguments[0] if atom.arguments else Sum.of(atom)
+        if atom.kind == "power":
+            return self._of_power(atom)
+        if atom.name in self.angles and np.any(math.pi - np.abs(self.names[atom.name]) <= self.steps[atom.name]):
+            return -1, "the joint is turned by half a turn"
+        if atom.kind in ("group", "state"):
+            return (-1, "it divides by 0") if n < 0 and self.near(x) else (SMOOTH, "")
+        found = [(self._smooth(where, atom, n, monomial), where.text) for where in self._met(atom)]
+        return min(found, default=(SMOOTH, ""))
+
+    def _met(self, atom: Atom) -> Iterator[Break]:
+        """Yield the breaks of a function near which the state is."""
+        f = self.structure.arithmetic()
+        for where in CALLED[atom.kind].breaks_at(len(atom.arguments)) if atom.kind in CALLED else ():
+            if all(map(self.near, where.where(f, *atom.arguments))):
+                saving = None if where.unless is None else where.unless(f, *atom.arguments)
+                if saving is None or self.near(saving) or not np.all(self.structure.value(saving, self.names)[0] > 0.0):
+                    yield where
+
+    @staticmethod
+    def _smooth(where: Break, atom: Atom, n: int, monomial: Monomial) -> int:
+        """Return how many derivatives of a power of a function are continuous at a break."""
+        if where.zero and n < 0:
+            return -1
+        if where.square and n % 2 == 0:
+            return SMOOTH
+        if where.zero and atom.kind in PIECED:
+            return n * (where.smooth + 1) - 1 + _zeros(atom.arguments[0], monomial)
+        return where.smooth
+
+    def _of_power(self, atom: Atom) -> tuple[int, str]:
+        base, exponent = atom.arguments
+        if not base.state or not self.near(base):
+            return SMOOTH, ""
+        size, n = _absolute(base), exponent.rational
+        smooth = math.ceil(size[1] * n) - 1 if size is not None and n is not None and n > 0 else -1
+        return smooth, "the base of a power is 0"
+
+    def text(self, expression: Expression, atom: Atom) -> str:
+        """Return a function in an expression as it is written, or the whole expression."""
+        for node in expression.walk():
+            if isinstance(node, Call) and node.function == atom.kind:
+                arguments = tuple(self.structure.exact(Expression("", x)) for x in node.arguments)
+                if arguments == atom.arguments:
+                    return cut(call_at(expression.text, node.position))
+        return cut(expression.text)
+
+
+def _absolute(x: Sum) -> tuple[Atom, int] | None:
+    """Return abs(…) and n of a multiple of abs(…)**n, else None."""
+    if len(x.terms) != 1:
+        return None
+    ((monomial, _),) = x.terms
+    pair = next(iter(monomial)) if len(monomial) == 1 else None
+    return pair if pair is not None and pair[0].kind == "abs" and pair[1] > 0 else None
+
+
+def _zeros(x: Sum, monomial: Monomial) -> int:
+    """Return the number of factors in a product, beside a function of x, that vanish with x."""
+    if len(x.terms) != 1:
+        return 0
+    ((inside, _),) = x.terms
+    if len(inside) != 1:
+        return 0
+    ((atom, n),) = inside
+    return max(dict(monomial).get(atom, 0), 0) if n == 1 else 0

@@ -1,0 +1,115 @@
+"""Tolerances of the facts behind a verdict for zero, equal and known, and limits of their work."""
+
+from typing import Final
+
+
+class Tolerances:
+    """Tolerances, thresholds and limits of the facts behind a verdict."""
+
+    __slots__ = ()
+
+    # Neutral directions
+    independent_direction: Final = 1e-8
+    """Directions are independent above this singular value, if the next one follows after a rank gap."""
+    direction_closure: Final = 1e-7
+    """A direction that S maps out of T by more than this, relative to its norm, is an error of the program."""
+    rest_manifold_rank: Final = 1e-9
+    """Rest positions form a manifold if the smallest relative singular value of the forces on them is larger."""
+    norm_by_powers_from: Final = 400
+    """Norms of matrices from this size on …"""
+    norm_powers: Final = 20
+    """… are estimated by this many steps of the power method."""
+    turning_frequency: Final = 1e-3
+    """Relative agreement of the frequencies of neutral directions with those of the motion."""
+    chain_length: Final = 4
+    """Maximum length of Jordan chains of neutral directions."""
+    slowest_typical_rate: Final = 1e-6
+    """Smallest typical rate, as a fraction of that of the single forces."""
+    number_lost: Final = 1e-150
+    """Squares of smaller numbers underflow."""
+    rank_states: Final = 3
+    """Number of states near the reference at which the rank is computed …"""
+    rank_state_distance: Final = 0.02
+    """… and their distance from it, in sizes of the scene."""
+    repeated_row_misfit: Final = 1e-9
+    """Redundant rows agree there to this, relative to the sizes in the scene …"""
+    row_singular_value: Final = 1e-7
+    """… and rows are independent there above this singular value, as unit vectors."""
+    mirrored_reference: Final = 1e-9
+    """The mirror image of the reference is the reference itself to this, relative to the characteristic sizes."""
+    mirror_difference: Final = 1e-5
+    """Step of finite differences of the map of the speeds, relative to the characteristic sizes."""
+    mirrored_singular_value: Final = 1e-9
+    """Singular values of A on Q are zero below this fraction of its norm; the next one follows after a rank gap."""
+
+    # Families of motions
+    family_reach: Final = 0.1
+    """Distance to which families are followed: in sizes of the scene and rad, and relative to their rates."""
+    family_parts: Final = (1.0, 1e-2, 1e-4, 1e-6)
+    """Fractions of this distance at which they are searched as well."""
+    family_singular_value: Final = 1e-10
+    """Singular values of A modulo symmetries are zero below this fraction of its norm; the next follows after a rank
+    gap."""
+    newton_steps_family: Final = 12
+    """Gauss-Newton steps for each motion of a family."""
+    force_vanishes: Final = 1e-9
+    """A force along a direction is zero below this fraction of the force of each element along it …"""
+    force_rounding: Final = 1e-14
+    """… or below this fraction of the sum of all of them, as rounding."""
+    acceleration_difference: Final = 1e-6
+    """Step of finite differences of accelerations, relative to the characteristic sizes."""
+    family_states: Final = 30
+    """Families of systems with more states are not followed."""
+
+    # Critical zeros
+    critical_reach: Final = 0.2
+    """Distance to which the critical direction is followed, in sizes of the scene or rad."""
+    critical_halvings: Final = 24
+    """Number of halvings of the distance …"""
+    critical_distances: Final = 10
+    """… and number of distances that suffice where the motion cannot be followed so far."""
+    newton_steps_critical: Final = 12
+    """Newton steps at each distance."""
+    critical_balance: Final = 1e-13
+    """Forces along each coordinate balance to this, relative to the forces that act along it."""
+    critical_force: Final = 30.0
+    """Forces along the critical direction count if they exceed the zero tolerance by this factor."""
+    power_misfit: Final = 0.12
+    """Largest distance of an observed power from an integer."""
+    simple_zero: Final = 1e-6
+    """The zero is the only one in the positions if the next singular value is larger, relative to the largest."""
+
+    # Second variation of the energy
+    roundings_of_variation: Final = 30.0
+    """The second variation is known to this many roundings of its terms."""
+    force_across_rows: Final = 1e-9
+    """Forces across rows on speeds vanish to this, relative to all forces."""
+    momentum_multiples: Final = 33
+    """Multiples of a momentum that are tried, before the best of them is refined."""
+    resonance_misfit: Final = 1e-3
+    """Frequencies of modes with opposite energy are in a ratio of small integers to within this."""
+
+    # Exact functions
+    product_terms: Final = 100
+    """Products with more terms are not expanded."""
+    power_bits: Final = 4000
+    """Powers with longer numerators (bits) are not expanded."""
+    constant_rounding: Final = 1e-12
+    """Accuracy of the values of constants, relative to the sum of the sizes of their terms."""
+    kink_distance: Final = 1e-9
+    """The state is at a kink if a change of this size, relative to the sizes in the scene, leads there."""
+    common_period: Final = 10**6
+    """A common period longer than this many periods of the fastest part is useless: it counts as none."""
+    period_multiple: Final = 1e-12
+    """A stated period is a multiple of the true one if the ratio is an integer to this, relatively."""
+
+    # Periodic motions
+    multiplier_circle_points: Final = 64
+    """Number of points of a circle on which there are no eigenvalues …"""
+    multiplier_circle_errors: Final = 2.0
+    """… and margin between them, in errors."""
+    multiplier_circle_parts: Final = (0.5, 0.2, 0.05, 0.01)
+    """Radii of circles around a group that are tried, as fractions of the distance to the next one."""
+
+
+TOLERANCES = Tolerances()
