@@ -223,3 +223,25 @@ def test_sections_without_types_are_documented_as_well(section):
     assert result.exit_code == 0
     assert ": " in result.stdout
     assert max(map(len, result.stdout.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_platform_on_more_equal_links_than_it_needs_is_stable(seed):
+    """Beside the positions that they allow, the links contradict each other."""
+    rng = np.random.default_rng(seed)
+    links = int(rng.integers(3, 6))
+    places = np.cumsum(rng.uniform(0.1, 2.0, links)) * 10.0 ** rng.uniform(-2, 2)
+    length = 10.0 ** rng.uniform(-1, 1)
+    points = ", ".join(f"P{i}: [{x!r}, 0]" for i, x in enumerate(places.tolist()))
+    fixed = ", ".join(f"P{i}: [{x!r}, {length!r}]" for i, x in enumerate(places.tolist()))
+    joints = ", ".join(
+        f"link{i}: {{type: distance, between: [bar.P{i}, ground.P{i}], length: {length!r}}}" for i in range(links)
+    )
+    mechanism = mbstab.loads(
+        f"{{mbstab: 1, gravity: [0, -9.81], ground: {{points: {{{fixed}}}}}, joints: {{{joints}}}, "
+        f"bodies: {{bar: {{type: planar, mass: 1, inertia: {10.0 ** rng.uniform(-2, 2)!r}, points: {{{points}}}}}}}, "
+        "reference: {coordinates: {bar: {x: 0}}}}"
+    )
+    result = mechanism.eig()
+    assert result.verdict == "stable"
+    assert abs(result.eigenvalues[0].value - 1j * np.sqrt(9.81 / length)) <= result.eigenvalues[0].error_bound

@@ -271,11 +271,13 @@ class ElementComparison:
         J = scaled(J, self.motion.sizes)
         lengths = row_norms(J) if is_sparse(J) else np.linalg.norm(J, axis=1) + 1e-300
         unit = scaled(J, np.ones(len(self.motion.sizes)), 1.0 / lengths)
-        if not is_sparse(J):
-            return lambda b: np.asarray(np.linalg.lstsq(unit, b / lengths, rcond=1e-10)[0])
+        # Redundant rows are nearly so beside the constraints, and would magnify rounding.
         redundant = {id(item.row) for item in self.motion.redundant}
         kept = [i for i, row in enumerate(self.system.rows[: len(lengths)]) if id(row) not in redundant]
-        rows = Rows(unit[kept] if redundant else unit)
+        unit = unit[kept] if redundant else unit
+        if not is_sparse(J):
+            return lambda b: np.asarray(np.linalg.lstsq(unit, (b / lengths)[kept], rcond=1e-10)[0])
+        rows = Rows(unit)
         return lambda b: rows.shortest((b / lengths)[kept])
 
     def satisfies(self, q: Array, u: Array, time: float | None = None, part: System | None = None) -> bool:

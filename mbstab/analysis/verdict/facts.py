@@ -18,6 +18,7 @@ from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.algebra.sparse_rank import sparse_rank, with_unit_rows
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
 from mbstab.analysis.reference.dependencies import expressions_in
+from mbstab.analysis.reference.element_comparison import OnRows
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
@@ -185,10 +186,8 @@ class Grounds:
         sizes, rng = self.motion.sizes, RandomNumbers(3)
         for _ in range(TOLERANCES.rank_states):
             step = spaces.scale * (spaces.N @ rng.uniform(-1.0, 1.0, spaces.N.shape[1]))
-            step *= TOLERANCES.rank_state_distance / float(np.max(np.abs(step) / sizes))
-            start = self.motion.q + step
-            state = self.invariance.onto_rows(start, self.motion.u, TOLERANCES.repeated_row_misfit)
-            if state is None or float(np.max(np.abs(state.q - start) / sizes)) > 0.3 * TOLERANCES.rank_state_distance:
+            state = self._beside(step / float(np.max(np.abs(step) / sizes)))
+            if state is None:
                 return "the constraints leave other positions next to the reference than to first order"
             J = system.dynamics(state.q, state.u, self.motion.time).J
             if system.sparse:
@@ -201,6 +200,15 @@ class Grounds:
                     "to it: the linearized equations are not those of the motions nearby"
                 )
         return ""
+
+    def _beside(self, step: Array) -> OnRows | None:
+        """Return a state in a direction that the rows allow to first order; short links are followed less far."""
+        for distance in TOLERANCES.rank_state_distances:
+            start = self.motion.q + distance * step
+            state = self.invariance.onto_rows(start, self.motion.u, TOLERANCES.repeated_row_misfit)
+            if state is not None and float(np.max(np.abs(state.q - start) / self.motion.sizes)) <= 0.3 * distance:
+                return state
+        return None
 
     # --- structure of the spectrum ----------------------------------------------------------------------------------
 

@@ -29,8 +29,8 @@ class Tolerances:
     """Squares of smaller numbers underflow."""
     rank_states: Final = 3
     """Number of states near the reference at which the rank is computed …"""
-    rank_state_distance: Final = 0.02
-    """… and their distance from it, in sizes of the scene."""
+    rank_state_distances: Final = (0.02, 0.002, 0.0002)
+    """… and their distances from it, in sizes of the scene; a smaller one where rows bend strongly."""
     repeated_row_misfit: Final = 1e-9
     """Redundant rows agree there to this, relative to the sizes in the scene …"""
     row_singular_value: Final = 1e-7
