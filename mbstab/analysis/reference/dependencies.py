@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node
 from mbstab.model.scene import Scene
+
+PLAIN = (str, float, int, type(None))
+"""What contains nothing."""
 
 
 def names_in(value: object) -> set[str]:
@@ -15,20 +16,23 @@ def names_in(value: object) -> set[str]:
 
 def timed(scene: Scene) -> bool:
     """Whether anything in a scene is a function of the time; a load that is written as numbers is not."""
-    return any("t" in names_in(item.entry.values) for item in scene.items)
+    return any("t" in expression.names() for item in scene.items for expression in expressions_in(item.entry.values))
 
 
-def expressions_in(value: object) -> Iterator[Expression]:
-    """Yield the expressions in anything that a model is made of."""
-    if isinstance(value, Expression):
-        yield value
-    elif isinstance(value, dict):
-        yield from expressions_in(tuple(value.values()))
-    elif isinstance(value, (tuple, list)):
-        for item in value:
-            yield from expressions_in(item)
-    elif hasattr(value, "__dataclass_fields__"):
-        yield from expressions_in([getattr(value, name) for name in value.__dataclass_fields__])
+def expressions_in(value: object) -> list[Expression]:
+    """Return the expressions in anything that a model is made of."""
+    found, left = list[Expression](), [value]
+    while left:
+        x = left.pop()
+        if isinstance(x, Expression):
+            found.append(x)
+        elif isinstance(x, dict):
+            left += reversed(x.values())
+        elif isinstance(x, (tuple, list)):
+            left += reversed(x)
+        elif not isinstance(x, PLAIN) and (names := getattr(x, "__dataclass_fields__", None)):
+            left += [getattr(x, name) for name in reversed(names)]
+    return found
 
 
 def uneven_in_time(expression: Expression) -> bool:

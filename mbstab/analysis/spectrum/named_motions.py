@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.arrays import Complex, Flags
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import MOTION_UNITS, Placement, motion_name, moving_joints
 from mbstab.analysis.reference.motion import Motion
@@ -107,21 +108,26 @@ class Telling:
         chosen = _independent(rows, [range(named.joints), *_by_mass(system, named)])
         return cls(tuple(named.names[i] for i in chosen), relative[chosen])
 
+    @cached_property
+    def _states(self) -> Flags:
+        """Which motions are first-order states."""
+        return np.array([is_state(name) and not is_measure(name) for name in self.names])
+
     def told(self, shape: Complex | None) -> Told:
         """Return the motions of a mode, shape (n_q,), that are not small, the largest first."""
         if shape is None or not len(self.names):
             return ()
         moved = self.rows @ shape
         sizes = np.abs(moved)
-        states = np.array([is_state(name) and not is_measure(name) for name in self.names])
-        if np.any(sizes[~states] > 0.0):
-            sizes[states] = 0.0  # in units of their own
+        if np.any(sizes[~self._states] > 0.0):
+            sizes[self._states] = 0.0  # in units of their own
         most = float(np.max(sizes))
         if not most > 0.0:
             return ()
         # The first of those that move equally, so that rounding does not decide.
         first = int(np.argmax(sizes >= (1.0 - 1e-9) * most))
-        order = sorted(np.flatnonzero(sizes >= TOLERANCES.told_part * most).tolist(), key=lambda i: -sizes[i])
+        large = np.flatnonzero(sizes >= TOLERANCES.told_part * most)
+        order = large[np.argsort(-sizes[large], kind="stable")][: TOLERANCES.told_motions + 1].tolist()
         order = [first, *(i for i in order if i != first)][: TOLERANCES.told_motions]
         return tuple((self.names[i], complex(moved[i] / moved[first]) + 0.0) for i in order)
 
@@ -138,21 +144,28 @@ def _by_mass(system: System, named: NamedMotions) -> Iterator[list[int]]:
 
 def _independent(rows: Array, groups: Iterable[Sequence[int]]) -> list[int]:
     """Return independent rows that span all, group by group, each time the most independent one."""
-    left, chosen = rows.copy(), list[int]()
+    chosen, spanned = list[int](), np.zeros((0, rows.shape[1]))
     own = np.linalg.norm(rows, axis=1)
     for number, group in enumerate(groups):
+        if len(spanned) == rows.shape[1]:
+            break
         least = TOLERANCES.told_independent if number else TOLERANCES.told_joint_independent
         part = np.array(group, dtype=np.intp)
-        while len(chosen) < rows.shape[1]:
-            size = np.linalg.norm(left[part], axis=1)
+        left = rows[part]
+        for _ in range(2):  # the second time for what rounding left
+            left = left - (left @ spanned.T) @ spanned
+        directions: list[Array] = []
+        while len(spanned) + len(directions) < rows.shape[1]:
+            size = np.linalg.norm(left, axis=1)
             size[size <= least * own[part]] = 0.0
             most = float(np.max(size, initial=0.0))
             if not most > 0.0:
                 break
-            k = int(part[np.argmax(size >= (1.0 - 1e-9) * most)])
-            chosen.append(k)
-            direction = left[k] / np.linalg.norm(left[k])
-            left = left - np.outer(left @ direction, direction)
+            k = int(np.argmax(size >= (1.0 - 1e-9) * most))
+            chosen.append(int(part[k]))
+            directions.append(left[k] / np.linalg.norm(left[k]))
+            left = left - np.outer(left @ directions[-1], directions[-1])
+        spanned = np.vstack([spanned, *directions])
     return chosen
 
 
