@@ -168,7 +168,8 @@ def _agree(one, other, vague=False):
     pairs = assigned(np.abs(values[0][:, None] - values[1]))
     assert np.all(np.abs(values[0] - values[1][pairs]) <= bounds[0] + bounds[1][pairs])
     assert vague or (one.verdict == other.verdict and one.judged.modulo == other.judged.modulo)
-    return bounds[1][pairs] / np.where(bounds[0] > 0.0, bounds[0], np.inf)
+    with np.errstate(invalid="ignore"):  # of two that are infinite
+        return bounds[1][pairs] / np.where(bounds[0] > 0.0, bounds[0], np.inf)
 
 
 # These rest, with rows on positions only.

@@ -177,13 +177,22 @@ def _shifted(inner: Array, c: Complex, values: Complex) -> Complex:
 def _neutral(space: StateSpace, gamma: float, S: Array, T: Array, L: Array, B: Array, A: Array) -> _Rest:
     """Return the response of T and L to forces."""
     n, none = space.n_xi, np.zeros((len(S), 0))
-    V = L.T - B @ np.linalg.solve(A, B.T @ (S @ L.T)) if len(L) else none
-    W = T - B @ np.linalg.solve(A.T, B.T @ (S.T @ T)) if T.shape[1] else none
+    V = L.T - B @ _solved(A, B.T @ (S @ L.T)) if len(L) else none
+    W = T - B @ _solved(A.T, B.T @ (S.T @ T)) if T.shape[1] else none
     right, left = np.hstack([T, V]), np.hstack([W, L.T])
     inner = np.linalg.solve(left.T @ right, left.T @ (S @ right))
     forces = np.linalg.solve(space.M_z, left[n:] / gamma)
     size = np.linalg.norm(right[:n], 2) * np.linalg.norm(np.linalg.solve(left.T @ right, forces.T), 2)
     return _Rest(float(size), float(np.linalg.norm(inner, 2)))
+
+
+def _solved(A: Array, b: Array) -> Array:
+    """Return A⁻¹ b; of a singular matrix, with singular values of the size of its rounding in place of those below."""
+    try:
+        return np.asarray(np.linalg.solve(A, b))
+    except np.linalg.LinAlgError:
+        left, s, right = np.linalg.svd(A)
+        return np.asarray(right.T @ ((left.T @ b) / np.maximum(s, EPS * s[0])[:, None]))
 
 
 class _Discs:
