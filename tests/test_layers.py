@@ -2,6 +2,7 @@
 
 import ast
 import functools
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -96,6 +97,14 @@ def test_wings_rest_on_those_before_them():
             if other[:2] == ["mbstab", "analysis"] and len(other) > 2 and WINGS.index(other[2]) > WINGS.index(parts[0]):
                 wrong.append(f"{path.relative_to(PACKAGE)} imports {name}")
     assert wrong == []
+
+
+def test_the_page_for_engineers_names_places_that_exist_and_all_wings_in_their_order():
+    text = (PACKAGE / "manual" / "inside.md").read_text(encoding="utf-8")
+    named = re.findall(r"`((?:mbstab|tests|\.ci)/[\w./]*)`", text)
+    assert len(named) > 30
+    assert [x for x in named if "NAME" not in x and not (PACKAGE.parent / x).exists()] == []
+    assert re.findall(r"^\| `(\w+)/` \|", text, re.MULTILINE) == WINGS
 
 
 def test_no_modules_import_each_other_in_a_circle():
