@@ -25,11 +25,13 @@ from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.catalogue import Form
 from mbstab.mechanics.contacts import KINDS as CONTACT_KINDS
 from mbstab.mechanics.joints import KINDS as JOINT_KINDS
+from mbstab.model.library import installed_models
 from mbstab.report.animation import movie_files, outlines
 from mbstab.report.animation.frames import FINE, Frames, motion_frames, swing_frames
 from mbstab.report.animation.sketch import Sketch
 from mbstab.report.animation.solids import Solid, hidden
 from mbstab.report.animation.stage import TOUCHING, Stage
+from mbstab.report.animation.view import View
 from mbstab.report.pictures import motion_plots
 from mbstab.report.pictures.drawing import save
 
@@ -57,6 +59,10 @@ reference:
   coordinates:
     rod: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: pi/2}
 """
+
+
+def text_of(name):
+    return next(path for path in installed_models() if path.stem == name).read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -384,6 +390,58 @@ def test_solids_of_any_size_and_flat_ones_are_where_their_corners_are(size):
     first, last = plate.through(np.zeros((1, 3)), np.array([1.0, 0.0, 0.0]))
     assert 0.5 * (first + last) == pytest.approx(size)
     assert 0.0 < last - first < 1e-3 * size
+
+
+def test_a_drawing_is_shown_instead_of_the_shape_and_changes_nothing():
+    top = mbstab.load("top.yaml")
+    text = text_of("top")
+    bare = mbstab.loads(
+        "".join(line for line in text.splitlines(True) if "drawing" not in line and "cylinder" not in line)
+    )
+    assert [e.value for e in top.eig().eigenvalues] == [e.value for e in bare.eig().eigenvalues]
+    assert top.system().scene.lengths == bare.system().scene.lengths
+    cone, stem = (piece.outline for piece in Sketch.of(top.system()).pieces)
+    # The tip is at the fixed point, 0.04 m below the centre of mass, the base a third of that above it.
+    assert cone.skin[:, 2].min() == pytest.approx(-0.04)
+    assert cone.skin[:, 2].max() == pytest.approx(0.04 / 3.0) == pytest.approx(stem.skin[:, 2].min())
+    assert len(Sketch.of(bare.system()).pieces) == 2  # a line to the fixed point, and the axes
+
+
+def test_a_knife_edge_is_drawn_over_its_body():
+    pieces = Sketch.of(mbstab.load("chaplygin_sleigh.yaml").system()).pieces
+    assert [len(piece.outline.skin) > 0 for piece in pieces] == [True, False]
+
+
+@pytest.mark.parametrize("name", ["motorcycle", "whipple_bicycle", "rattleback", "wheeled_inverted_pendulum"])
+def test_wheels_stay_on_the_ground_in_every_mode(name):
+    mechanism = mbstab.load(name + ".yaml")
+    sketch = Sketch.of(mechanism.system())
+    assert sketch.planes
+    for number in range(1, 3):
+        view = View(sketch, swing_frames(mechanism.swing(number, 8), number))
+        assert view.sunk()[1] < 0.002 * view.width
+
+
+def test_what_passes_through_the_ground_is_told(tmp_path):
+    text = text_of("wheeled_inverted_pendulum")
+    (tmp_path / "low.yaml").write_text(text.replace("R_d: {value: 0.2", "R_d: {value: 0.1"))
+    command = ["simulate", str(tmp_path / "low.yaml"), "--to", "1.5", "--perturb", "pendulum.theta=0.3", "--animate"]
+    answer = CliRunner().invoke(main, [*command, str(tmp_path / "low.gif"), "--fps", "5"])
+    assert answer.exit_code == 0, answer.output
+    assert "pendulum is drawn as much as" in answer.stderr
+    assert "below the ground: nothing in the model keeps it above" in answer.stderr
+
+
+@pytest.mark.parametrize(("turn", "rims"), [(0.0, 2), (1.5, 1)])
+def test_a_ring_is_seen_with_its_hole_unless_from_the_side(turn, rims):
+    torus = outlines.outline_of(Form("torus", (0.3, 0.1)))
+    across = np.array([[1.0, 0.0, 0.0], [0.0, math.cos(turn), math.sin(turn)], [0.0, -math.sin(turn), math.cos(turn)]])
+    found = torus.rims(across)
+    assert len(found) == rims
+    assert np.abs(found[0][:, 0]).max() == pytest.approx(0.4, rel=1e-3)
+    assert np.abs(found[0][:, 1]).max() == pytest.approx(0.3 * math.cos(turn) + 0.1, rel=1e-3)
+    if rims == 2:
+        np.testing.assert_allclose(np.linalg.norm(found[1], axis=1), 0.2, rtol=1e-3)
 
 
 def test_a_torus_shows_its_near_side_only():

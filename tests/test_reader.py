@@ -514,6 +514,20 @@ BAD: dict[str, tuple[str, str]] = {
         "'inertia' and 'shape' cannot both",
     ),
     "mass and parts": (planar("mass: »1, parts: [{type: rod, length: 1, mass: 1}]"), "'mass' and 'parts' cannot both"),
+    "drawing with a mass": (
+        planar("mass: 1, inertia: 1, drawing: [{type: rod, length: 1, »mass: 1}]"),
+        "unknown key 'mass'",
+    ),
+    "drawing without length": (planar("mass: 1, inertia: 1, drawing: [»{type: rod}]"), "the key 'length' is missing"),
+    "drawing that is no list": (planar("mass: 1, inertia: 1, drawing: »{type: rod}"), "expected a list of shapes"),
+    "drawing of negative size": (
+        planar("mass: 1, inertia: 1, drawing: [{type: rod, length: »-1}]"),
+        "length must be positive, got -1 m",
+    ),
+    "unknown direction": (
+        planar("mass: 1, inertia: 1, drawing: [{type: cone, radius: 1, length: 1, along: »up}]"),
+        "along",
+    ),
     "unknown shape": (planar("mass: 1, shape: {type: »sper}"), "unknown shape 'sper'"),
     "shape without type": (planar("mass: 1, shape: »{length: 1}"), "the key 'type' is missing"),
     "shape not written": (

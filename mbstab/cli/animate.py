@@ -28,6 +28,9 @@ POINTS = 501
 SMALL = 6.0
 """From this ratio of the widths of picture and mechanism on, --follow is recommended."""
 
+SUNK = 0.01
+"""Depth below the ground, as a fraction of the width of the mechanism, from which on it is told."""
+
 _OPTIONS = (
     click.option(
         "--animate",
@@ -184,6 +187,9 @@ class Animation:
         if not self.follow and stage.view.spread > SMALL:
             body = stage.view.sketch.bodies[0]
             note(f"hint: --follow {body} keeps the mechanism in view, which is small in the picture")
+        body, depth = stage.view.sunk()
+        if depth > SUNK * stage.view.width:
+            note(f"{body} is drawn as much as {depth:.3g} m below the ground: nothing in the model keeps it above")
         with progress_bar("animating") as progress:
             save(self.path, lambda path: write(stage, path, progress), "--animate")
 

@@ -128,6 +128,17 @@ SHAPES: dict[str, ShapeKind] = {
             lambda radius, length: Form("cylinder", (radius, length)),
         ),
         ShapeKind(
+            "cone",
+            "solid circular cone with its tip along its axis; its centre is a quarter of its length above its base",
+            (_length("radius", "radius of the base"), _length("length", "length")),
+            2,
+            lambda radius, length: (
+                3.0 * radius * radius / 10.0,
+                3.0 * (4.0 * radius * radius + length * length) / 80.0,
+            ),
+            lambda radius, length: Form("cone", (radius, length)),
+        ),
+        ShapeKind(
             "disk",
             "solid disk",
             (_length("radius", "radius"), _length("thickness", "thickness", False, "0")),
@@ -214,6 +225,7 @@ _DISTRIBUTION = (
     Field("inertia", "tensor", "inertia about the centre of mass, in body axes", "kg*m^2"),
     Field("shape", "shape", "a homogeneous shape instead of an inertia"),
     Field("parts", "parts", "several shapes with their own masses and places, instead of mass and inertia"),
+    Field("drawing", "drawing", "shapes that pictures show instead of these, without mass"),
     Field("center_of_mass", "vector", "centre of mass in the body frame", "m"),
 )
 

@@ -274,12 +274,13 @@ class Form:
     Attributes
     ----------
     name : str
-        ``rod`` (length), ``cylinder`` (radius, length), ``hoop`` (radius), ``box`` (x, y, z), ``ellipsoid`` (its
-        semi-axes), or ``torus`` (radius of the circle in its middle, radius of the tube).
+        ``rod`` (length), ``cylinder`` (radius, length), ``cone`` (radius, length; tip up, a quarter of the length above
+        the base its origin), ``hoop`` (radius), ``box`` (x, y, z), ``ellipsoid`` (its semi-axes), or ``torus`` (radius
+        of the circle in its middle, radius of the tube).
     lengths : tuple
     """
 
-    name: Literal["rod", "cylinder", "hoop", "box", "ellipsoid", "torus"]
+    name: Literal["rod", "cylinder", "cone", "hoop", "box", "ellipsoid", "torus"]
     lengths: Vector
 
 

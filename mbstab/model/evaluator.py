@@ -65,8 +65,11 @@ class Evaluator:
         """Record a problem at the place of a quantity."""
         self.document.complain(quantity.location, quantity.path, message, hint)
 
-    def number(self, quantity: Quantity, field: Field | None = None) -> Number:
-        """Return a number that is finite and has the sign that its field asks for."""
+    def number(self, quantity: Quantity, field: Field | None = None, length: bool = True) -> Number:
+        """Return a number that is finite and has the sign that its field asks for.
+
+        If it is in metres, it counts towards the size of the scene, unless `length` is false.
+        """
         try:
             value = quantity.evaluate(self.parameters, self.f)
         except ExpressionError as error:
@@ -81,7 +84,7 @@ class Evaluator:
         if field is not None:
             if not self._has_sign(value, quantity, field):
                 return 1.0
-            if field.unit == "m" and not hasattr(value, "shape"):
+            if length and field.unit == "m" and not hasattr(value, "shape"):
                 self.lengths.append(abs(value))
         return value
 

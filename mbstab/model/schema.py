@@ -141,18 +141,19 @@ class MeasureValue:
 
 @dataclass(frozen=True)
 class ShapeValue:
-    """A homogeneous shape with its lengths; `along` is the number of the axis or None."""
+    """A homogeneous shape with its lengths; `along` is the number of its axis or None, `reversed`: it points back."""
 
     kind: bodies.ShapeKind
     lengths: dict[str, Quantity]
     along: int | None
+    reversed: bool = False
 
 
 @dataclass(frozen=True)
 class PartValue:
-    """A shape with its own mass and place."""
+    """A shape with its own place, and a mass unless it is only drawn."""
 
-    mass: Quantity
+    mass: Quantity | None
     shape: ShapeValue
     place: Components
 
@@ -470,7 +471,7 @@ CRITICAL_FIELDS = {
 }
 MARKER_FIELDS = {"body": "name of a body, or ground", "point": "the point in the frame of the body (m)"}
 PART_FIELDS = {"mass": "mass of the part (kg)", "at": "its centre in the body frame (m)"}
-ALONG = "axis of symmetry of the shape in the body frame: x, y or z"
+ALONG = "axis of symmetry of the shape in the body frame: x, y or z; -x, -y or -z turn a cone round"
 EIGENVALUE_FIELDS = {"real": "real part (1/s)", "imag": "imaginary part (rad/s)"}
 TABLE_FIELDS = {
     "x": "values of the argument, which increase (SI); with file the name of the column, the first if not given",

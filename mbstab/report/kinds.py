@@ -35,7 +35,7 @@ def shapes_text() -> str:
         if kind.axis is not None:
             lines += wrap(f"along: {ALONG} [default {'xyz'[kind.axis]}]", WIDTH, initial_indent="  ")
         lines.append("")
-    lines.append("entries of parts: have besides")
+    lines.append("entries of parts: have besides (those of drawing only: at)")
     for key, doc in PART_FIELDS.items():
         lines += wrap(f"{key}: {doc}", WIDTH, initial_indent="  ", subsequent_indent="      ")
     return "\n".join(lines) + "\n"

@@ -25,7 +25,7 @@ FAINT = 1e-12
 
 def value_text(e: Eigenvalue) -> str:
     """Return an eigenvalue, or a conjugate pair, with six digits."""
-    return f"0 ± {abs(e.value.imag):.6g}i" if e.kind == "center" else show(e.value)
+    return show(e.significant)
 
 
 def motions_text(motions: Sequence[tuple[str, complex]]) -> str:

@@ -242,9 +242,7 @@ def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
     relative = np.abs(dq / motion.sizes)
     moves, x = (relative, dq) if np.any(relative > 0.0) else (np.abs(du / motion.sizes), du)
     largest = x[int(np.argmax(moves))]
-    value = complex(value or 0.0)
-    if mode.kind == "center" and system.scene.period is None:
-        value = complex(0.0, value.imag)
+    value = complex(value or 0.0) if system.scene.period is not None else mode.significant
     return value, dq / largest, du / largest
 
 

@@ -61,6 +61,16 @@ class Eigenvalue:
     energy: EnergyBalance | None = field(default=None, compare=False, repr=False)
 
     @property
+    def significant(self) -> complex:
+        """The value (1/s); of a center and of what is undecided without the parts that may be zero."""
+        real, imag = self.value.real, self.value.imag
+        if self.kind == "center":
+            return complex(0.0, imag)
+        if self.kind != "undecided":
+            return self.value
+        return complex(*(x if abs(x) > self.error_bound else 0.0 for x in (real, imag)))
+
+    @property
     def frequency(self) -> float:
         """Frequency of oscillation |Im s|/2π (Hz)."""
         return abs(self.value.imag) / (2.0 * math.pi)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from collections.abc import Mapping as Mapped
 from dataclasses import replace
 from typing import Any
 
@@ -29,6 +30,8 @@ from mbstab.model.schema import ALONG, PART_FIELDS, Components, PartValue, Shape
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 
 TENSOR_KEYS = ("xx", "yy", "zz", "xy", "xz", "yz")
+
+_DIRECTIONS = (*AXES, *(f"-{axis}" for axis in AXES))
 
 Moments = Callable[[Number], Vector]
 """From a mass (kg) to the principal moments about the centre (kg·m²)."""
@@ -104,11 +107,11 @@ def _read_shape(reading: Reading, node: Mapping, path: str, extra: Iterable[str]
         if field.required or field.name in node.entries:
             item = nodes.required(node, field.name, path, field.doc) or item
         lengths[field.name] = reading.quantities.expression(item, f"{path}.{field.name}", field.unit)
-    along = None
     if axis and "along" in node.entries:
-        letter = nodes.choice(node.entries["along"], f"{path}.along", tuple(AXES))
-        along = AXES[letter] if letter else None
-    return ShapeValue(kind, lengths, along)
+        letter = nodes.choice(node.entries["along"], f"{path}.along", _DIRECTIONS)
+        if letter:
+            return ShapeValue(kind, lengths, AXES[letter[-1]], letter.startswith("-"))
+    return ShapeValue(kind, lengths, None)
 
 
 def _moments(evaluator: Evaluator, shape: ShapeValue) -> Moments:
@@ -117,7 +120,7 @@ def _moments(evaluator: Evaluator, shape: ShapeValue) -> Moments:
 
 
 def _shape_schema(kind: ShapeKind, more: dict[str, Any]) -> dict[str, Any]:
-    along = {"along": {"enum": list(AXES), "description": ALONG}} if kind.axis is not None else {}
+    along = {"along": {"enum": list(_DIRECTIONS), "description": ALONG}} if kind.axis is not None else {}
     lengths = {field.name: described(NumberField(), field) for field in kind.fields}
     required = [field.name for field in kind.fields if field.required]
     return typed_schema(kind.name, kind.doc, {**lengths, **along, **more}, required)
@@ -148,11 +151,14 @@ class PartsField(FieldKind):
 
     name = "parts"
     explained = "shape"
+    more: Mapped[str, str] = PART_FIELDS
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> tuple[PartValue, ...] | None:
         """Return the parts."""
         if not isinstance(node, Sequence) or not node.items:
-            reading.nodes.complain(node, path, "expected a list of shapes with masses")
+            reading.nodes.complain(
+                node, path, f"expected a list of shapes{' with masses' if 'mass' in self.more else ''}"
+            )
             return None
         parts = [self._part(reading, item, f"{path}[{i}]") for i, item in enumerate(node.items)]
         return tuple(part for part in parts if part is not None)
@@ -161,27 +167,48 @@ class PartsField(FieldKind):
         mapping = reading.nodes.mapping(node, path)
         if mapping is None:
             return None
-        shape = _read_shape(reading, mapping, path, PART_FIELDS)
-        mass_node = reading.nodes.required(mapping, "mass", path)
-        mass = reading.quantities.expression(mass_node, f"{path}.mass", "kg") if mass_node is not None else None
+        shape = _read_shape(reading, mapping, path, self.more)
+        mass = None
+        if "mass" in self.more:
+            mass_node = reading.nodes.required(mapping, "mass", path)
+            if mass_node is None:
+                return None
+            mass = reading.quantities.expression(mass_node, f"{path}.mass", "kg")
         at = mapping.entries.get("at", Scalar("0", mapping.location))
         place = reading.quantities.vector(at, f"{path}.at", "m")
-        return PartValue(mass, shape, place) if shape is not None and mass is not None else None
+        return PartValue(mass, shape, place) if shape is not None else None
 
     def numbers(self, owner: Owner, field: Field, value: tuple[PartValue, ...]) -> list[tuple[Number, Vector, Vector]]:
         """Return mass (kg), place (m) and principal moments (kg·m²) of each part."""
         evaluator, mass_field = owner.evaluator, replace(owner.entry.kind.field("mass"), sign="positive")
         found = []
         for part in value:
+            assert part.mass is not None
             mass = evaluator.number(part.mass, mass_field)
             found.append((mass, evaluator.vector(part.place, length=True), _moments(evaluator, part.shape)(mass)))
         return found
 
     def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a list of shapes with masses and places."""
-        more = object_schema(PART_FIELDS, mass=NUMBER, at=VECTOR)["properties"]
-        parts = {"anyOf": [_shape_schema(kind, more) for kind in SHAPES.values()], "required": ["mass"]}
-        return {"type": "array", "items": parts, "minItems": 1}
+        """Return the schema of a list of shapes with their places, and masses if they have them."""
+        more = object_schema(self.more, mass=NUMBER, at=VECTOR)["properties"]
+        parts = {"anyOf": [_shape_schema(kind, more) for kind in SHAPES.values()]}
+        mass = {"required": ["mass"]} if "mass" in self.more else {}
+        return {"type": "array", "items": {**parts, **mass}, "minItems": 1}
 
 
-KINDS = (TensorField(), ShapeField(), PartsField())
+class DrawingField(PartsField):
+    """Shapes without mass, for pictures: nothing that is computed depends on them."""
+
+    name = "drawing"
+    more: Mapped[str, str] = {"at": PART_FIELDS["at"]}
+
+    def numbers(self, owner: Owner, field: Field, value: tuple[PartValue, ...]) -> Any:
+        """Return the lengths (m) of each shape and its place (m); they do not count towards the size of the scene."""
+        number, vector = owner.evaluator.number, owner.evaluator.vector
+        return [
+            (tuple(number(x.shape.lengths[f.name], f, length=False) for f in x.shape.kind.fields), vector(x.place))
+            for x in value
+        ]
+
+
+KINDS = (TensorField(), ShapeField(), PartsField(), DrawingField())

@@ -12,12 +12,16 @@ import numpy as np
 from mbstab.compiler.system import Array
 from mbstab.mechanics.catalogue import Form
 from mbstab.records import dataclass
+from mbstab.report.animation.solids import hull
 
 WINDINGS = 6
 """Windings of a spring."""
 
 ROUND = 49
 """Points of a circle, the first and the last the same."""
+
+FINE = 145
+"""Points of a circle to which others are offset."""
 
 THIN, THICK, BLADE = 1.0, 2.6, 5.0
 """Width (points) of the edges of bodies, of rods and lines between joints, of knife edges."""
@@ -37,12 +41,18 @@ class Outline:
         For each stroke the outward normals of its faces: it is visible if one of them faces the viewer.
     width : float
         Width of the lines (points).
+    spine : ndarray, shape (k, 3)
+        The closed line in the middle of a ring, which is not convex; empty for others.
+    tube : float
+        Radius of the ring about its spine (m).
     """
 
     strokes: tuple[Array, ...]
     skin: Array = field(default_factory=lambda: np.zeros((0, 3)))
     normals: tuple[Array, ...] = ()
     width: float = THIN
+    spine: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    tube: float = 0.0
 
     def placed(self, axes: Array, center: Array) -> Outline:
         """Return the outline in another frame; the columns of `axes`, shape (3, 3), are its axes there."""
@@ -50,6 +60,7 @@ class Outline:
             self,
             strokes=tuple(x @ axes.T + center for x in self.strokes),
             skin=self.skin @ axes.T + center,
+            spine=self.spine @ axes.T + center,
             normals=tuple(x @ axes.T for x in self.normals),
         )
 
@@ -59,10 +70,41 @@ class Outline:
             return list(self.strokes)
         return [x for x, n in zip(self.strokes, self.normals, strict=True) if np.any(n @ towards > 0.0)]
 
+    def rims(self, across: Array) -> list[Array]:
+        """Return the closed lines around the interior as seen, shape (k, 2): of a ring the outer one and its hole's.
 
-def _circle(radius: float, height: float = 0.0) -> Array:
-    angle = np.linspace(0.0, 2.0 * math.pi, ROUND)
-    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(ROUND, height)])
+        Parameters
+        ----------
+        across : ndarray, shape (3, 3)
+            Directions to the right, upwards, and towards the viewer, as rows.
+        """
+        if len(self.skin):
+            return [hull(self.skin @ across[:2].T)]
+        return _ring_rims(self.spine @ across[:2].T, self.tube) if self.tube else []
+
+
+def _ring_rims(spine: Array, tube: float) -> list[Array]:
+    """Return what is seen of a tube about a closed line in the plane that is convex: its offsets on both sides."""
+    outer = hull((spine[:, None] + _circle(tube)[:, :2]).reshape(-1, 2))
+    along = np.roll(spine[:-1], -1, axis=0) - np.roll(spine[:-1], 1, axis=0)
+    across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
+    middle = spine[:-1].mean(axis=0)
+    across *= np.where(np.sum(across * (middle - spine[:-1]), axis=1) > 0.0, 1.0, -1.0)[:, None]
+    inner = spine[:-1] + tube * across
+    # Where the tube overlaps itself, offsets lie inside of it.
+    free = np.min(np.linalg.norm(inner[:, None] - spine[None], axis=2), axis=1) > 0.99 * tube
+    hole = inner[free]
+    if len(hole) < 3:
+        return [outer]
+    hole = np.vstack([hole, hole[:1]])
+    # It runs around the other way, so that it is not filled.
+    area = np.sum(hole[:-1, 0] * hole[1:, 1] - hole[1:, 0] * hole[:-1, 1])
+    return [outer, hole[::-1] if area > 0.0 else hole]
+
+
+def _circle(radius: float, height: float = 0.0, points: int = ROUND) -> Array:
+    angle = np.linspace(0.0, 2.0 * math.pi, points)
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(points, height)])
 
 
 def line(*points: Iterable[float]) -> Array:
@@ -81,6 +123,14 @@ def _cylinder(radius: float, length: float) -> Outline:
     # A radius shows rotation. A thin disk shows both faces at once.
     faces = [line((0.0, 0.0, -1.0)), line((0.0, 0.0, 1.0))] if length else [line((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))]
     return Outline((*ends, *marks), np.concatenate(ends), (*faces, *faces))
+
+
+def _cone(radius: float, length: float) -> Outline:
+    base, tip = _circle(radius, -0.25 * length), np.array([0.0, 0.0, 0.75 * length])
+    # A radius of the base and a line on the mantle show rotation.
+    down, out = line((0.0, 0.0, -1.0)), line((length, 0.0, radius))
+    strokes = (base, line((0.0, 0.0, -0.25 * length), base[0]), line(base[0], tip))
+    return Outline(strokes, np.vstack([base, tip]), (down, down, out))
 
 
 def _hoop(radius: float) -> Outline:
@@ -121,12 +171,14 @@ def _torus(radius: float, tube: float) -> Outline:
         normal = np.outer(np.cos(angle), out) + np.outer(np.sin(angle), (0.0, 0.0, 1.0))
         circles.append((radius * out + tube * normal, normal))
     arcs = [(x[k : k + 5], n[k + 2 : k + 3]) for x, n in circles for k in range(0, ROUND - 1, 4)]
-    return Outline(tuple(x for x, _ in arcs), normals=tuple(n for _, n in arcs))
+    spine = _circle(radius, points=FINE)
+    return Outline(tuple(x for x, _ in arcs), normals=tuple(n for _, n in arcs), spine=spine, tube=tube)
 
 
 _OUTLINES: dict[str, Callable[..., Outline]] = {
     "rod": _rod,
     "cylinder": _cylinder,
+    "cone": _cone,
     "hoop": _hoop,
     "box": _box,
     "ellipsoid": _ellipsoid,

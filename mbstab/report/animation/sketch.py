@@ -108,7 +108,8 @@ class Sketch:
         size = max(scene.lengths, default=0.0) or 1.0
         looks = [look for item in scene.items if item.kind.look is not None for look in item.kind.look(item)]
         for look in looks:
-            sketch._add(look, size)
+            if look.sign != "blade":
+                sketch._add(look, size)
         shaped = {look.points[0].body for look in looks if look.form is not None}
         held: dict[int, list[Array]] = {b: [] for b in range(len(scene.bodies))}
         for marker in (m for item in scene.items for m in item.points() if m.body != GROUND):
@@ -118,6 +119,9 @@ class Sketch:
                 sketch._add_body(system, b, entry, held[b], b in shaped, size)
             else:
                 sketch.masses.append(b)
+        for look in looks:
+            if look.sign == "blade":  # over the bodies, which would hide it in the plane
+                sketch._add(look, size)
         return sketch
 
     def _add(self, look: Look, size: float) -> None:
@@ -224,10 +228,12 @@ def _shapes(system: System, entry: Entry, center: Array) -> list[Outline]:
         if shape.kind.axis is not None:
             along = shape.kind.axis if shape.along is None else shape.along
             axes = np.roll(np.eye(3), along + 1, axis=0)  # its x, y, z are the following ones of the body, and `along`
+            axes = axes * (1.0, -1.0, -1.0) if shape.reversed else axes
         return outline_of(shape.kind.form(*(lengths[f.name] for f in shape.kind.fields))).placed(axes, at)
 
-    if "parts" in entry.values:
-        return [outline(p.shape, _spatial(_numbers(system, p.place))) for p in entry.values["parts"]]
+    for key in ("drawing", "parts"):
+        if key in entry.values:
+            return [outline(p.shape, _spatial(_numbers(system, p.place))) for p in entry.values[key]]
     return [outline(entry.values["shape"], center)] if "shape" in entry.values else []
 
 

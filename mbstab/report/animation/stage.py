@@ -23,7 +23,7 @@ from mbstab.report.animation.backdrop import draw_ground_axes, draw_scale_bar, g
 from mbstab.report.animation.frames import FINE, Frames
 from mbstab.report.animation.outlines import Outline, windings
 from mbstab.report.animation.sketch import Sketch
-from mbstab.report.animation.solids import Solid, hidden, hull, in_order
+from mbstab.report.animation.solids import Solid, hidden, in_order
 from mbstab.report.animation.view import View
 from mbstab.report.picture_sizes import FONT
 from mbstab.report.pictures.curves import INK
@@ -36,6 +36,9 @@ FILLS = ("0.93", "0.80", "0.67", "0.86", "0.73")
 
 WIDTH, TALLEST, FLATTEST = 7.2, 6.4, 2.2
 """Width of the picture, and limits of its height without margins (inches)."""
+
+WIDEST, SLENDER = 0.035, 0.3
+"""Limits of half the width of a spring: as a fraction of the width of the mechanism, and of its length."""
 
 FRAGMENTS = 40
 """Pieces into which a line as long as the mechanism is cut to find its hidden parts."""
@@ -177,7 +180,9 @@ class Stage:
         links: list[tuple[Array, float]] = []
         for spring, first, second in self.ends:
             ends = np.array([first[frame], second[frame]])
-            shape = windings(ends, 0.035 * view.width, view.across, view.sketch.dimension) if spring else ends
+            # A short one is narrow, one between points that coincide is not seen.
+            width = min(WIDEST * view.width, SLENDER * float(np.linalg.norm(ends[1] - ends[0])))
+            shape = windings(ends, width, view.across, view.sketch.dimension) if spring else ends
             links += [(x, 1.0 if spring else 2.2) for x in self._visible(shape, everything)]
         _set_lines(self.links, links)
         for (line, paths), empty in zip(self.marked, self.behind, strict=True):
@@ -197,10 +202,15 @@ class Stage:
         """Fill the bodies, in space from the farthest on; in the plane with their lines."""
         view = self.view
         fills: list[tuple[Array, str, str, float]] = []
-        for k in in_order(solids, view.across[2]) if solids else range(len(placed)):
-            if len(placed[k].skin):
+        rings = [k for k, outline in enumerate(placed) if outline.tube]
+        for k in [*in_order(solids, view.across[2]), *rings] if solids else range(len(placed)):
+            rims = placed[k].rims(view.across)
+            if rims:
                 fill = FILLS[view.sketch.pieces[k].body % len(FILLS)]
-                fills.append((hull(view.flat(placed[k].skin)), fill, "none" if solids else "k", 1.1))
+                # One line leads around, into the hole, and back.
+                fills.append((np.concatenate([*rims, rims[0][-1:]]), fill, "none", 0.0))
+            if rims and k not in solids:
+                fills += [(rim, "none", "k", 1.1) for rim in rims]
             if not solids:
                 fills += [(view.flat(x), "none", "k", placed[k].width) for x in placed[k].seen(view.across[2])]
         self.bodies.set_verts([shown[0] for shown in fills], closed=False)

@@ -17,7 +17,6 @@ from mbstab.errors import UsageError
 from mbstab.mechanics.catalogue import Marker
 from mbstab.report.animation.frames import still_frames
 from mbstab.report.animation.sketch import Sketch
-from mbstab.report.animation.solids import hull
 from mbstab.report.animation.view import View
 from mbstab.report.modes import motions_text, value_text
 from mbstab.report.picture_sizes import FONT, scaled
@@ -132,8 +131,7 @@ def _draw(axes: Axes, view: View, frames: Sequence[int]) -> None:
 
         for number in range(len(sketch.pieces)):
             outline = view.outline(number, frame)
-            if len(outline.skin):
-                corners = hull(view.flat(outline.skin))
+            for corners in outline.rims(view.across):
                 axes.add_patch(Polygon(corners, fill=False, edgecolor=ink, linewidth=width, zorder=layer))
             for stroke in outline.seen(view.across[2]):
                 draw(stroke, 0.7 * width * outline.width)

@@ -113,6 +113,17 @@ class View:
         center = self.frames.positions[frame, body] - self.shift[frame]
         return solid.placed(self.frames.rotations[frame, body], center, self.across)
 
+    def sunk(self) -> tuple[str, float]:
+        """Return the body that is deepest below a line or plane on which something rolls, and its depth (m)."""
+        found = [("", 0.0)]
+        for piece in self.sketch.pieces:
+            points = np.concatenate([*piece.outline.strokes, piece.outline.skin])
+            turned = np.einsum("nij,kj->nki", self.frames.rotations[:, piece.body], points)
+            places = self.frames.positions[:, piece.body][:, None] + turned
+            name = self.sketch.bodies[piece.body]
+            found += [(name, -float(np.min((places - p.origin) @ p.normal))) for p in self.sketch.planes]
+        return max(found, key=lambda item: item[1])
+
     def fit(self, wide: float, tall: float) -> None:
         """Widen the limits so that lengths are equal along both axes of a picture of that size."""
         scale = max((self.high - self.low)[0] / wide, (self.high - self.low)[1] / tall)
