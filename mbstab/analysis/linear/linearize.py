@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.deflation import in_frame
-from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.linear.massless import Massless, massless
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
@@ -116,6 +115,11 @@ class Linearization:
     def nu(self) -> Array:
         """Multipliers of all rows at the reference."""
         return self.motion.nu if self.massless is None else self.massless.padded(self.motion.nu)
+
+    def balancing(self, force: Any) -> Any:
+        """Return the minimum-norm multipliers of all rows, (…, n_c), that balance forces best, (…, n_q)."""
+        nu = self.motion.balancing(force)
+        return nu if self.massless is None else self.massless.padded(nu)
 
     def with_all_rows(self, matrices: Matrices, sizes: bool = False) -> Matrices:
         """Return matrices of the scene, or sizes of their entries, with the rows of directions without mass."""
@@ -249,11 +253,9 @@ def _entries(system: System, motion: Motion, generator: Generator | None, nu: Ar
 
 def _beside(system: System, motion: Motion, generator: Generator | None, change: Array) -> Matrices:
     """Return the coefficients near the motion, where other multipliers balance the forces."""
-    q, u, a, spaces = motion.q + change, motion.u, motion.a, motion.spaces
+    q, u, a = motion.q + change, motion.u, motion.a
     state = system.dynamics(q, u, motion.time)
-    force = state.F0 + state.M @ a + state.J.T @ motion.nu
-    inverse = spaces.inverse(scaled(motion.dynamics.J, spaces.scale, spaces.row_scale))
-    nu = motion.nu - (inverse.T @ (force * spaces.scale)) * spaces.row_scale
+    nu = motion.nu + motion.balancing(state.F0 + state.M @ a + state.J.T @ motion.nu)
     return matrices_in(system, replace(motion, q=q, nu=nu, dynamics=state), generator)
 
 

@@ -19,12 +19,12 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.rounded import UNIT, Rounded, rounded_arithmetic, value_and_error
 from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers, WithErrors
-from mbstab.analysis.algebra.sparse import dense, in_sparse, scaled, sizes_times
+from mbstab.analysis.algebra.sparse import dense, in_sparse
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.tolerances import TOLERANCES
-from mbstab.analysis.reference.coefficients import Matrices, mobility
+from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.steady import Generator, declared_family
 from mbstab.compiler.system import Array, System
@@ -367,10 +367,6 @@ class _Roundings:
 
     # --- accelerations and multipliers ------------------------------------------------------------------------------
 
-    def _inverse(self) -> Any:
-        spaces = self.motion.spaces
-        return spaces.inverse(scaled(self.motion.dynamics.J, spaces.scale, spaces.row_scale))
-
     def _force(self, state: Any, M: Array, J: Array, da: Array, nu: Array) -> tuple[Array, Array]:
         """Return the unbalanced forces and their error bounds."""
         motion, plain = self.motion, self.motion.dynamics
@@ -396,24 +392,21 @@ class _Roundings:
             return self._steady_accelerations(steady, dq, du)
         value, error = self._force(state, M, J, np.zeros_like(dq), motion.nu)
         bias = _misfits(state.B + motion.dynamics.J @ motion.a) + J @ np.abs(motion.a)
-        off = np.abs(self._inverse()) @ (bias * spaces.row_scale)
-        mass = motion.dynamics.M * spaces.scale * spaces.scale[:, None]
+        inverse, move = motion.augmented.inverse, motion.augmented.mobility
+        off = np.abs(inverse) @ (bias * spaces.row_scale)
         if spaces.Z.shape[1]:
-            move = mobility(motion, mass)
             off = off + np.abs(move @ (value * spaces.scale))
-            off = off + np.abs(move) @ (error * spaces.scale + np.abs(mass) @ off)
+            off = off + np.abs(move) @ (error * spaces.scale + np.abs(motion.augmented.M) @ off)
         result: Array = off * spaces.scale + UNIT * np.abs(motion.a)
         return result
 
     def _multipliers(self, state: Any, M: Array, J: Array, da: Array) -> Array:
         """Return the error bounds of the multipliers, from the rounding of all the forces that they balance."""
-        motion, spaces = self.motion, self.motion.spaces
+        motion = self.motion
         if not len(motion.nu):
             return np.zeros(0)
         value, error = self._force(state, M, J, da, motion.nu)
-        inverse = self._inverse().T
-        left = np.abs(inverse @ (value * spaces.scale)) + sizes_times(inverse, error * spaces.scale)
-        result: Array = left * spaces.row_scale + UNIT * np.abs(motion.nu)
+        result: Array = np.abs(motion.balancing(value)) + motion.balancing_sizes(error) + UNIT * np.abs(motion.nu)
         return result
 
 

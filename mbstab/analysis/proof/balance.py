@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices
+from mbstab.analysis.algebra.augmented import least_multipliers
 from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.proof.krawczyk import independent_rows
@@ -77,9 +78,8 @@ class Equations:
         if not self.known.left_out:
             result: Array = motion.nu[self.known.rows]
             return result
-        J = motion.dynamics.J[self.known.rows].T * motion.spaces.scale[:, None]
         force = (motion.dynamics.F0 + motion.dynamics.M @ motion.a) * motion.spaces.scale
-        return np.asarray(-np.linalg.lstsq(J, force, rcond=1e-12)[0], dtype=float)
+        return -least_multipliers(motion.dynamics.J[self.known.rows] * motion.spaces.scale, force)
 
     def start(self) -> list[Ball]:
         """Return the unknowns as found in double precision."""

@@ -47,25 +47,6 @@ def deflated(spaces: Subspaces, matrices: Matrices) -> tuple[Array, Array]:
     return deflated_matrix(M, R, K, spaces.N, spaces.Z, P)
 
 
-def mobility(motion: Motion, M: Array) -> Array:
-    """Return the matrix that gives the allowed accelerations from forces, in scaled coordinates.
-
-    What carries no mass is not accelerated: no force acts there, as has been checked.
-
-    Parameters
-    ----------
-    M : ndarray, shape (n_q, n_q)
-        The mass matrix in scaled coordinates.
-    """
-    allowed = motion.spaces.allowed
-    inertia = allowed.T @ M @ allowed
-    if motion.massless is None:
-        return np.asarray(allowed @ np.linalg.solve(inertia, allowed.T))
-    inner = allowed.T @ motion.massless
-    whole = allowed @ np.linalg.solve(inertia + inner @ inner.T, allowed.T)
-    return np.asarray(whole - motion.massless @ motion.massless.T)
-
-
 def _without_rows_on_speeds(spaces: Subspaces, matrices: Matrices) -> tuple[Array, Array]:
     """Return the same for sparse matrices without rows on speeds, so that Z = 1 and P = 0."""
     M, R, K = (congruent(scaled(x, spaces.scale, spaces.scale), spaces.N) for x in (matrices.M, matrices.R, matrices.K))

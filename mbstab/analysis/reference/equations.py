@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Index, norms, others
+from mbstab.analysis.algebra.augmented import least_multipliers
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.reference.steady import Family, Generator, declared_family
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -163,7 +164,7 @@ class Balance:
             # The given rates of drives are scaled by the ramp.
             V = V - (1.0 - self.ramp) * system.bodily.dynamics(q, 0.0 * u).V[..., self.rows]
         rows = self._pushing(J) * self.sizes / lengths[..., None]
-        nu = -multipliers(rows, force)
+        nu = -least_multipliers(rows, force)
         parts = [force + (np.swapaxes(rows, -1, -2) @ nu[..., None])[..., 0], E[..., :n_h] / lengths[..., :n_h]]
         if self.with_speeds:
             parts += [
@@ -248,25 +249,6 @@ class Balance:
         q[..., self.open] += step[..., : len(self.open)] * self.sizes[self.open]
         c[..., self.free] += step[..., len(self.open) : self.moving] * self.speed
         return q, c
-
-
-def multipliers(rows: Array, force: Array) -> Array:
-    """Return the least-squares solution x of rowsᵀ x = force, shapes (…, n_c, n_q) and (…, n_q).
-
-    Over the points of a sweep the normal equations are solved and corrected twice: independent rows of unit length
-    are well conditioned, and this is several times faster. Rows of zeros, which take no force, have none.
-    """
-    if not rows.shape[-2]:
-        return np.zeros((*force.shape[:-1], 0))
-    if rows.ndim == 2:
-        return np.asarray(np.linalg.lstsq(rows.T, force, rcond=1e-12)[0], dtype=np.float64)
-    idle = ~np.any(rows, axis=-1)
-    inverse = np.linalg.inv(rows @ np.swapaxes(rows, -1, -2) + idle[..., None] * np.eye(rows.shape[-2]))
-    x: Array = np.zeros((*np.broadcast_shapes(rows.shape[:-2], force.shape[:-1]), rows.shape[-2]))
-    for _ in range(3):
-        missing = force - (np.swapaxes(rows, -1, -2) @ x[..., None])[..., 0]
-        x = x + (inverse @ (rows @ missing[..., None]))[..., 0]
-    return x
 
 
 def joined(parts: list[Array], core: int, axis: int = -1) -> Array:

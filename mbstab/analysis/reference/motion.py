@@ -12,7 +12,6 @@ gives the accelerations and the multipliers. Which motion the file asks for is d
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NoReturn
 
@@ -20,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.augmented import Augmented, mobility, sparse_mobility
 from mbstab.analysis.algebra.rank import rank_of
-from mbstab.analysis.algebra.sparse import bordered, congruent, dense, difference, identity, largest, scaled
+from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, scaled, sizes_times
 from mbstab.analysis.algebra.sparse_rank import SparseRank, last_rows
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
@@ -34,9 +34,6 @@ from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, a
 from mbstab.model.schema import is_length, is_state
 from mbstab.model.units import parse_unit
 from mbstab.records import dataclass
-
-Accelerate = Callable[[Array, Array], Array]
-"""Returns a with M a + Jᵀ ν = force and J a = −gap of a force and a gap."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +52,8 @@ class Motion:
     dynamics : Dynamics
         Matrices at this state.
     spaces : Subspaces
+    augmented : Augmented
+        Of the matrices in scaled coordinates and rows.
     redundant : list of Redundancy
     solved : tuple of str
         Coordinates and rates that the file leaves to the program.
@@ -76,6 +75,7 @@ class Motion:
     sizes: Array
     dynamics: Dynamics
     spaces: Subspaces
+    augmented: Augmented
     redundant: list[Redundancy]
     solved: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -87,6 +87,14 @@ class Motion:
     def at_rest(self) -> bool:
         """Whether nothing moves at this instant."""
         return not np.any(self.u)
+
+    def balancing(self, force: Any) -> Any:
+        """Return the minimum-norm multipliers, shape (…, n_c), that balance forces best, shape (…, n_q)."""
+        return -(self.augmented.inverse.T @ (force * self.spaces.scale).T).T * self.spaces.row_scale
+
+    def balancing_sizes(self, forces: Array) -> Array:
+        """Return bounds of the multipliers that balance forces which are known by their sizes."""
+        return sizes_times(self.augmented.inverse.T, forces * self.spaces.scale) * self.spaces.row_scale
 
 
 def motion_at(system: System, q: Array, u: Array, time: float, massless: bool = False) -> Motion:
@@ -380,10 +388,11 @@ class Finder:
         scale, row_scale = spaces.scale, spaces.row_scale
         J, M = scaled(state.J, scale, row_scale), scaled(state.M, scale, scale)
         inverse = spaces.inverse(J)
-        accelerate, massless = self._accelerations(state.M, M, inverse, spaces)
+        moved, massless = self._mobility(state.M, M, spaces)
+        augmented = Augmented(M, J, inverse, moved)
         force, bias = -(state.F0 * scale), state.B * row_scale
         self._check_compatible(bias - J @ (inverse @ bias), bias)
-        a, nu = _balance(M, J, inverse, accelerate, force, bias)
+        a, nu = augmented.refined(force, bias, TOLERANCES.balance_refinements)
         if redundant:
             self._check_constant_rank(q, u, time, spaces, state.M)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
@@ -394,8 +403,8 @@ class Finder:
                     f"{ALGEBRA.singular_value_zero:g}, this is taken for rounding in the file, not for a constraint"
                 )
         motion = Motion(
-            q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, redundant, tuple(self.solved),
-            tuple(self.warnings), massless=massless,
+            q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, augmented, redundant,
+            tuple(self.solved), tuple(self.warnings), massless=massless,
         )  # fmt: skip
         if massless is not None:
             self._check_balanced(motion)
@@ -403,36 +412,24 @@ class Finder:
             expected = steady.acceleration(q)
             self._check_steady(motion, expected, steady)
             # The accelerations are known exactly; only the reactions are asked for.
-            a = expected / scale
-            _, nu = _balance(M, J, inverse, lambda missing, gap: 0.0 * missing, force - M @ a, 0.0 * bias)
+            nu = augmented.multipliers(force - M @ (expected / scale), TOLERANCES.balance_refinements)
             motion = replace(motion, a=expected, nu=nu * row_scale, generators=(steady,), declared=declared)
         return motion
 
-    def _accelerations(self, mass: Any, M: Any, inverse: Any, spaces: Subspaces) -> tuple[Accelerate, Array | None]:
-        """Return the solver of M a + Jᵀ ν = force, J a = −gap, in scaled coordinates, and motions without mass."""
+    def _mobility(self, mass: Any, M: Any, spaces: Subspaces) -> tuple[Any, Array | None]:
+        """Return what gives the allowed accelerations from forces, in scaled coordinates, and motions without mass."""
         C = spaces.C
         if isinstance(C, SparseRank) and not len(spaces.W.left_null):
             least = TOLERANCES.massless * largest(M)
-            from scipy.sparse.linalg import splu
-
-            n, rounding = M.shape[0], TOLERANCES.rest_rounding * float(abs(M).sum())
+            rounding = TOLERANCES.rest_rounding * float(abs(M).sum())
             # Most mass matrices are positive by themselves, whatever the rows allow.
             dominant = bool(np.all(2.0 * M.diagonal() - np.asarray(abs(M).sum(axis=1)).ravel() > least + rounding))
-            if dominant or C.forms.negatives(M - least * identity(n), rounding) == 0:
-                lu = splu(bordered(M, C.J[C.kept]))
-                return lambda force, gap: lu.solve(np.concatenate([force, -gap[C.kept]]))[:n], None
+            if dominant or C.forms.negatives(M - least * identity(M.shape[0]), rounding) == 0:
+                return sparse_mobility(M, C.J[C.kept]), None
         allowed = spaces.allowed
         M_z = allowed.T @ M @ allowed
         massless = self._without_mass(mass, M_z, allowed)
-        if massless is not None:
-            inner = allowed.T @ massless
-            M_z = M_z + inner @ inner.T  # no force acts along them, as is checked
-
-        def accelerate(force: Array, gap: Array) -> Array:
-            a: Array = -inverse @ gap
-            return a + allowed @ np.linalg.solve(M_z, allowed.T @ (force - M @ a)) if M_z.size else a
-
-        return accelerate, massless
+        return mobility(M_z, allowed, massless), massless
 
     def _without_mass(self, M: Any, M_z: Array, allowed: Array) -> Array | None:
         """Return the motions that the constraints allow and that carry no mass; refuse them if they are not allowed."""
@@ -580,14 +577,3 @@ def unbalance(system: System, motion: Motion) -> float:
     """Return the tolerance for scaled forces that should vanish; see `unbalance_at`."""
     at = motion.q, motion.u, motion.a, motion.nu
     return unbalance_at(system, at, motion.dynamics.F0, motion.sizes, motion.spaces.scale, motion.time)
-
-
-def _balance(M: Any, J: Any, inverse: Any, accelerate: Accelerate, force: Array, bias: Array) -> tuple[Array, Array]:
-    """Return a and ν with M a + Jᵀ ν = force and J a = −bias."""
-    a, nu = np.zeros(len(force)), np.zeros(len(bias))
-    for _ in range(TOLERANCES.balance_refinements):
-        missing = difference(force, (M, a), (J.T, nu))
-        step = accelerate(missing, bias + J @ a)
-        a += step
-        nu += inverse.T @ (missing - M @ step)
-    return a, nu

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbstab.analysis.algebra.sparse import scaled, sizes_times
 from mbstab.analysis.reference.motion import Motion
 from mbstab.compiler.system import Array, System
 
@@ -14,10 +13,7 @@ def multiplier_sizes(system: System, motion: Motion) -> Array:
 
     They contain the rounding of all the forces that they balance, and of the coordinates of these.
     """
-    spaces = motion.spaces
     loads = system.terms(motion.q, motion.u, motion.a, motion.nu, motion.time)
-    inverse = spaces.inverse(scaled(motion.dynamics.J, spaces.scale, spaces.row_scale))
     balanced = loads["F"] + loads["M"] @ np.abs(motion.a) + loads["J"].T @ np.abs(motion.nu)
     balanced = balanced + loads["K"] @ motion.sizes + loads["R"] @ np.abs(motion.u)
-    result: Array = np.abs(motion.nu) + sizes_times(inverse.T, balanced * spaces.scale) * spaces.row_scale
-    return result
+    return np.abs(motion.nu) + motion.balancing_sizes(balanced)

@@ -230,24 +230,15 @@ class _Ports:
     def _inverse(self, J: Array) -> Array:
         """Return a right inverse of the scaled rows, all together."""
         linear, spaces, own = self.linear, self.linear.spaces, self.motion.spaces
+        constraints = np.asarray(self.motion.augmented.inverse)
         if linear.massless is None:
-            return np.asarray(spaces.inverse(J))
+            return constraints
         assert self.motion.massless is not None
         light, units = linear.massless, (own.scale / spaces.scale)[:, None]
-        constraints = np.asarray(own.inverse(self._constraints * own.scale * own.row_scale[:, None]))
         n = light.n_h + len(light.algebraic)
         rows = np.concatenate([spaces.row_scale[: light.n_h], spaces.row_scale[n : n + light.n_n]])
         constraints = units * constraints * own.row_scale / rows
         return light.right_inverse(J, constraints, units * self.motion.massless)
-
-    @property
-    def _constraints(self) -> Array:
-        """J of the constraints alone."""
-        light, J = self.linear.massless, self.linear.J
-        if light is None:
-            return J
-        n = light.n_h + len(light.algebraic)
-        return np.concatenate([J[: light.n_h], J[n : n + light.n_n]])
 
     def _require_consistent(self, left: Array, rows: Array) -> None:
         """Refuse an input that moves a row against others that imply it."""

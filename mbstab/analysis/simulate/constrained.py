@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.augmented import augmented_matrix, least_multipliers
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
@@ -108,7 +109,6 @@ class Constrained:
         self._weights = self.scale * self.scale[:, None]
         self._rows = self.scale * self.row_scale[:, None]
         self._holonomic, self._all = np.eye(self.n_h), np.eye(self.n_c)
-        self._matrix = np.zeros((self.n + self.rank, self.n + self.rank))
         self._right = np.zeros(self.n + self.rank)
         self._least: float | None = None
         self._span = np.zeros((self.n_c, self.rank))
@@ -163,9 +163,8 @@ class Constrained:
         scene, n = self.system.scene, self.n
         try:
             state = self.system.in_arithmetic(replace(scene, arithmetic=array_arithmetic())).dynamics(q, u, times)
-            A, b = np.zeros((len(q), n + self.rank, n + self.rank)), np.empty((len(q), n + self.rank))
-            J = state.J * self._rows
-            A[:, :n, :n], A[:, n:, :n], A[:, :n, n:] = state.M * self._weights, J, np.swapaxes(J, -1, -2)
+            J = np.broadcast_to(state.J * self._rows, (len(q), self.n_c, n))
+            A, b = augmented_matrix(state.M * self._weights, J), np.empty((len(q), n + self.rank))
             b[:, :n], b[:, n:] = -state.F0 * self.scale, -state.B * self.row_scale
             found = np.linalg.solve(A, b[..., None])[..., 0]
             fast = np.max(np.abs(u / self.sizes), axis=-1, initial=0.0)[:, None]
@@ -200,15 +199,14 @@ class Constrained:
 
     def solve(self, state: Dynamics, force: Array, bias: Array) -> tuple[Array, Array]:
         """Return x (n_q,) and ν (n_c,) with M x + Jᵀ ν = force and J x = −bias."""
-        n, A, b = self.n, self._matrix, self._right
+        n, b = self.n, self._right
         J = state.J * self._rows
         bias = bias * self.row_scale
         if not self.full:
             J, bias = self._all.T @ J, self._all.T @ bias
-        A[:n, :n] = state.M * self._weights
-        A[:n, n:], A[n:, :n] = J.T, J
+        self._matrix = augmented_matrix(state.M * self._weights, J)
         b[:n], b[n:] = force * self.scale, -bias
-        found = self._solved(A, b)
+        found = self._solved(self._matrix, b)
         nu = found[n:] if self.full else self._all @ found[n:]
         return found[:n] * self.scale, nu * self.row_scale
 
@@ -338,7 +336,6 @@ class Constrained:
         P = self._holonomic if rows == self.n_h else self._all
         J = P.T @ (state.J[:rows] * self._rows[:rows])
         goal = -(P.T @ (residual * self.row_scale[:rows]))
-        M = state.M * self._weights
         if held is not None:
             free = np.flatnonzero(~held)
             # Rows may contain held coordinates only; then the least change of the others in the Euclidean metric.
@@ -346,14 +343,12 @@ class Constrained:
             if len(free):
                 moved[free] = np.linalg.lstsq(J[:, free], goal, rcond=1e-12)[0]
             return moved * self.scale
-        n, r = self.n, len(J)
-        A, b = np.zeros((n + r, n + r)), np.zeros(n + r)
-        A[:n, :n], A[:n, n:], A[n:, :n] = M, J.T, J
+        A, b = augmented_matrix(state.M * self._weights, J), np.zeros(self.n + len(J))
         if rows == self.n_h:
             # First-order states and balances have no mass; only their rates follow the others.
             A[self._massless, self._massless] = 1.0
-        b[n:] = goal
-        change = self._solved(A, b)[:n]
+        b[self.n :] = goal
+        change = self._solved(A, b)[: self.n]
         return np.asarray(change * self.scale)
 
     # --- rank -------------------------------------------------------------------------------------------------------
@@ -395,9 +390,8 @@ class Constrained:
 
     def multipliers(self, state: Dynamics, a: Array) -> Array:
         """Return the minimum-norm multipliers (n_c,) that balance given accelerations, also where rank is lost."""
-        J = (state.J * self._rows).T
         force = -(state.F0 + state.M @ a) * self.scale
-        return np.asarray(np.linalg.lstsq(J, force, rcond=TOLERANCES.multiplier_singular_value)[0] * self.row_scale)
+        return least_multipliers(state.J * self._rows, force, TOLERANCES.multiplier_singular_value) * self.row_scale
 
     def flipped(self, before: Watch, state: Dynamics, after: Watch) -> bool:
         """Return whether the smallest singular value changed its sign, along its own vectors, or is nearly zero."""

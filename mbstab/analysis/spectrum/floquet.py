@@ -32,6 +32,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
@@ -194,7 +195,7 @@ class _Flow:
         slope = np.empty_like(x)
         slope[0] = x[1]
         slope[1, :, 0] = now.a * self.period**2 / self.sizes
-        slope[1, :, 1:] = now.balance(-(now.R @ du + now.K @ dq), now.A_u @ du + now.A_q @ dq)[0]
+        slope[1, :, 1:] = now.augmented.solve(-(now.R @ du + now.K @ dq), now.A_u @ du + now.A_q @ dq)[0]
         return slope
 
     def components(self, x: Array) -> tuple[Array, float]:
@@ -213,6 +214,8 @@ class _Instant:
     a : ndarray, shape (n_q,)
         Accelerations (m/s², rad/s²).
     J, M, R, K, A_q, A_u : ndarray
+    augmented : Augmented
+        Of M and J.
     follow : ndarray, shape (n_q, n_q)
         −J⁺ V_q: the speeds that follow from the positions where rows move.
     singular : float
@@ -225,38 +228,22 @@ class _Instant:
         weights, rows = scale * scale[:, None], scale * flow.row_scale[:, None]
         self.state = form.dynamics(q, u, time)
         self.J, self.M = self.state.J * rows, self.state.M * weights
-        self._split(flow.rank, flow.least)
-        a, nu = self.balance(-self.state.F0 * scale, self.state.B * flow.row_scale)
+        # The rank is that at the start: off the constraints, where an integrator evaluates too, redundant rows are
+        # slightly independent.
+        self.augmented, self.singular = of_rank(self.M, self.J, flow.rank)
+        if self.singular < flow.least:
+            raise ConstraintError(
+                f"the constraints lose rank: a singular value falls to {amount(self.singular)}\n"
+                "hint: the motion passes a singular configuration of the mechanism, from which it may go on in "
+                "different ways"
+            )
+        a, nu = self.augmented.solve(-self.state.F0 * scale, self.state.B * flow.row_scale)
         self.a = a * scale
         K, R, _ = form.linearize(q, u, self.a, nu * flow.row_scale, time)
         V_q, A_q, A_u = form.linearize_rows(q, u, self.a, time)
         self.R, self.K = R * weights * period, K * weights * period**2
         self.A_u, self.A_q = A_u * rows * period, A_q * rows * period**2
-        self.follow = -self._inverse @ (V_q * rows * period)
-
-    def _split(self, rank: int, least: float) -> None:
-        # The rank is that at the start: off the constraints, where an integrator evaluates too, redundant rows are
-        # slightly independent.
-        self._inverse, self._allowed = np.zeros(self.J.T.shape), np.eye(len(self.M))
-        self.singular = np.inf
-        if rank:
-            left, s, right = np.linalg.svd(self.J)
-            self.singular = float(s[rank - 1])
-            if self.singular < least:
-                raise ConstraintError(
-                    f"the constraints lose rank: a singular value falls to {amount(self.singular)}\n"
-                    "hint: the motion passes a singular configuration of the mechanism, from which it may go on in "
-                    "different ways"
-                )
-            self._inverse, self._allowed = (right[:rank].T / s[:rank]) @ left[:, :rank].T, right[rank:].T
-        self._mass = self._allowed.T @ self.M @ self._allowed
-
-    def balance(self, force: Array, bias: Array) -> tuple[Array, Array]:
-        """Return x and the minimum-norm ν with M x + Jᵀ ν = force and J x = −bias; arguments may have columns."""
-        x: Array = -self._inverse @ bias
-        if self._mass.size:
-            x = x + self._allowed @ np.linalg.solve(self._mass, self._allowed.T @ (force - self.M @ x))
-        return x, self._inverse.T @ (force - self.M @ x)
+        self.follow = -self.augmented.inverse @ (V_q * rows * period)
 
 
 def _integrate(

@@ -25,7 +25,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.algebra.sparse import in_sparse, large, scaled
+from mbstab.analysis.algebra.sparse import in_sparse, large
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.attitude import Attitudes
@@ -194,10 +194,8 @@ class _Energies:
         linear = self.linear
         if not linear.D_q.shape[0]:
             return {}
-        spaces = linear.spaces
         force = (linear.M @ X) * values**2 + (linear.R @ X) * values + linear.K @ X
-        inverse = spaces.inverse(scaled(linear.J, spaces.scale, spaces.row_scale))
-        nu = -(inverse.T @ (force * spaces.scale[:, None])) * spaces.row_scale[:, None]
+        nu = linear.balancing(force.T).T
         power = -np.real(np.conj(values * (linear.J @ X)) * nu)
         found: dict[str, Array] = {}
         for row, one in zip(linear.rows[linear.n_h :], power[linear.n_h :], strict=True):

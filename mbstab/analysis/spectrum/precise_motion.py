@@ -20,7 +20,6 @@ from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.refining import Matrix, Refining, Stalled
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization, linearize
-from mbstab.analysis.reference.coefficients import mobility
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import Motion
@@ -377,14 +376,10 @@ def _axis(f: Refining, start: Start, system: System, q: Matrix, u: Matrix) -> Ma
 def _accelerations(f: Refining, start: Start, state: Dynamics, known: Matrix | None) -> tuple[Matrix, Matrix, Matrix]:
     """Return a and ν with M a + Jᵀ ν = −F0 and J a = −B, or the known a, and the relative imbalance of the forces."""
     motion, linear = start.motion, start.linear
-    spaces = motion.spaces
-    scale, row_scale = spaces.scale, spaces.row_scale
+    scale, row_scale, plain = motion.spaces.scale, motion.spaces.row_scale, motion.augmented
     M = f.exact(state.M) * scale * scale[:, None]
     J = f.exact(state.J) * scale * row_scale[:, None]
     force, bias = -(f.exact(state.F0) * scale), f.exact(state.B) * row_scale
-    plain_M = motion.dynamics.M * scale * scale[:, None]
-    plain_J = motion.dynamics.J * scale * row_scale[:, None]
-    inverse = np.linalg.pinv(plain_J, rcond=ALGEBRA.singular_value_zero) if len(plain_J) else plain_J.T
     n = len(M)
     # Without loads, forces are measured by those that small motions of the size of the scene would cause.
     size = (np.abs(linear.K) @ motion.sizes + np.abs(linear.R) @ np.abs(motion.u) + np.abs(motion.dynamics.F0)) * scale
@@ -393,20 +388,17 @@ def _accelerations(f: Refining, start: Start, state: Dynamics, known: Matrix | N
         a = known / scale
         loads = force - f.times(M, a)
         # The imbalance is kept: its rounding in double precision would exceed the digits.
-        to_nu = f.exact(inverse.T)
+        to_nu = f.exact(plain.inverse.T)
         try:
             nu = f.polished(f.zeros(len(J)), lambda nu: f.times(to_nu, loads - f.times(J.T, nu)), floor)
         except Stalled as stalled:
             raise _undetermined(start, f.values(J), stalled) from None
         return known, nu * row_scale, (loads - f.times(J.T, nu)) / (floor or 1.0)
-    move = mobility(motion, plain_M) if spaces.Z.shape[1] else np.zeros((n, n))
 
     def correction(x: Matrix) -> Matrix:
         a, nu = x[:n], x[n:]
         missing = force - f.times(M, a) - f.times(J.T, nu)
-        step = -f.applied(inverse, bias + f.times(J, a))
-        step = step + f.applied(move, missing - f.applied(plain_M, step))
-        return f.exact(np.concatenate([step, f.applied(inverse.T, missing - f.applied(plain_M, step))]))
+        return f.exact(np.concatenate(plain.solve(missing, bias + f.times(J, a), f.applied)))
 
     try:
         x = f.polished(f.zeros(n + len(J)), correction, floor)

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
+from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal
@@ -177,11 +178,8 @@ class _Search:
     def _balanced(self, q: Array, u: Array) -> tuple[Array, Array]:
         """Return the accelerations and the multipliers."""
         state, spaces = self.system.dynamics(q, u, self.motion.time), self.linear.spaces
-        n, c = len(q), self.system.n_c
         M = state.M * spaces.scale * spaces.scale[:, None]
         J = state.J * spaces.scale * spaces.row_scale[:, None]
-        matrix = np.zeros((n + c, n + c))
-        matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = M, J.T, J
-        right = np.concatenate([-state.F0 * spaces.scale, -state.B * spaces.row_scale])
-        found = np.linalg.lstsq(matrix, right, rcond=1e-11)[0]
-        return spaces.scale * found[:n], spaces.row_scale * found[n:]
+        augmented, _ = of_rank(M, J, spaces.C.rank + spaces.W.rank)
+        a, nu = augmented.solve(-state.F0 * spaces.scale, state.B * spaces.row_scale)
+        return spaces.scale * a, spaces.row_scale * nu

@@ -29,6 +29,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.augmented import augmented_matrix
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.steppers.interface import HINT, Options
 from mbstab.analysis.simulate.tolerances import TOLERANCES
@@ -200,9 +201,7 @@ class GeneralizedAlpha(_Implicit):
             if lines is None:
                 K, R, V_q = equations.derivatives(t, q, u, a, nu)
                 J = P.T @ (state.J * scale * rows[:, None])
-                A = np.zeros((n + len(J), n + len(J)))
-                A[:n, :n] = (state.M + to_u * R + to_q * K) * scale * scale[:, None]
-                A[:n, n:], A[n:, :n] = J.T, J
+                A = augmented_matrix((state.M + to_u * R + to_q * K) * scale * scale[:, None], J)
                 A[n + r_h :, :n] += (to_q / to_u) * (P.T @ (V_q * scale * rows[:, None]))[r_h:]
                 lines = _factored(A)
             balance = (state.M @ a + state.F0 + state.J.T @ nu) * scale
@@ -341,9 +340,7 @@ class RadauIIA(_Implicit):
         in_q = (g * self.u + RADAU_GAMMA * RADAU_E @ (positions - self.q)) / scale
         in_u = (g * self.a + RADAU_GAMMA * RADAU_E @ (speeds - self.u)) / scale
         J = self._J
-        A = np.zeros((n + len(J), n + len(J)))
-        A[:n, :n] = self._M + g * self._R + g * g * self._K
-        A[:n, n:], A[n:, :n] = J.T, J
+        A = augmented_matrix(self._M + g * self._R + g * g * self._K, J)
         du = np.linalg.solve(A, np.concatenate([self._M @ in_u - g * self._K @ in_q, np.zeros(len(J))]))[:n]
         return self._size((in_q + g * du) * scale, du * scale) / self.options.tol
 
