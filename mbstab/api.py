@@ -20,17 +20,14 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.algebra.budget import Cost, Task
 from mbstab.analysis.algebra.failures import guarded
-from mbstab.analysis.compare.check import CheckReport, check_scene
-from mbstab.analysis.compare.expectations import Outcome, check_expectations
 from mbstab.analysis.linear.linearize import Linearization, linearize
-from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track, symbolic_blocks
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.analysis.spectrum.eigenvalues import answer, with_energies
 from mbstab.analysis.spectrum.results import EigenResult
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
-from mbstab.model.arguments import parted, series, whole
+from mbstab.model.arguments import Progress, parted, series, untold, whole
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
 from mbstab.model.parameters import Latest, bound, evaluate_parameters
@@ -40,10 +37,13 @@ from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
+    from mbstab.analysis.compare.check import CheckReport
+    from mbstab.analysis.compare.expectations import Outcome
     from mbstab.analysis.compare.integrators import Integrations
     from mbstab.analysis.compare.methods import Comparison
     from mbstab.analysis.compare.verify import Verification
     from mbstab.analysis.design.design import Design
+    from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track
     from mbstab.analysis.proof.certify import Certificate
     from mbstab.analysis.reference.equilibrium import Equilibrium
     from mbstab.analysis.response.state_space import ControlModel
@@ -56,12 +56,6 @@ if TYPE_CHECKING:
     from mbstab.analysis.sweep.sweep import Sweep
 
 Setting = float | str | Fraction | Decimal
-Starts = Callable[[list[int]], Iterator[int]]
-Progress = Callable[[float], object]
-
-
-def _untold(done: float) -> None:
-    """Tell nobody how much is done."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +142,7 @@ class Mechanism:
 
     @guarded
     def equilibria(
-        self, starts: int = 1, seed: int = 1, track: Starts = iter, **parameters: Setting
+        self, starts: int = 1, seed: int = 1, track: Callable[[list[int]], Iterator[int]] = iter, **parameters: Setting
     ) -> list[Equilibrium]:
         """Return the distinct equilibria or steady motions found from the reference and from random starts.
 
@@ -282,7 +276,7 @@ class Mechanism:
 
     @guarded
     def eig_precise(
-        self, digits: int = 50, frozen: bool = False, progress: Progress = _untold, **parameters: Setting
+        self, digits: int = 50, frozen: bool = False, progress: Progress = untold, **parameters: Setting
     ) -> PreciseResult:
         """Return eigenvalues (1/s) of which so many decimal digits are right, and the verdict.
 
@@ -327,7 +321,7 @@ class Mechanism:
         return replace(found, result=self._described(found.result, frozen, False, parameters))
 
     @guarded
-    def certify(self, digits: int = 50, progress: Progress = _untold, **parameters: Setting) -> Certificate:
+    def certify(self, digits: int = 50, progress: Progress = untold, **parameters: Setting) -> Certificate:
         """Return enclosures of all eigenvalues with proven radii, and a proven verdict or why there is none.
 
         Parameters
@@ -351,7 +345,7 @@ class Mechanism:
         return certify(model, digits, progress)
 
     @guarded
-    def verify(self, frozen: bool = False, progress: Progress = _untold, **parameters: Setting) -> Verification:
+    def verify(self, frozen: bool = False, progress: Progress = untold, **parameters: Setting) -> Verification:
         """Return what the nonlinear motion says about the eigenvalues: each mode, each neutral direction excited.
 
         Parameters
@@ -373,7 +367,7 @@ class Mechanism:
         self,
         parameter: str,
         values: Array,
-        progress: Progress = _untold,
+        progress: Progress = untold,
         certify: bool = False,
         sensitivity: bool = False,
         orders: Sequence[float] = (),
@@ -410,7 +404,7 @@ class Mechanism:
 
     @guarded
     def design(
-        self, vary: Mapping[str, str | Sequence[float]], goal: str, progress: Progress = _untold, **keywords: Any
+        self, vary: Mapping[str, str | Sequence[float]], goal: str, progress: Progress = untold, **keywords: Any
     ) -> Design:
         """Return the best values of parameters that are found: ``model.design({"k": (1, 9)}, "decay", least=0.5)``.
 
@@ -436,7 +430,7 @@ class Mechanism:
         self,
         to: float | None = None,
         *,
-        progress: Progress = _untold,
+        progress: Progress = untold,
         tell: Callable[[str], object] = lambda text: None,
         **keywords: Any,
     ) -> Simulation:
@@ -480,7 +474,7 @@ class Mechanism:
         return swing(self._affordable("modes", parameters), number, points)
 
     @guarded
-    def chart(self, values: Mapping[str, Array], progress: Progress = _untold, **keywords: Any) -> Chart:
+    def chart(self, values: Mapping[str, Array], progress: Progress = untold, **keywords: Any) -> Chart:
         """Return the number of unstable eigenvalues over two parameters, and the curves where it changes.
 
         Parameters
@@ -499,7 +493,7 @@ class Mechanism:
 
     @guarded
     def compare(
-        self, digits: int = 50, tolerance: float | None = None, progress: Progress = _untold, **parameters: Setting
+        self, digits: int = 50, tolerance: float | None = None, progress: Progress = untold, **parameters: Setting
     ) -> Comparison:
         """Return what each method keeps of the eigenvalues to many digits, and what it costs.
 
@@ -527,7 +521,7 @@ class Mechanism:
         to: float | None = None,
         perturb: Mapping[str, float | str] | None = None,
         tolerance: float | None = None,
-        progress: Progress = _untold,
+        progress: Progress = untold,
         **parameters: Setting,
     ) -> Integrations:
         """Return error, cost and drift of every integrator on the nonlinear motion, with several tolerances.
@@ -558,6 +552,8 @@ class Mechanism:
     @guarded
     def check(self, **parameters: Setting) -> CheckReport:
         """Return what the scene consists of, what it does not need, and how well the reference fits."""
+        from mbstab.analysis.compare.check import check_scene
+
         return check_scene(self._affordable("motion", parameters))
 
     def symbolic(self, track: Track = list) -> SymbolicBlocks:
@@ -565,6 +561,8 @@ class Mechanism:
 
         `track` takes the list of entries to be simplified and returns them one by one, for a progress bar.
         """
+        from mbstab.analysis.linear.symbolic import symbolic_blocks
+
         return symbolic_blocks(self.model, track, self.force)
 
     def parameters(self, **parameters: Setting) -> dict[str, float]:
@@ -573,6 +571,8 @@ class Mechanism:
 
     def test(self) -> list[Outcome]:
         """Return for each entry of ``expect:`` whether it holds."""
+        from mbstab.analysis.compare.expectations import check_expectations
+
         return check_expectations(self.model)
 
 

@@ -134,7 +134,10 @@ def test_a_library_is_imported_in_its_place_only(library):
     assert outside == set()
 
 
-LIBRARIES = "numpy numpy.ma numpy.random logging rich sympy scipy mpmath matplotlib yaml"
+LIBRARIES = (
+    "numpy numpy.ma numpy.random numpy.typing multiprocessing concurrent.futures logging rich sympy scipy mpmath "
+    "matplotlib yaml"
+)
 """What takes noticeably long to import."""
 
 
@@ -162,7 +165,9 @@ def test_help_imports_no_numerics():
 
 
 # But where equal eigenvalues are defective: their subspaces come from a Schur form.
-@pytest.mark.parametrize("model", ["pendulum.yaml", "top.yaml", "rolling_torus.yaml", "trailer.yaml"])
+@pytest.mark.parametrize(
+    "model", ["pendulum.yaml", "top.yaml", "rolling_torus.yaml", "trailer.yaml", "whipple_bicycle.yaml"]
+)
 def test_eig_imports_neither_sympy_nor_scipy_nor_matplotlib(model):
     assert loaded_by(["eig", model]) == {"numpy", "yaml"}
 

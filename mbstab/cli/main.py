@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import errno
+import gc
 import io
 import os
 import signal
@@ -65,7 +67,7 @@ class _Group(click.Group):
     def main(self, *arguments: Any, **options: Any) -> Any:
         """Run the command and end the process with its exit code."""
         options["standalone_mode"] = False
-        with _terminable():
+        with _terminable(), _rarely_collected():
             code = _exit_code(lambda: super(_Group, self).main(*arguments, **options))
         sys.exit(code)
 
@@ -104,6 +106,22 @@ def _exit_code(run: Callable[[], Any]) -> int:
     except MemoryError as error:
         say(f"there is not enough memory{f': {error}' if str(error) else ''}\nhint: a smaller model, or fewer points")
     return 1
+
+
+atexit.register(gc.freeze)  # what goes away with the process is not searched for cycles before
+
+YOUNG = 20_000
+"""Objects after which cycles are looked for: a short command makes few others than its code."""
+
+
+@contextlib.contextmanager
+def _rarely_collected() -> Iterator[None]:
+    before = gc.get_threshold()
+    gc.set_threshold(YOUNG, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 @contextlib.contextmanager

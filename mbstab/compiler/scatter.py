@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from itertools import accumulate
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
-from mbstab.model.jets import Jet
 
-Index = npt.NDArray[np.intp]
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from mbstab.model.jets import Jet
+
+Index = np.ndarray[tuple[Any, ...], np.dtype[np.intp]]
 
 OF_ROWS = ("E", "V", "B", "J", "D", "V_q", "A_q", "A_u")
 """Outputs of kernels whose first index is a row, not a coordinate."""
@@ -125,6 +128,8 @@ class Time:
     @staticmethod
     def at(time: Any) -> Jet:
         """Return the time with its derivatives."""
+        from mbstab.model.jets import Jet
+
         return Jet(time, 1, 0)
 
 

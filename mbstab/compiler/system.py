@@ -36,11 +36,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from mbstab.compiler.at_points import results_at_points
-from mbstab.compiler.balances import balance_of
-from mbstab.compiler.grouped import FLOATS, Assembly, Form, Numbers, What
 from mbstab.compiler.placed import Acting, Placed
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of
 from mbstab.errors import Location, NumericalError
@@ -55,9 +51,12 @@ from mbstab.model.schema import Entry, is_length, is_state, unit_of
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from mbstab.compiler.grouped import Assembly, Form, Numbers, What
     from mbstab.compiler.measured import Measured
 
-Array = npt.NDArray[np.float64]
+Array = np.ndarray[tuple[Any, ...], np.dtype[np.float64]]
 T = TypeVar("T")
 
 
@@ -214,10 +213,12 @@ class System:
         """Whether matrices are sparse."""
         return self._assembly is not None
 
-    def in_matrices(self, form: Form, numbers: Numbers = FLOATS) -> System:
+    def in_matrices(self, form: Form, numbers: Numbers | None = None) -> System:
         """Return the same equations with sparse matrices made by a function; see `Form`."""
+        from mbstab.compiler.grouped import FLOATS, Assembly
+
         other = self._with(self._elements)
-        other._assembly = Assembly(self._elements, self.n_q, form, numbers)
+        other._assembly = Assembly(self._elements, self.n_q, form, numbers or FLOATS)
         return other
 
     def given_functions(self) -> Iterator[tuple[str, Any]]:
@@ -340,6 +341,8 @@ class System:
                 rows = tuple(range(next_row[role], next_row[role] + count))
                 next_row[role] += count
             if isinstance(use, BalanceValues):
+                from mbstab.compiler.balances import balance_of
+
                 direction = {self.names.index(name): x for name, x in use.direction.items()}
                 placed.append(balance_of(direction, role, placed, f"balances.{_name_of(use)}", rows[0]))
                 continue
@@ -523,6 +526,8 @@ class System:
         nu = listed(nu) if nu is not None else None
         running = self._running(function)
         if points is not None and not report:
+            from mbstab.compiler.at_points import results_at_points
+
             all_arguments = [element.arguments(function, q, u, a, nu, time) for element in running]
             with suppress(ArithmeticError, ValueError):
                 return list(chain.from_iterable(results_at_points(function, running, all_arguments, points)))

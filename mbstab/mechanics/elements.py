@@ -1,47 +1,53 @@
-"""All elements, and all kinds of entries, in one place."""
+"""All elements, and all kinds of entries, in one place; each module is imported when something of it is asked for."""
 
 from __future__ import annotations
 
-from mbstab.mechanics import (
-    bearings,
-    bodies,
-    contacts,
-    controllers,
-    creep,
-    drives,
-    forces,
-    gears,
-    inputs,
-    joints,
-    tyres,
-)
-from mbstab.mechanics.catalogue import Element, Kind
+from types import ModuleType
 
-ELEMENTS: dict[str, Element] = {
-    f"{frame}_{element.name}": element
-    for module in (bodies, joints, contacts, drives, forces, bearings, tyres, creep, gears)
-    for element in module.ELEMENTS
-    for frame in element.frames
-}
+from mbstab.mechanics.catalogue import Element, Kind
+from mbstab.mechanics.gathered import Gathered
+
+_MODULES = "bodies joints contacts drives forces bearings tyres creep gears"
+_FRAMES: Gathered[str, list[str]] = Gathered(__package__, _MODULES, lambda module: _frames(module.ELEMENTS))
+"""The frames of each element, by its name without them; one module has all of them."""
+
+
+def _frames(elements: tuple[Element, ...]) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for element in elements:
+        found.setdefault(element.name, []).extend(element.frames)
+    return found
+
+
+def _by_kernel(module: ModuleType) -> dict[str, Element]:
+    return {f"{frame}_{element.name}": element for element in module.ELEMENTS for frame in element.frames}
+
+
+ELEMENTS: Gathered[str, Element] = Gathered(__package__, _MODULES, _by_kernel)
 """Every built-in element under the name of its kernel, such as ``planar_coincident``."""
 
 
 def kernel_name(element: str, dimension: int) -> str:
     """Return the key of an element in scenes of a dimension, by its name without the frame."""
-    frames = ("coordinate", "planar" if dimension == 2 else "spatial")
-    return next(name for frame in frames if (name := f"{frame}_{element}") in ELEMENTS)
+    frames = _FRAMES[element]
+    return f"{'coordinate' if 'coordinate' in frames else 'planar' if dimension == 2 else 'spatial'}_{element}"
 
 
-def _by_dimension(kinds: dict[str, Kind]) -> dict[tuple[str, int], Kind]:
-    return {(kind.name, dimension): kind for kind in kinds.values() for dimension in kind.dimensions}
+def _by_type(module: ModuleType) -> dict[tuple[str, int], Kind]:
+    kinds: dict[tuple[str, int], Kind] = module.KINDS
+    return kinds
 
 
-KINDS: dict[str, dict[tuple[str, int], Kind]] = {
-    "bodies": _by_dimension(bodies.KINDS),
-    "joints": joints.KINDS | gears.KINDS,
-    "contacts": contacts.KINDS,
-    "drives": _by_dimension(drives.KINDS),
-    "forces": forces.KINDS | bearings.KINDS | tyres.KINDS | creep.KINDS | controllers.KINDS,
-    "inputs": inputs.KINDS,
+def _by_dimension(module: ModuleType) -> dict[tuple[str, int], Kind]:
+    return {(kind.name, dimension): kind for kind in module.KINDS.values() for dimension in kind.dimensions}
+
+
+KINDS: dict[str, Gathered[tuple[str, int], Kind]] = {
+    "bodies": Gathered(__package__, "bodies", _by_dimension),
+    "joints": Gathered(__package__, "joints gears", _by_type),
+    "contacts": Gathered(__package__, "contacts", _by_type),
+    "drives": Gathered(__package__, "drives", _by_dimension),
+    "forces": Gathered(__package__, "forces bearings tyres creep controllers", _by_type),
+    "inputs": Gathered(__package__, "inputs", _by_type),
 }
 """Types by section of a model file, under (name, dimension of the scene)."""

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import numbers
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from mbstab.errors import UsageError, nearest
 
 if TYPE_CHECKING:
+    import numpy.typing as npt
     from _typeshed import DataclassInstance
 
 S = TypeVar("S", bound="DataclassInstance")
+Progress = Callable[[float], object]
+
+
+def untold(done: float) -> None:
+    """Tell nobody how much is done."""
 
 
 def whole(name: str, value: object, least: int = 0) -> int:

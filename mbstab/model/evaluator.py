@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.mechanics.measures import Pose
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.expressions import Expression, ExpressionError
-from mbstab.model.jets import Jet, jet_arithmetic
 from mbstab.model.numbers import all_of, broken_sign, is_finite, nominal, require_finite
 from mbstab.model.schema import (
     Components,
@@ -20,6 +20,9 @@ from mbstab.model.schema import (
     after_number,
 )
 from mbstab.records import dataclass
+
+if TYPE_CHECKING:
+    from mbstab.model.jets import Jet
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,8 @@ class Law:
 
     def at(self, time: Number) -> Jet:
         """Return value, first and second derivative at a time (s)."""
+        from mbstab.model.jets import Jet, jet_arithmetic
+
         names = {**self.names, "t": Jet(time, 1, 0)}
         return Jet.of(self.expression.evaluate(names, jet_arithmetic(self.arithmetic)))
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -284,7 +285,7 @@ class _Expansion:
         for section in NAMED:
             node = part.entries.get(section)
             for key in node.keys.values() if isinstance(node, Mapping) else ():
-                if key.text in RESERVED:
+                if key.text in _reserved():
                     message = f"{key.text!r} is a word of the file format: a part cannot use it as a name"
                     self.nodes.complain(key, section, message, "choose another name")
                 else:
@@ -360,11 +361,9 @@ def _as_mapping(node: YamlNode) -> Mapping:
     return node
 
 
+@cache
 def _reserved() -> frozenset[str]:
     """Return the words that stand for something else in values: types, choices, functions, constants, axes."""
     kinds: set[Any] = {kind for section in KINDS.values() for kind in section.values()}
     choices = {word for kind in kinds for field in kind.fields for word in field.choices}
     return frozenset({*choices, *CALLED, *CONSTANTS, *SECTIONS, "rate", "acceleration", "t", "x", "y", "z"})
-
-
-RESERVED = _reserved()

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import random
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-Complex = npt.NDArray[np.complex128]
-Index = npt.NDArray[np.intp]
-Flags = npt.NDArray[np.bool_]
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+Complex = np.ndarray[tuple[Any, ...], np.dtype[np.complex128]]
+Index = np.ndarray[tuple[Any, ...], np.dtype[np.intp]]
+Flags = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
 
 
 def norms(vectors: npt.NDArray[np.float64], axis: int = -1, keepdims: bool = False) -> npt.NDArray[np.float64]:

@@ -12,10 +12,9 @@ The digits are those of ``mpmath.mp``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from mpmath import mp
 
 from mbstab.analysis.algebra.arrays import Complex
@@ -24,6 +23,9 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError
 from mbstab.records import dataclass
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 
 def exact(x: Any) -> Matrix:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -56,3 +57,28 @@ def rank_of(matrix: Array, tolerance: float = TOLERANCES.singular_value_zero) ->
     inverse = (right[:rank].T / s[:rank]) @ left[:, :rank].T
     doubtful = left[:, rank - 1] if rank else np.zeros(rows)
     return Rank(rank, kept, dropped, right[rank:].T, left[:, rank:], doubtful, inverse)
+
+
+def last_rows(dependent: Array) -> Iterator[tuple[int, Array]]:
+    """Yield the rows that earlier rows imply, each with its combination, from combinations of rows that vanish.
+
+    Parameters
+    ----------
+    dependent : ndarray, shape (c, d)
+        Independent columns.
+    """
+    rest = dependent.T.copy()
+    found: list[tuple[int, Array]] = []
+    for i in range(rest.shape[1] - 1, -1, -1):
+        if len(found) == len(rest):
+            break
+        k = len(found)
+        best = k + int(np.argmax(np.abs(rest[k:, i])))
+        if abs(rest[best, i]) <= TOLERANCES.row_weight_dependent:
+            continue
+        rest[[k, best]] = rest[[best, k]]
+        rest[k] /= -rest[k, i]
+        others = np.arange(len(rest)) != k
+        rest[others] += np.outer(rest[others, i], rest[k])
+        found.append((i, rest[k]))
+    yield from reversed(found)

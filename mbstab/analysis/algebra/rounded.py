@@ -10,6 +10,7 @@ from typing import Any
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic
 from mbstab.model.functions import TABLE
+from mbstab.records import dataclass
 
 UNIT = 0.5 * EPS
 """Rounding of one operation, relative to its result."""
@@ -229,3 +230,14 @@ def rounded_arithmetic() -> Arithmetic:
     }
     constants = {name: Rounded(x, UNIT * x) for name, x in CONSTANTS.items()}
     return Arithmetic("rounded", _number, constants, functions)
+
+
+@dataclass(frozen=True)
+class WithErrors:
+    """A vector or a matrix with error bounds of its entries."""
+
+    values: Any
+    errors: Any
+
+    def __getitem__(self, index: Any) -> WithErrors:
+        return WithErrors(self.values[index], self.errors[index])

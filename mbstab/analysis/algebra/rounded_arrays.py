@@ -8,23 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.rounded import UNIT, Rounded, rounded_arithmetic, value_and_error
+from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
 from mbstab.compiler.grouped import Form, Numbers, Pattern
 from mbstab.compiler.system import Array
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.functions import TABLE
-from mbstab.records import dataclass
-
-
-@dataclass(frozen=True)
-class WithErrors:
-    """A vector or a matrix with error bounds of its entries."""
-
-    values: Any
-    errors: Any
-
-    def __getitem__(self, index: Any) -> WithErrors:
-        return WithErrors(self.values[index], self.errors[index])
 
 
 class RoundedArray:

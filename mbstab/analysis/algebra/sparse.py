@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from copy import copy
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.tolerances import TOLERANCES
-from mbstab.compiler.grouped import FLOATS, Numbers
 from mbstab.compiler.system import Array, System
+
+if TYPE_CHECKING:
+    from mbstab.compiler.grouped import Numbers
 
 
 def large(system: System) -> bool:
@@ -19,7 +21,7 @@ def large(system: System) -> bool:
     return system.n_q + system.n_c >= TOLERANCES.sparse_from_size
 
 
-def in_sparse(system: System, numbers: Numbers = FLOATS) -> System:
+def in_sparse(system: System, numbers: Numbers | None = None) -> System:
     """Return the same equations with matrices M, J, K, R, D_q, … as `scipy.sparse.csr_array`."""
     known: dict[int, tuple[Any, Any]] = {}
 

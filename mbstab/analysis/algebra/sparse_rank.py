@@ -8,7 +8,6 @@ H [x; y] = [b; 0] gives the projection x of b onto the null space, and the least
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Index, others
 from mbstab.analysis.algebra.inertia import ConstrainedForms
+from mbstab.analysis.algebra.rank import last_rows
 from mbstab.analysis.algebra.sparse import bordered, identity, row_norms, scaled
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
@@ -183,31 +183,6 @@ def _null_space(rows: Rows, count: int) -> Array:
     for part in parts:
         X[:, part] -= rows.shortest(rows.J @ X[:, part])
     return X
-
-
-def last_rows(dependent: Array) -> Iterator[tuple[int, Array]]:
-    """Yield the rows that earlier rows imply, each with its combination, from combinations of rows that vanish.
-
-    Parameters
-    ----------
-    dependent : ndarray, shape (c, d)
-        Independent columns.
-    """
-    rest = dependent.T.copy()
-    found: list[tuple[int, Array]] = []
-    for i in range(rest.shape[1] - 1, -1, -1):
-        if len(found) == len(rest):
-            break
-        k = len(found)
-        best = k + int(np.argmax(np.abs(rest[k:, i])))
-        if abs(rest[best, i]) <= TOLERANCES.row_weight_dependent:
-            continue
-        rest[[k, best]] = rest[[best, k]]
-        rest[k] /= -rest[k, i]
-        others = np.arange(len(rest)) != k
-        rest[others] += np.outer(rest[others, i], rest[k])
-        found.append((i, rest[k]))
-    yield from reversed(found)
 
 
 def with_unit_rows(A: Any) -> Any:

@@ -13,17 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.rank import Rank, rank_of
+from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import dense, is_sparse, row_norms, scaled
-from mbstab.analysis.algebra.sparse_rank import SparseRank, last_rows, sparse_rank
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Row
 from mbstab.errors import ConstraintError
 from mbstab.records import dataclass
+
+if TYPE_CHECKING:
+    from mbstab.analysis.algebra.sparse_rank import SparseRank
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class Subspaces:
 
     def projected(self, x: Array) -> Array:
         """Return the part of a vector that all rows allow."""
-        if isinstance(self.C, SparseRank) and not len(self.W.left_null):
+        if not isinstance(self.C, Rank) and not len(self.W.left_null):
             return self.C.rows.allowed(x)
         result: Array = self.allowed @ (self.allowed.T @ x)
         return result
@@ -141,11 +143,17 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array, scale
         scale = coordinate_scale(M, sizes, J[n_h:], sum(row.section == "states" for row in rows))
     row_scale = 1.0 / row_norms(scaled(J, scale))
     unit = scaled(J, scale, row_scale)
-    C = sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[:n_h])
+    C = _sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[:n_h])
     require_gap(C, rows[:n_h])
     W = rank_of(unit[n_h:] @ C.null if n_h < len(rows) else np.zeros((0, len(scale) - C.rank)))
     require_gap(W, rows[n_h:])
     return Subspaces(scale, row_scale, C, W)
+
+
+def _sparse_rank(rows: Any) -> SparseRank:
+    from mbstab.analysis.algebra.sparse_rank import sparse_rank
+
+    return sparse_rank(rows)
 
 
 def along_coordinates(spaces: Subspaces) -> tuple[Subspaces, Array]:
@@ -154,7 +162,7 @@ def along_coordinates(spaces: Subspaces) -> tuple[Subspaces, Array]:
     Sums in these bases have no terms that cancel because directions were mixed: motions of different coordinates stay
     apart. Of ẏ = S y in the bases of `spaces`, the matrix in the new ones is Vᵀ S V with the returned V.
     """
-    if isinstance(spaces.C, SparseRank) or isinstance(spaces.W, SparseRank):
+    if not isinstance(spaces.C, Rank):
         return spaces, np.eye(spaces.N.shape[1] + spaces.Z.shape[1])
     N, Q = _aligned(spaces.N)
     Z, Q_z = _aligned(Q.T @ spaces.Z)

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, at_block
-from mbstab.analysis.algebra.refinement import Quadratic, refined
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.bounds.tolerances import TOLERANCES
@@ -20,6 +18,11 @@ from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.compiler.system import Array
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from mbstab.analysis.algebra.refinement import Quadratic
 
 
 class BackwardErrors:
@@ -246,10 +249,14 @@ class BackwardErrors:
         kept = np.array([*range(n), *(n + i for i, row in enumerate(linear.rows) if id(row) not in redundant)])
         terms = (part / (ALGEBRA.roundings_of_entry * EPS) for part in self.errors)
         M, R, K, *sizes = (part[at_block(kept, kept)] for m in (own, Matrices(*terms)) for part in composite(m))
+        from mbstab.analysis.algebra.refinement import Quadratic
+
         return Quadratic.of(M, R, K, tuple(sizes)), kept
 
     def moved(self, s: complex, right: Complex, left: Complex) -> float:
         """Return how far an eigenvalue moves where coordinates are held weakly, to all orders; inf: not known."""
+        from mbstab.analysis.algebra.refinement import refined
+
         total = 0.0
         for change in self.displaced:
             for sign in (1.0, -1.0):

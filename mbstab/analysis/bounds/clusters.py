@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, at_block
-from mbstab.analysis.algebra.refinement import refined
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.bounds.backward_errors import BackwardErrors, Motions, Weights
 from mbstab.analysis.bounds.discs import Disc, Group, Placed, relative
@@ -17,6 +16,9 @@ from mbstab.analysis.bounds.grouping import below, coupled, dependent, partners,
 from mbstab.analysis.bounds.tolerances import TOLERANCES
 from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.compiler.system import Array
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 
 class _Around:
@@ -480,6 +482,8 @@ class Clusters:
         ]  # fmt: skip
         if not hopeful:
             return
+        from mbstab.analysis.algebra.refinement import refined
+
         problem, kept = judge.quadratic()
         for k in hopeful:
             g, i = rough[k], index[k]

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.bounds.discs import Group
 from mbstab.analysis.bounds.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 
 def row_scaled_inverse(W: Complex) -> Complex:

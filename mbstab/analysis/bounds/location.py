@@ -37,7 +37,6 @@ from mbstab.analysis.bounds.backward_errors import BackwardErrors
 from mbstab.analysis.bounds.clusters import Clusters
 from mbstab.analysis.bounds.discs import Disc, Group, Placed, relative
 from mbstab.analysis.bounds.grouping import dependent, partners
-from mbstab.analysis.bounds.sparse_bounds import sparse_enclosures
 from mbstab.analysis.bounds.tolerances import TOLERANCES
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
@@ -64,6 +63,8 @@ def enclosures(linear: Linearization, space: StateSpace, gamma: float, S: Array,
         Orthonormal rows with L S = 0 by structure and L T = 0.
     """
     if linear.system.sparse:
+        from mbstab.analysis.bounds.sparse_bounds import sparse_enclosures
+
         return sparse_enclosures(linear, space, gamma, S, T, L)
     with np.errstate(all="ignore"):
         return _Eigenvectors(linear, space, gamma, S, T, L).found().placed()

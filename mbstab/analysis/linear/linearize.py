@@ -12,13 +12,12 @@ from __future__ import annotations
 
 from dataclasses import field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.algebra.subspaces import Subspaces
-from mbstab.analysis.linear.massless import Massless, massless
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
 from mbstab.analysis.reference.guard import coefficients
 from mbstab.analysis.reference.motion import Motion
@@ -28,6 +27,9 @@ from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import Array, Row, System
 from mbstab.model.schema import is_length
 from mbstab.records import dataclass
+
+if TYPE_CHECKING:
+    from mbstab.analysis.linear.massless import Massless
 
 
 def composite(matrices: Matrices) -> tuple[Array, Array, Array]:
@@ -222,6 +224,8 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         rows = tuple(system.rows)
         return Linearization(system, *matrices, system.n_h, names, rows, motion, variation, generator, frozen)
     terms = _entries(system, motion, generator, multiplier_sizes(system, motion))
+    from mbstab.analysis.linear.massless import massless
+
     light = massless(system, motion, matrices, terms, generator is not None)
     n_h = system.n_h + len(light.algebraic)
     matrices = light.extended(matrices)

@@ -11,21 +11,18 @@ from the residuals of their equations and from the rounding of these.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import norms
-from mbstab.analysis.algebra.rounded import UNIT, Rounded, rounded_arithmetic, value_and_error
-from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers, WithErrors
+from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
 from mbstab.analysis.algebra.sparse import dense, in_sparse
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
-from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.steady import Generator, declared_family
 from mbstab.compiler.system import Array, System
 from mbstab.model.expressions import ExpressionError
@@ -34,6 +31,9 @@ from mbstab.model.units import exact_factor
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
 # --- a scene --------------------------------------------------------------------------------------------------------
 
 
@@ -41,7 +41,11 @@ def rounded_system(system: System) -> System:
     """Return a scene in the arithmetic of numbers with error bounds."""
     model, given = system.scene.model, system.scene.parameters
     rounded = System(evaluate(model, _parameters(model, given), rounded_arithmetic()))
-    return in_sparse(rounded, RoundedNumbers()) if system.sparse else rounded
+    if not system.sparse:
+        return rounded
+    from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers
+
+    return in_sparse(rounded, RoundedNumbers())
 
 
 def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:
@@ -325,6 +329,8 @@ class _Roundings:
 
     def _balanced(self, steady: Generator, dq: Array) -> tuple[Array, Array]:
         """Return the error bounds of q and u of a solution of the balance equations."""
+        from mbstab.analysis.reference.equations import Balance
+
         plain, motion = self.plain, self.motion
         family, known = declared_family(plain)
         if len(known) < family.size and not np.any(steady.spins[list(family.columns)]):

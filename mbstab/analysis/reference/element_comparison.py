@@ -12,7 +12,6 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.algebra.sparse import is_sparse, largest, own_part, put, row_norms, rows_of, scaled
-from mbstab.analysis.algebra.sparse_rank import Rows
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift
@@ -277,6 +276,8 @@ class ElementComparison:
         unit = unit[kept] if redundant else unit
         if not is_sparse(J):
             return lambda b: np.asarray(np.linalg.lstsq(unit, (b / lengths)[kept], rcond=1e-10)[0])
+        from mbstab.analysis.algebra.sparse_rank import Rows
+
         rows = Rows(unit)
         return lambda b: rows.shortest((b / lengths)[kept])
 

@@ -15,10 +15,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Index, norms, others
 from mbstab.analysis.algebra.augmented import least_multipliers
@@ -27,6 +26,9 @@ from mbstab.analysis.reference.steady import Family, Generator, declared_family
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.records import dataclass
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 
 @dataclass(frozen=True)

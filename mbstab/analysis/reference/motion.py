@@ -13,16 +13,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.augmented import Augmented, mobility, sparse_mobility
-from mbstab.analysis.algebra.rank import rank_of
+from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, scaled, sizes_times
-from mbstab.analysis.algebra.sparse_rank import SparseRank, last_rows
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.imbalance import state_rounding, unbalance_at
@@ -34,6 +32,9 @@ from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, a
 from mbstab.model.schema import is_length, is_state
 from mbstab.model.units import parse_unit
 from mbstab.records import dataclass
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 
 @dataclass(frozen=True)
@@ -419,7 +420,7 @@ class Finder:
     def _mobility(self, mass: Any, M: Any, spaces: Subspaces) -> tuple[Any, Array | None]:
         """Return what gives the allowed accelerations from forces, in scaled coordinates, and motions without mass."""
         C = spaces.C
-        if isinstance(C, SparseRank) and not len(spaces.W.left_null):
+        if not isinstance(C, Rank) and not len(spaces.W.left_null):
             least = TOLERANCES.massless * largest(M)
             rounding = TOLERANCES.rest_rounding * float(abs(M).sum())
             # Most mass matrices are positive by themselves, whatever the rows allow.

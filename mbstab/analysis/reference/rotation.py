@@ -13,7 +13,6 @@ import numpy as np
 from mbstab.compiler.system import Array
 from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic
 from mbstab.model.charts import euler_matrix
-from mbstab.model.duals import Dual, dual_arithmetic
 from mbstab.model.scene import BodyValues
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -42,6 +41,8 @@ def base_rotation(body: BodyValues) -> Array:
 def _functions(angles: Array) -> Any:
     """Return cos, sin and tan for single angles, for the points of a sweep, or for refined numbers."""
     if angles.dtype == object:
+        from mbstab.model.duals import Dual, dual_arithmetic
+
         floats = all(isinstance(x, (float, int, Dual)) for x in angles.flat)
         return dual_arithmetic(FLOAT) if floats else mpmath_arithmetic()
     return math if angles.ndim == 1 else np

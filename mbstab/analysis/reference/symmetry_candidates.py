@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.sparse import largest, row_norms, scaled
-from mbstab.analysis.algebra.sparse_rank import Rows, sparse_null_space, with_unit_rows
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import (
     ElementComparison,
@@ -151,6 +150,8 @@ class SymmetryCandidates(ElementComparison):
         Where the rows leave very many directions, forces that reactions balance count as well.
         """
         from scipy.sparse import vstack
+
+        from mbstab.analysis.algebra.sparse_rank import Rows, sparse_null_space, with_unit_rows
 
         system, sizes = self.system, self.motion.sizes
         rows, forces, held = [], [], []

@@ -25,7 +25,6 @@ from mbstab.analysis.bounds.location import enclosures, enclosures_of
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
-from mbstab.analysis.spectrum.mode_energy import mode_energies
 from mbstab.analysis.spectrum.named_motions import Telling, Whirl
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
@@ -148,6 +147,8 @@ def with_energies(result: EigenResult, linear: Linearization) -> EigenResult:
     told = {
         i: e.vector for i, e in enumerate(result.eigenvalues) if e.vector is not None and e.error_bound < abs(e.value)
     }
+    from mbstab.analysis.spectrum.mode_energy import mode_energies
+
     found = mode_energies(linear, [(result.eigenvalues[i].value, vector) for i, vector in told.items()])
     energies = dict(zip(told, found, strict=True))
     return replace(result, eigenvalues=[replace(e, energy=energies.get(i)) for i, e in enumerate(result.eigenvalues)])

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.spectrum.mode_energy import EnergyBalance
 from mbstab.analysis.spectrum.named_motions import Told
 from mbstab.analysis.verdict.rule import Judged, Verdict
 from mbstab.records import dataclass
+
+if TYPE_CHECKING:
+    from mbstab.analysis.spectrum.mode_energy import EnergyBalance
 
 
 @dataclass(frozen=True)

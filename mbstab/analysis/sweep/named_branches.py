@@ -10,21 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.linear.linearize import linearize
-from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.spectrum.eigenvalues import answer
 from mbstab.analysis.spectrum.mode_names import find_modes
 from mbstab.analysis.spectrum.results import EigenResult
-from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.blocks import followed
-from mbstab.analysis.sweep.branches import Branches
-from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, ModelFileError, NumericalError
@@ -32,6 +28,9 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import bound, evaluate_parameters, of_file, settings_in_si
 from mbstab.model.schema import Model, ModeName
 from mbstab.model.values import evaluate
+
+if TYPE_CHECKING:
+    from mbstab.analysis.sweep.sweep import Sweep
 
 UNNAMED = "unnamed"
 """The part of a pair that arises from a branch without a name."""
@@ -130,6 +129,11 @@ def _branches(model: Model, parameter: str, first: float, last: float, count: in
     NumericalError
         If they cannot be told apart all the way.
     """
+    from mbstab.analysis.reference.continuation import follow as follow_path
+    from mbstab.analysis.sweep.batched_spectra import Evaluator
+    from mbstab.analysis.sweep.blocks import followed
+    from mbstab.analysis.sweep.branches import Branches
+
     low, high = min(first, last), max(first, last)
     path = None if model.reference.find is None else follow_path(model, parameter, low, high, first)
     evaluator = Evaluator(model, path)

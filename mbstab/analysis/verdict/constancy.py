@@ -29,8 +29,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mbstab.analysis.reference.dependencies import expressions_in
-from mbstab.analysis.reference.efforts import effort_unit
 from mbstab.analysis.verdict.exact_sums import (
     PI,
     ZERO,
@@ -45,17 +43,14 @@ from mbstab.analysis.verdict.exact_sums import (
     same_number,
 )
 from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.analysis.verdict.written import Role, cut, with_time
 from mbstab.compiler.system import System
 from mbstab.errors import counted
-from mbstab.mechanics.catalogue import ROWS
 from mbstab.model.expressions import Call, Expression, ExpressionError, Name
-from mbstab.model.fields.catalogue import given_fields
 from mbstab.model.functions import CALLED, PIECED
-from mbstab.model.scene import ItemValues
 from mbstab.records import dataclass
 
 Kind = Literal["affine", "settled", "periodic", "other"]
-Role = Literal["position", "velocity", "force", "holonomic", "nonholonomic"]
 
 LEADS = ("position", "holonomic")
 """Roles in which a term of first degree in t drives the motion at a constant rate; elsewhere it grows."""
@@ -201,42 +196,17 @@ def common(frequencies: Sequence[Sum]) -> Sum | None:
     return frequencies[0] * divisor if max(known) <= TOLERANCES.common_period * divisor else None
 
 
-def expressions(system: System) -> Iterator[tuple[str, Role, Expression, bool]]:
-    """Yield path, role and expression of everything that may contain t or the state, and whether it gives an angle."""
-    for item in system.scene.items:
-        entry = item.entry
-        if item.kind.written in ROWS:
-            yield from ((entry.path, item.kind.written, x, False) for x in entry.equations.values())
-            continue
-        for known, kind, value in given_fields(entry):
-            if not kind.moving:
-                continue
-            role: Role = "force"
-            if entry.section in ("drives", "contacts"):
-                role = "position" if known.name == "position" else "velocity"
-            angular = role == "position" and _is_angle(item)
-            yield from ((entry.path, role, x, angular) for x in expressions_in(value))
-
-
-def _is_angle(drive: ItemValues) -> bool:
-    """Whether a drive gives an angle."""
-    assert drive.kind.effort
-    return effort_unit(drive.kind.effort(drive).motion, str(drive.entry.values.get("coordinate", ""))) == "N*m"
-
-
 def time_uses(system: System) -> tuple[TimeUse, ...]:
     """Return where and how the equations depend on time, from that of the reference on, in the order of the file."""
     return _uses(system)[1]
 
 
 def _uses(system: System) -> tuple[Structure | None, tuple[TimeUse, ...]]:
-    with_time = [
-        x for x in expressions(system) if any(isinstance(node, Name) and node.name == "t" for node in x[2].walk())
-    ]
-    if not with_time:
+    written = with_time(system)
+    if not written:
         return None, ()
     structure = Structure(system.scene)
-    found = (_use(structure, *x) for x in with_time)
+    found = (_use(structure, *x) for x in written)
     return structure, tuple(use for use in found if use is not None)
 
 
@@ -320,12 +290,6 @@ def call_at(text: str, at: int) -> str:
         if not depth:
             return text[at : end + 1]
     return text[at:]
-
-
-def cut(text: str) -> str:
-    """Return a text on one line, its end left out where it is long."""
-    text = " ".join(text.split())
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 # --- sentences ------------------------------------------------------------------------------------------------------
@@ -432,12 +396,3 @@ def _through(uses: Iterable[TimeUse]) -> str:
 def _reason(uses: Iterable[TimeUse]) -> str:
     why = next((use.why for use in uses if use.why), "")
     return f", {why}" if why else ""
-
-
-# --- smoothness -----------------------------------------------------------------------------------------------------
-
-SMOOTH = 99
-"""Number of continuous derivatives where there is no kink."""
-
-Place = tuple[int, Atom, str]
-"""How many derivatives are continuous (−1: not even the value), of which factor, and where."""

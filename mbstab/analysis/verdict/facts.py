@@ -10,31 +10,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers, norms
 from mbstab.analysis.algebra.sparse import scaled
-from mbstab.analysis.algebra.sparse_rank import sparse_rank, with_unit_rows
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
 from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.element_comparison import OnRows
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
-from mbstab.analysis.verdict.constancy import affine_drives, time_doubt
-from mbstab.analysis.verdict.critical import critical_zero
-from mbstab.analysis.verdict.families import family
 from mbstab.analysis.verdict.minimum import SecondVariation
 from mbstab.analysis.verdict.neutral import Separated, Structure, unseparated
-from mbstab.analysis.verdict.reversor import Reversor, reversor
 from mbstab.analysis.verdict.rule import Critical, Disc, Facts, Minimum, Neutral
-from mbstab.analysis.verdict.smoothness import kinks
 from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.analysis.verdict.written import with_state, with_time
 from mbstab.compiler.system import Array
 from mbstab.errors import percent
 from mbstab.model.expressions import Number
 from mbstab.model.schema import is_length
+
+if TYPE_CHECKING:
+    from mbstab.analysis.verdict.reversor import Reversor
 
 ADVICE = (
     "if it follows a symmetry, declare it with reference.steady; if it is periodic, give reference.period; "
@@ -123,14 +122,19 @@ class Grounds:
         linear = self.linear
         if linear.frozen or not linear.constant:
             return self._frozen()
-        if doubt := time_doubt(self.system):
-            return doubt
-        if not np.any(self.motion.u) and not affine_drives(self.system):
+        driven = False
+        if with_time(self.system):
+            from mbstab.analysis.verdict.constancy import affine_drives, time_doubt
+
+            if doubt := time_doubt(self.system):
+                return doubt
+            driven = bool(affine_drives(self.system))
+        if not np.any(self.motion.u) and not driven:
             return ""
         generator = linear.generator or _standing(self.linear)
         # The same motion may follow several symmetries; one that holds for all elements is enough.
         others = [g for g in self.motion.generators if g is not generator]
-        if affine_drives(self.system):
+        if driven:
             broken = [self.invariance.keeps_time(g) for g in (generator, *others)]
             return f"the motion is not known to be steady: {broken[0]} changes along it" if all(broken) else ""
         if any(self.invariance.steady(g) for g in (generator, *others)):
@@ -170,7 +174,12 @@ class Grounds:
 
     def kink(self, order: int) -> str:
         """Return why the equations are not known to have `order` derivatives at the reference; empty: they have."""
-        return kinks(self.system, self.motion.q, self.motion.u, self.motion.time, order) or self._singular
+        if any(with_state(self.system)):
+            from mbstab.analysis.verdict.smoothness import kinks
+
+            if found := kinks(self.system, self.motion.q, self.motion.u, self.motion.time, order):
+                return found
+        return self._singular
 
     @cached_property
     def _singular(self) -> str:
@@ -191,6 +200,8 @@ class Grounds:
                 return "the constraints leave other positions next to the reference than to first order"
             J = system.dynamics(state.q, state.u, self.motion.time).J
             if system.sparse:
+                from mbstab.analysis.algebra.sparse_rank import sparse_rank, with_unit_rows
+
                 ranks = sparse_rank(with_unit_rows(scaled(J, sizes)), TOLERANCES.row_singular_value).rank, 0
             else:
                 ranks = _ranks(J * sizes, system.n_h)
@@ -242,6 +253,8 @@ class Grounds:
         known = (at_rest and work.reversible) or (work.conserved and not self.linear.D_q.shape[0])
         if known or work.kinds["damping"] or self.system.sparse or self.linear.massless is not None:
             return None  # not searched in large scenes
+        from mbstab.analysis.verdict.reversor import reversor
+
         return reversor(self.structure, self.structure.symmetric(len(self.S)))
 
     def minimum(self) -> Minimum | None:
@@ -263,12 +276,16 @@ class Grounds:
         def exact() -> bool:
             return self.zeros is not None and self.zeros() == separated.neutral.count + count
 
+        from mbstab.analysis.verdict.critical import critical_zero
+
         return critical_zero(self.structure, separated, count, others_decay, exact)
 
     def family(self, count: int) -> Neutral | None:
         """Return the neutral directions with a family of motions that was followed, unless many digits refute it."""
         if self.system.sparse or self.linear.massless is not None:
             return None
+        from mbstab.analysis.verdict.families import family
+
         found = family(self.structure, self.separated, count)
         if found is None or self.zeros is None:
             return found

@@ -17,13 +17,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from mbstab.analysis.algebra.inertia import ConstrainedForms
+from mbstab.analysis.algebra.rank import Rank
 from mbstab.analysis.algebra.sparse import scaled
-from mbstab.analysis.algebra.sparse_rank import SparseRank
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
@@ -35,6 +34,9 @@ from mbstab.analysis.verdict.rule import Minimum
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.model.schema import is_angle
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 RATIOS = ((1, 1), (1, 2), (1, 3))
 """Ratios of frequencies at which modes of opposite energy may excite each other."""
@@ -166,8 +168,10 @@ class SecondVariation:
         """
         from scipy.sparse import csr_array, vstack
 
+        from mbstab.analysis.algebra.inertia import ConstrainedForms
+
         linear, spaces = self.linear, self.linear.spaces
-        assert isinstance(spaces.C, SparseRank)
+        assert not isinstance(spaces.C, Rank)
         forms, symmetries = spaces.C.forms, self.structure.invariance.symmetries
         if symmetries:
             basis = np.linalg.qr(np.array([x.direction / spaces.scale for x in symmetries]).T)[0]

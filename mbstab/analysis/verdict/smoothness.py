@@ -8,14 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.verdict.constancy import SMOOTH, Place, call_at, cut, expressions
+from mbstab.analysis.verdict.constancy import call_at
 from mbstab.analysis.verdict.exact_sums import Atom, Monomial, Structure, Sum, atoms
 from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.analysis.verdict.written import cut, with_state
 from mbstab.compiler.measured import values
 from mbstab.compiler.system import System
-from mbstab.model.expressions import Call, Expression, ExpressionError, moves
+from mbstab.model.expressions import Call, Expression, ExpressionError
 from mbstab.model.functions import CALLED, PIECED, Break
 from mbstab.model.schema import is_length
+
+SMOOTH = 99
+"""Number of continuous derivatives where there is no kink."""
+
+Place = tuple[int, Atom, str]
+"""How many derivatives are continuous (−1: not even the value), of which factor, and where."""
 
 
 def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool = False) -> str:
@@ -39,13 +46,8 @@ def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool
     str
         A sentence, or nothing.
     """
-    state = set(system.names)
     corners: _Corners | None = None
-    for path, role, expression, _ in expressions(system):
-        if role in ("position", "velocity") or not (
-            expression.rates() or any(moves(name, state) for name in expression.names())
-        ):
-            continue
+    for path, expression in with_state(system):
         corners = corners or _Corners(Structure(system.scene), system, q, u, time, along)
         try:
             place = corners.worst(corners.structure.exact(expression))

@@ -256,7 +256,6 @@ class _Reply:
 
 def _joined(replies: list[_Reply], several: bool) -> Answer:
     """Return the answers for all models by format; if there are several, each names its model."""
-    from mbstab.report.export import to_csv, to_json
 
     def table() -> str:
         if not several:
@@ -264,9 +263,13 @@ def _joined(replies: list[_Reply], several: bool) -> Answer:
         return "\n".join(f"{visible(x.model.name, lines=False)}\n\n{x.table()}" for x in replies)
 
     def json() -> str:
+        from mbstab.report.export import to_json
+
         return to_json([x.data() for x in replies] if several else replies[0].data())
 
     def csv() -> str:
+        from mbstab.report.export import to_csv
+
         if not several:
             return to_csv(*replies[0].rows())
         found = [(x.model.name, *x.rows()) for x in replies]
@@ -301,13 +304,23 @@ def _plain(mechanism: Mechanism, method: str, frozen: bool, shapes: bool) -> _Re
 
 def _shaped(mechanism: Mechanism, result: EigenResult, shapes: bool) -> _Reply:
     """Return an answer with or without the shapes of modes."""
-    from mbstab.report import eigenvalue_data as data
-    from mbstab.report import eigenvalues
 
     def text(result: EigenResult, title: str) -> str:
-        return eigenvalues.eigen_text(result, title, shapes)
+        from mbstab.report.eigenvalues import eigen_text
 
-    return _drawn(_told(mechanism, result, text, data.eigen_data, data.eigen_rows), mechanism, result)
+        return eigen_text(result, title, shapes)
+
+    def data(result: EigenResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
+        from mbstab.report.eigenvalue_data import eigen_data
+
+        return eigen_data(result, model, values)
+
+    def rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
+        from mbstab.report.eigenvalue_data import eigen_rows
+
+        return eigen_rows(result)
+
+    return _drawn(_told(mechanism, result, text, data, rows), mechanism, result)
 
 
 def _drawn(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:

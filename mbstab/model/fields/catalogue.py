@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from typing import Any
 
 from mbstab.mechanics.catalogue import Field
-from mbstab.model.fields import curves, masses, names, places, signals, trains, values
+from mbstab.mechanics.gathered import Gathered
 from mbstab.model.fields.base import FieldKind
 from mbstab.model.schema import Entry
 
-FIELD_KINDS: dict[str, FieldKind] = {
-    kind.name: kind for module in (values, names, places, masses, signals, trains, curves) for kind in module.KINDS
-}
+FIELD_KINDS: Gathered[str, FieldKind] = Gathered(
+    __package__,
+    "values places masses names signals trains curves",
+    lambda module: {kind.name: kind for kind in module.KINDS},
+)
 """Every kind under the name that `Field.shape` gives it."""
 
 

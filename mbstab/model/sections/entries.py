@@ -6,7 +6,7 @@ What an entry may contain comes from `mbstab.mechanics.elements.KINDS`, how a fi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from collections.abc import Mapping as MappingType
 from contextlib import suppress
 from dataclasses import replace
@@ -30,7 +30,6 @@ from mbstab.model.schema import (
     entry_word,
 )
 from mbstab.model.sections.definitions import DefinitionReader
-from mbstab.model.sections.parts import part_of, write_effort
 from mbstab.model.units import parse_unit
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
 
@@ -152,6 +151,8 @@ class EntryReader:
             return [(f"{key.text}_{kind.state.suffix}", None)]
         if kind.part is None:
             return []
+        from mbstab.model.sections.parts import part_of
+
         try:
             part = part_of(kind, key.text, node)
         except PartError as error:
@@ -265,17 +266,18 @@ class EntryReader:
 
     def _type(self, node: Mapping, section: str, path: str, dimension: int | None) -> Kind | None:
         kinds = KINDS[section]
-        here = sorted({name for name, d in kinds if dimension in (None, d)})
         type_node = node.entries.get("type")
         if type_node is None:
-            self.nodes.complain(node, path, "the key 'type' is missing", "known types: " + ", ".join(here))
+            hint = "known types: " + ", ".join(_names(kinds, dimension))
+            self.nodes.complain(node, path, "the key 'type' is missing", hint)
             return None
         name = self.nodes.word(type_node, f"{path}.type", "a type")
         if name is None:
             return None
-        found = [kind for (kind_name, d), kind in kinds.items() if kind_name == name and dimension in (None, d)]
-        if found:
-            return found[0]
+        for d in (2, 3) if dimension is None else (dimension,):
+            if (name, d) in kinds:
+                return kinds[name, d]
+        here = _names(kinds, dimension)
         other = any(kind_name == name for kind_name, _ in kinds)
         scene = "planar" if dimension == 2 else "spatial"
         message = f"the type {name!r} does not exist in a {scene} scene" if other else f"unknown type {name!r}"
@@ -301,6 +303,8 @@ class EntryReader:
         for field in fields:
             kind_of(field).finish(reading, field)
         if kind.part is not None and name in self.parts:
+            from mbstab.model.sections.parts import write_effort
+
             part = write_effort(reading, kind, name, node)
             self.parts[name] = part or Part(dict.fromkeys(self.parts[name].states, "0"), "0")
         places = {field.name: node.entries[field.name].location for field in fields if field.name in node.entries}
@@ -371,3 +375,8 @@ class EntryReader:
             return None
         places = {field.name: item.location}
         return Entry("constraints", key.text, kind, reading.values, mapping.location, places)
+
+
+def _names(kinds: Iterable[tuple[str, int]], dimension: int | None) -> list[str]:
+    """Return the names of the types in scenes of a dimension, or of any."""
+    return sorted({name for name, d in kinds if dimension in (None, d)})

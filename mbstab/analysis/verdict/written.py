@@ -1,0 +1,60 @@
+"""The expressions of a scene that may contain t or the state: forces, constraints, and given motions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from mbstab.analysis.reference.dependencies import expressions_in
+from mbstab.analysis.reference.efforts import effort_unit
+from mbstab.compiler.system import System
+from mbstab.mechanics.catalogue import ROWS
+from mbstab.model.expressions import Expression, Name, moves
+from mbstab.model.fields.catalogue import given_fields
+from mbstab.model.scene import ItemValues
+
+Role = Literal["position", "velocity", "force", "holonomic", "nonholonomic"]
+
+
+def expressions(system: System) -> Iterator[tuple[str, Role, Expression, bool]]:
+    """Yield path, role and expression of everything that may contain t or the state, and whether it gives an angle."""
+    for item in system.scene.items:
+        entry = item.entry
+        if item.kind.written in ROWS:
+            yield from ((entry.path, item.kind.written, x, False) for x in entry.equations.values())
+            continue
+        for known, kind, value in given_fields(entry):
+            if not kind.moving:
+                continue
+            role: Role = "force"
+            if entry.section in ("drives", "contacts"):
+                role = "position" if known.name == "position" else "velocity"
+            angular = role == "position" and _is_angle(item)
+            yield from ((entry.path, role, x, angular) for x in expressions_in(value))
+
+
+def _is_angle(drive: ItemValues) -> bool:
+    """Whether a drive gives an angle."""
+    assert drive.kind.effort
+    return effort_unit(drive.kind.effort(drive).motion, str(drive.entry.values.get("coordinate", ""))) == "N*m"
+
+
+def with_time(system: System) -> list[tuple[str, Role, Expression, bool]]:
+    """Return those that contain t."""
+    return [x for x in expressions(system) if any(isinstance(node, Name) and node.name == "t" for node in x[2].walk())]
+
+
+def with_state(system: System) -> Iterator[tuple[str, Expression]]:
+    """Yield path and expression of those that contain the state, but for given motions."""
+    state = set(system.names)
+    for path, role, expression, _ in expressions(system):
+        if role not in ("position", "velocity") and (
+            expression.rates() or any(moves(name, state) for name in expression.names())
+        ):
+            yield path, expression
+
+
+def cut(text: str) -> str:
+    """Return a text on one line, its end left out where it is long."""
+    text = " ".join(text.split())
+    return text if len(text) <= 60 else text[:57] + "..."
