@@ -16,7 +16,7 @@ COMPLEXITY = 25
 NUMBERS_BESIDE_TOLERANCES = {
     "mbstab/analysis/algebra/shift_invert.py:SEED",
     "mbstab/analysis/bounds/location.py:UNLIKE",
-    "mbstab/analysis/verdict/constancy.py:SMOOTH",
+    "mbstab/analysis/verdict/smoothness.py:SMOOTH",
     "mbstab/analysis/verdict/minimum.py:RATIOS",
     "mbstab/analysis/spectrum/periodic.py:INSTANTS",
     "mbstab/analysis/verdict/wording.py:MOST",
