@@ -10,10 +10,12 @@ from test_cli import run
 
 import mbstab
 from mbstab.analysis.reference.reactions import reactions
+from mbstab.analysis.reference.rotation import orientation
 from mbstab.analysis.response import state_space
 from mbstab.analysis.response.measured import Meter
 from mbstab.analysis.response.signals import Signals, State
 from mbstab.errors import ModelFileError, NumericalError, UsageError
+from mbstab.model.sections.outputs import measured_expression
 
 ROOT = Path(__file__).parents[1]
 WHIPPLE = ["rear_body.phi", "angle(steering)", "rate(rear_body.phi)", "rate(angle(steering))"]
@@ -222,7 +224,6 @@ def test_what_is_measured_has_the_slopes_of_the_nonlinear_quantities():
     at = State(motion.q, motion.u, motion.a, motion.nu, motion.time)
     rng = np.random.default_rng(3)
     steps = [rng.standard_normal(len(x)) for x in (motion.q, motion.u, motion.nu)]
-    from mbstab.model.sections.outputs import measured_expression
 
     def wrench(h):
         q, u, nu = (x + h * d for x, d in zip((motion.q, motion.u, motion.nu), steps, strict=True))
@@ -242,6 +243,43 @@ def test_what_is_measured_has_the_slopes_of_the_nonlinear_quantities():
                 known = (after[name][k][i] - before[name][k][i]) / (2 * h)
                 size = max(np.abs(x).max() for pair in after.values() for x in pair)
                 assert abs(slope - known) < 1e-6 * size, (name, kind, axis)
+
+
+def test_outputs_measure_what_expressions_measure():
+    """Distance, place, speeds and turn rates about a spatial motion, against differences of closed forms."""
+    model = mbstab.loads(
+        "mbstab: 1\nbodies: {a: {type: spatial, mass: 1, inertia: [1, 2, 3], points: {p: [0.3, -0.2, 0.5]}}}\n"
+        "ground: {points: {o: [1, 2, -1]}}\nreference: {coordinates: {a: {x: 0}}}\n"
+    )
+    system = model.system()
+    rng = np.random.default_rng(5)
+    q, u, a, *steps = rng.uniform(-0.9, 0.9, (6, 6))
+    point, origin = np.array([0.3, -0.2, 0.5]), np.array([1.0, 2.0, -1.0])
+    body, t = system.scene.bodies[0], 1e-2
+
+    def pose(x):
+        turn = orientation(body, x[3:])
+        return x[:3] + turn @ point, turn
+
+    def along(h):
+        """Return what is measured at a neighbour of the state, from a five-point formula over time."""
+        x, v, w = (y + h * d for y, d in zip((q, u, a), steps, strict=True))
+        places, turns = zip(*(pose(x + k * t * v + 0.5 * (k * t) ** 2 * w) for k in (-2, -1, 0, 1, 2)), strict=True)
+        first, second = np.array([1, -8, 0, 8, -1]) / (12 * t), np.array([-1, 16, -30, 16, -1]) / (12 * t * t)
+        lengths = np.linalg.norm(np.array(places) - origin, axis=1)
+        speed = turns[2].T @ np.tensordot(first, places, 1)
+        spin = (turns[2].T @ np.tensordot(first, turns, 1))[2, 1]
+        return np.array([lengths[2], first @ lengths, second @ lengths, places[2][1], *speed[:2], spin])
+
+    meter = Meter(system, Signals(system), State(q, u, a, np.zeros(0), 0.0))
+    moved = np.concatenate(steps)
+    texts = "distance(a.p, ground.o)", "y(a.p)", "vx(a.p)", "vy(a.p)", "wx(a)"
+    texts = texts[0], f"rate({texts[0]})", f"acceleration({texts[0]})", *texts[1:]
+    found = [meter.slope(measured_expression(model.model, text))[:18] @ moved for text in texts]
+    h = 1e-4
+    np.testing.assert_allclose(found, (along(h) - along(-h)) / (2 * h), rtol=1e-6, atol=1e-6)
+    place, y = (meter.slope(measured_expression(model.model, text)) for text in ("place(a.p.y)", "y(a.p)"))
+    assert np.array_equal(place, y)
 
 
 TURNING = """mbstab: 1
@@ -337,16 +375,19 @@ def test_a_motion_with_changing_coefficients_has_no_constant_model():
     ("outputs", "rule"),
     [
         ("cart.z", "unknown coordinate 'cart.z'"),
-        ("angle(rail)", "has no single angle"),
+        ("angle(rail)", "has no angle, only displacement"),
         ("angle(pim)", "there is no joint 'pim'"),
-        ("place(bob.tip.x)", "there is no point of 'bob' 'tip'"),
+        ("place(bob.tip.x)", "the body 'bob' has no point 'tip'"),
         ("place(bob.top)", "needs a component"),
         ("force(pin.z)", "needs a component"),
         ("rate(force(pin.x))", r"rate\(\.\.\.\) does not take force"),
         ("effort(pin)", "there is no force or drive"),
         ("cart.x + t", "the time t cannot be used"),
         ("angle(pin", "expected"),
-        ("angle(2*pin)", "takes one name"),
+        ("angle(2*pin)", "takes the name of a joint"),
+        ("acceleration(vx(bob))", "takes one coordinate or measure"),
+        ("vx(bob.tip)", "has no point"),
+        ("wz(bob)", "does not exist in a planar scene"),
     ],
 )
 def test_wrong_outputs_are_told_at_their_place(outputs, rule):

@@ -225,6 +225,8 @@ def test_nothing_is_concluded_where_forces_have_values_nowhere_else():
         ("angle(3)", "angle() takes the name of a joint, found '3'"),
         ("rate(vx(a))", "rate(...) takes one coordinate or measure"),
         ("angel(turn)", "unknown function 'angel'"),
+        ("force(turn.x)", "force() stands in outputs only"),
+        ("acceleration(a.x)", "acceleration() stands in outputs only"),
     ],
 )
 def test_a_wrong_measure_is_refused(expression, message):

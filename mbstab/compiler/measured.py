@@ -10,7 +10,7 @@ from mbstab.mechanics.catalogue import GROUND
 from mbstab.mechanics.measures import MEASURES, Measure, Pose, Rate, parts
 from mbstab.model.arithmetic import array_arithmetic
 from mbstab.model.jets import Jet, jet_arithmetic
-from mbstab.model.scene import Scene
+from mbstab.model.scene import MeasureNumbers, Scene
 from mbstab.records import dataclass
 
 
@@ -65,6 +65,7 @@ class Measured:
             Pose(f, self.dimension, [names[c] for c in body], [next(numbers) for _ in range(size)])
             for body, size in zip(self.bodies, self.bases, strict=True)
         ]
+        assert self.kind.formula is not None
         return self.kind.formula(poses, [next(numbers) for _ in range(self.count)], rate)
 
 
@@ -74,12 +75,18 @@ def measured(scene: Scene, used: Container[str]) -> dict[Measured, tuple[Any, ..
     for name, measure in scene.measures.items():
         if name not in used:
             continue
-        bodies = [None if body == GROUND else scene.bodies[body] for body in measure.bodies]
-        names = tuple(tuple(f"{x.name}.{c}" for c in x.coordinates) if x else () for x in bodies)
-        one = Measured(name, scene.dimension, names, len(measure.numbers))
-        bases = [body.base if body and size else () for body, size in zip(bodies, one.bases, strict=True)]
-        found[one] = (*chain.from_iterable(bases), *measure.numbers)
+        one, numbers = occurring(scene, name, measure)
+        found[one] = numbers
     return found
+
+
+def occurring(scene: Scene, name: str, measure: MeasureNumbers) -> tuple[Measured, tuple[Any, ...]]:
+    """Return a measure of a scene with the numbers that belong to it."""
+    bodies = [None if body == GROUND else scene.bodies[body] for body in measure.bodies]
+    names = tuple(tuple(f"{x.name}.{c}" for c in x.coordinates) if x else () for x in bodies)
+    one = Measured(name, scene.dimension, names, len(measure.numbers))
+    bases = [body.base if body and size else () for body, size in zip(bodies, one.bases, strict=True)]
+    return one, (*chain.from_iterable(bases), *measure.numbers)
 
 
 def values(scene: Scene, names: list[str], q: Any, u: Any) -> dict[str, Any]:

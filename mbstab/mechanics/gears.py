@@ -185,7 +185,9 @@ def _placed(item: Item, motions: tuple[str, ...], factors: Vector) -> tuple[tupl
         if motion == "angle" and item.dimension == 3 and not item.given("offset"):
             numbers = _from_here(poses, numbers)
         else:
-            phase = phase + factor * MEASURES[motion].formula(poses, numbers, lambda x: x)
+            formula = MEASURES[motion].formula
+            assert formula is not None
+            phase = phase + factor * formula(poses, numbers, lambda x: x)
         slots += bodies
         parameters += numbers
     return tuple(slots), tuple(parameters), phase

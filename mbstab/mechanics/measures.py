@@ -1,7 +1,8 @@
 """What expressions may measure on a mechanism: angles and travels of joints, places and speeds of points, turn rates.
 
 One text serves every number system: numbers, arrays, terms of a kernel. A measure is written like a call,
-``angle(pivot)`` or ``vy(car.front_axle)``; forces may act along it.
+``angle(pivot)`` or ``vy(car.front_axle)``; forces may act along it. What is transmitted has no formula: outputs alone
+measure it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import Any, Literal
 
 from mbstab.records import dataclass
 
-Argument = Literal["joint", "point", "body"]
+Argument = Literal["joint", "point", "body", "point.axis", "name.axis", "name"]
 
 
 class Pose:
@@ -79,9 +80,11 @@ class Measure:
     Attributes
     ----------
     arguments : tuple of str
-        ``joint``, ``point`` (body or body.point, also of the ground) or ``body``.
+        ``joint``, ``point`` (body or body.point, also of the ground) or ``body``; in outputs ``point.axis`` and, of
+        what transmits, ``name.axis`` or ``name``.
     doc, unit : str
-    formula : callable
+    formula : callable or None
+        None: it stands in outputs only.
     speed : bool
         Whether it is made of speeds, and has no rate.
     dimensions : tuple of int
@@ -90,7 +93,7 @@ class Measure:
     arguments: tuple[Argument, ...]
     doc: str
     unit: str
-    formula: Formula
+    formula: Formula | None = None
     speed: bool = False
     dimensions: tuple[int, ...] = (2, 3)
 
@@ -167,6 +170,14 @@ MEASURES: dict[str, Measure] = {
     **_PLACES,
     **_SPEEDS,
     **_TURNS,
+    "place": Measure(("point.axis",), "in outputs: place of a point along an axis, x(point) for place(point.x)", "m"),
+    "force": Measure(
+        ("name.axis",), "in outputs: force that a joint, contact, drive or mount transmits to its first body", "N"
+    ),
+    "torque": Measure(("name.axis",), "in outputs: torque that it transmits", "N*m"),
+    "effort": Measure(
+        ("name",), "in outputs: force or torque of a spring, damper, actuator, controller, motor or drive", "N or N*m"
+    ),
 }
 """Every kind of measure by its name in expressions."""
 

@@ -200,12 +200,7 @@ class Expression:
         return _evaluate(self.root, names, rates or {}, arithmetic)
 
 
-def filled_in(
-    expression: Expression,
-    definitions: Mapping[str, Expression],
-    tables: Mapping[str, Table],
-    measures: tuple[str, ...] = (),
-) -> Expression:
+def filled_in(expression: Expression, definitions: Mapping[str, Expression], tables: Mapping[str, Table]) -> Expression:
     """Return an expression with definitions and points in the place of names; its text and its positions stay.
 
     Parameters
@@ -214,8 +209,6 @@ def filled_in(
         None of them needs itself.
     tables : mapping
         Points by the name of the table and the function.
-    measures : tuple of str
-        As in `parse`.
 
     Raises
     ------
@@ -234,7 +227,7 @@ def filled_in(
             raise ExpressionError("the expression is too long with all its definitions", here)
         match node:
             case Name() if node.name in definitions:
-                return put(parse(definitions[node.name].text, measures).root, here, depth + 1)
+                return put(parse(definitions[node.name].text).root, here, depth + 1)
             case Rate() if node.name in definitions:
                 hint = "rate(...) takes a coordinate or a measure; write out the rate of a definition"
                 raise ExpressionError(f"{node.name!r} is a definition", here, hint)
@@ -326,14 +319,10 @@ OPERATIONS: dict[str, Callable[[Any, Any, Arithmetic], Any]] = {
 
 
 @lru_cache(maxsize=4096)
-def parse(text: str, measures: tuple[str, ...] = ()) -> Expression:
+def parse(text: str) -> Expression:
     """Read an expression; the same texts stand in a file again and again.
 
-    Parameters
-    ----------
-    measures : tuple of str
-        Words that name what is measured: each call of one, such as ``angle(pivot)``, is a `Name` with that text, and
-        so are ``rate(...)`` and ``acceleration(...)`` of one or of a coordinate.
+    What is measured, such as ``angle(pivot)`` or ``acceleration(body.x)``, is a `Name` with that text.
 
     Raises
     ------
@@ -342,14 +331,13 @@ def parse(text: str, measures: tuple[str, ...] = ()) -> Expression:
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"an expression may have at most {MAX_LENGTH} characters, this one has {len(text)}")
-    return Expression(text, _Parser(text, measures).parse())
+    return Expression(text, _Parser(text).parse())
 
 
 class _Parser:
     """Recursive descent; every level of nesting costs one unit of `MAX_DEPTH`."""
 
-    def __init__(self, text: str, measures: tuple[str, ...] = ()) -> None:
-        self.measures = measures
+    def __init__(self, text: str) -> None:
         self.tokens = list(self._tokens(text))
         self.index = 0
         self.depth = 0
@@ -487,29 +475,11 @@ class _Parser:
         self.index += 1
         return text
 
-    def _measured(self, function: str, at: int) -> Node:
-        """Return the name of something measured, as it is called."""
-        self._expect("(")
-        self._deeper(at)
-        inner = self._sum()
-        self._expect(")")
-        self.depth -= 1
-        called = isinstance(inner, Name) and "(" in inner.name
-        if not isinstance(inner, Name) or called != (function in DERIVED and called):
-            raise ExpressionError(f"{function}(...) takes one name, such as {function}(name)", at)
-        return Name(f"{function}({inner.name})", at)
-
     def _call(self, function: str, at: int) -> Node:
-        if function in self.measures or (self.measures and function in DERIVED):
-            return self._measured(function, at)
-        if function in MEASURES and not self.measures:
-            return self._measure(function, at)
         if function in MEASURES:
-            raise ExpressionError(
-                f"{function}() cannot be used here", at, "measured are coordinates, " + ", ".join(self.measures)
-            )
-        if function != "rate" and function not in CALLED:
-            hint = suggestion(function, [*CALLED, *MEASURES, "rate"]) or "known functions: " + ", ".join(CALLED)
+            return self._measure(function, at)
+        if function not in DERIVED and function not in CALLED:
+            hint = suggestion(function, [*CALLED, *MEASURES, *DERIVED]) or "known functions: " + ", ".join(CALLED)
             raise ExpressionError(f"unknown function {function!r}", at, hint)
         self._expect("(")
         self._deeper(at)
@@ -518,11 +488,13 @@ class _Parser:
             arguments.append(self._sum())
         self._expect(")")
         self.depth -= 1
-        if function == "rate":
+        if function in DERIVED:
             if len(arguments) != 1 or not isinstance(arguments[0], Name):
                 hint = "the speed of a point in the axes of its body is vx(body.point)"
-                raise ExpressionError("rate(...) takes one coordinate or measure, such as rate(body.x)", at, hint)
-            return Rate(arguments[0].name, at)
+                message = f"{function}(...) takes one coordinate or measure, such as {function}(body.x)"
+                raise ExpressionError(message, at, hint)
+            name = arguments[0].name
+            return Rate(name, at) if function == "rate" else Name(f"{function}({name})", at)
         expected = CALLED[function].arguments
         if CALLED[function].knots >= 0 and not (len(arguments) == 2 and isinstance(arguments[1], Name)):
             hint = f"{function}(x, NAME) with the name of one under tables:"

@@ -1,30 +1,32 @@
-"""What can be measured of a motion, as the expressions of outputs name it."""
+"""What the measures in expressions and in outputs name in a model."""
 
 from __future__ import annotations
 
-import re
+from collections.abc import Collection, Mapping
 
-from mbstab.model.expressions import DERIVED
-from mbstab.model.schema import unit_of
+from mbstab.errors import Location, suggestion
+from mbstab.mechanics.catalogue import Kind
+from mbstab.mechanics.measures import MEASURES, is_measure, parts
+from mbstab.model.expressions import DERIVED, ExpressionError
+from mbstab.model.schema import (
+    Components,
+    Entry,
+    MarkerValue,
+    MeasureValue,
+    Model,
+    body_coordinates,
+    constant,
+    owner_of_point,
+    unit_of,
+)
 from mbstab.records import dataclass
 
-MEASURES = {
-    "angle": "angle of a joint: angle(joint)",
-    "displacement": "travel along a joint: displacement(joint)",
-    "place": "component of the place of a point: place(body.point.x) or place(body.x)",
-    "force": "component of what a joint, contact, drive or mount transmits to its first body: force(joint.x)",
-    "torque": "component of the torque that it transmits: torque(joint.z)",
-    "effort": "force or torque of a spring, damper, actuator, controller, motor or drive: effort(name)",
-}
-"""Words of outputs; coordinates stand by themselves, rate(...) and acceleration(...) go with those and with motions."""
-
 TRANSMITTED = ("force", "torque", "effort")
-_TEXT = re.compile(r"(?:(rate|acceleration)\()?(?:(" + "|".join(MEASURES) + r")\()?([\w.]+)\)*")
 
 
 @dataclass(frozen=True)
-class Measure:
-    """One thing that is measured.
+class Measurement:
+    """One thing that an output measures.
 
     Attributes
     ----------
@@ -32,36 +34,113 @@ class Measure:
         0, 1 or 2: itself, its rate or its acceleration.
     kind : str
         A key of `MEASURES`, or ``coordinate``.
-    owner : str
-        The coordinate, the joint, the body or the entry.
-    point : str
-        Of the body, empty for its reference point.
-    component : str
-        ``x``, ``y`` or ``z``, empty where there is one only.
+    arguments : tuple of str
+        What it names; of a coordinate its name.
+    axis : str
+        Of what has components: ``x``, ``y`` or ``z``, or whatever stands in its place.
     """
 
     order: int
     kind: str
-    owner: str
-    point: str = ""
-    component: str = ""
+    arguments: tuple[str, ...]
+    axis: str = ""
 
     @staticmethod
-    def of(text: str) -> Measure:
-        """Return what a name in an output stands for, such as ``rate(angle(pivot))``."""
-        match = _TEXT.fullmatch(text)
-        assert match is not None
-        order = 0 if match[1] is None else 1 + DERIVED.index(match[1])
-        if match[2] is None:
-            return Measure(order, "coordinate", match[3])
-        if match[2] == "place" or match[2] in ("force", "torque"):
-            owner, *middle, component = match[3].split(".") if "." in match[3] else (match[3], "")
-            return Measure(order, match[2], owner, ".".join(middle), component)
-        return Measure(order, match[2], match[3])
+    def of(name: str, rate: bool = False) -> Measurement:
+        """Return what a name in an output stands for, or with `rate` its rate: ``vx(a.p)`` is one."""
+        order = int(rate)
+        if name.startswith(f"{DERIVED[1]}("):
+            order, name = 2, name[len(DERIVED[1]) + 1 : -1]
+        if not is_measure(name):
+            return Measurement(order, "coordinate", (name,))
+        kind, arguments = parts(name)
+        if not MEASURES[kind].arguments[0].endswith(".axis"):
+            return Measurement(0 if MEASURES[kind].speed and order == 1 else order, kind, tuple(arguments))
+        owner, _, axis = arguments[0].rpartition(".")
+        return Measurement(order, kind, (owner or axis,), axis if owner else "")
 
     @property
     def unit(self) -> str:
         """Its SI unit; empty for efforts, which are forces or torques."""
-        base = {"angle": "rad", "displacement": "m", "place": "m", "force": "N", "torque": "N*m", "effort": ""}
-        unit = unit_of(self.owner) if self.kind == "coordinate" else base[self.kind]
+        if self.kind == "effort":
+            return ""
+        unit = unit_of(self.arguments[0]) if self.kind == "coordinate" else MEASURES[self.kind].unit
         return unit + ("", "/s", "/s^2")[self.order]
+
+
+@dataclass(frozen=True)
+class Places:
+    """What measures may name.
+
+    Attributes
+    ----------
+    dimension : int
+    joints : mapping of Kind
+    bodies : mapping of Entry
+    points : mapping
+        Points by name, for each body by name; None: the ground.
+    unread : collection of str
+        Bodies that have a problem of their own.
+    """
+
+    dimension: int
+    joints: Mapping[str, Kind]
+    bodies: Mapping[str, Entry]
+    points: Mapping[str | None, Mapping[str, Components]]
+    unread: Collection[str] = ()
+
+    @staticmethod
+    def of(model: Model) -> Places:
+        """Return what the measures of a model may name."""
+        points: dict[str | None, Mapping[str, Components]] = {None: model.ground}
+        points.update((name, body.values.get("points", {})) for name, body in model.bodies.items())
+        joints = {name: joint.kind for name, joint in model.entries["joints"].items()}
+        return Places(model.dimension, joints, model.bodies, points)
+
+    def measure(self, kind: str, arguments: Collection[str], at: int = 0) -> MeasureValue:
+        """Return what a measure names.
+
+        Raises
+        ------
+        ExpressionError
+            If there is no such joint, point or body.
+        """
+        if kind not in MEASURES or MEASURES[kind].formula is None:
+            raise ExpressionError(f"{kind}() stands in outputs only", at)
+        if self.dimension not in MEASURES[kind].dimensions:
+            hint = "turn rates in the plane are rate(body.theta)" if kind.startswith("w") else ""
+            raise ExpressionError(f"{kind}() does not exist in a planar scene", at, hint)
+        joint, points = None, []
+        for role, word in zip(MEASURES[kind].arguments, arguments, strict=True):
+            if role == "joint":
+                joint = word
+                self._check_joint(kind, word, at)
+            else:
+                points.append(self._point(word, at, role == "body"))
+        return MeasureValue(kind, joint, tuple(points))
+
+    def _check_joint(self, kind: str, word: str, at: int) -> None:
+        """Refuse a joint that does not exist, or does not have this motion."""
+        if word not in self.joints:
+            raise ExpressionError(f"there is no joint {word!r}", at, suggestion(word, self.joints))
+        if kind not in self.joints[word].motions:
+            has = " and ".join(self.joints[word].motions)
+            raise ExpressionError(f"a {self.joints[word].name} joint has no {kind}{f', only {has}' if has else ''}", at)
+
+    def _point(self, word: str, at: int, whole: bool) -> MarkerValue:
+        """Return a point of a body or of the ground, or with `whole` a body with an orientation."""
+        body, _, point = word.partition(".")
+        owner = None if body == "ground" else body
+        if owner is not None and owner not in self.bodies and owner not in self.unread:
+            raise ExpressionError(f"there is no body {body!r}", at, suggestion(body, [*self.bodies, "ground"]))
+        known = self.bodies.get(owner or "")
+        if whole and (point or owner is None or (known and len(body_coordinates(known)) == self.dimension)):
+            raise ExpressionError(f"{word!r} is no body with an orientation", at)
+        if not point or (owner is not None and known is None):  # a body with a problem of its own
+            place = Location("", 1, 1)
+            return MarkerValue(owner, Components((constant("0", place, ""),) * self.dimension, place, ""))
+        points = self.points[owner]
+        if point not in points:
+            hint = suggestion(point, points) or "its points: " + (", ".join(points) or "none")
+            raise ExpressionError(f"{owner_of_point(owner)} has no point {point!r}", at, hint)
+        return MarkerValue(owner, points[point])

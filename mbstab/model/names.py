@@ -119,11 +119,6 @@ class Names:
             self.nodes.complain(node, path, f"there is no parameter {node.text!r}", hint)
 
 
-def owner_of_point(body: str | None) -> str:
-    """Return what messages call a body, or the ground."""
-    return "the ground" if body is None else f"the body {body!r}"
-
-
 def in_order(needs: Mapping[str, Iterable[str]]) -> tuple[list[str], list[list[str]]]:
     """Return names so that each comes after those it needs, and the circles that had to be cut.
 

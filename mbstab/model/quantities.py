@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from mbstab.errors import Location, suggestion
-from mbstab.mechanics.measures import MEASURES, is_measure, parts
+from mbstab.errors import suggestion
+from mbstab.mechanics.measures import is_measure, parts
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
-from mbstab.model.expressions import Expression, ExpressionError, filled_in, parse
+from mbstab.model.expressions import Expression, ExpressionError, filled_in
 from mbstab.model.functions import CALLED
-from mbstab.model.names import Names, owner_of_point
+from mbstab.model.measures import Places
+from mbstab.model.names import Names
 from mbstab.model.schema import (
     Components,
-    MarkerValue,
-    MeasureValue,
     Quantity,
-    body_coordinates,
+    constant,
     is_state,
+    owner_of_point,
     parse_finite,
 )
 from mbstab.model.turns import require_angle
@@ -133,48 +133,15 @@ class QuantityReader:
             If there is no such joint, point or body.
         """
         names = self.names
-        kind, arguments = parts(name)
-        if names.dimension not in MEASURES[kind].dimensions:
-            hint = "turn rates in the plane are rate(body.theta)" if kind.startswith("w") else ""
-            raise ExpressionError(f"{kind}() does not exist in a planar scene", at, hint)
-        if name in names.measures:
-            return
-        joint, points = None, []
-        for role, word in zip(MEASURES[kind].arguments, arguments, strict=True):
-            if role == "joint":
-                joint = word
-                self._check_joint(kind, word, at)
-            else:
-                points.append(self._point(word, at, role == "body"))
-        names.measures[name] = MeasureValue(kind, joint, tuple(points))
+        if name not in names.measures:
+            names.measures[name] = self.places.measure(*parts(name), at)
 
-    def _check_joint(self, kind: str, word: str, at: int) -> None:
-        """Refuse a joint that does not exist, or does not have this motion."""
-        joints = self.names.joints
-        if word not in joints:
-            raise ExpressionError(f"there is no joint {word!r}", at, suggestion(word, joints))
-        if kind not in joints[word].motions:
-            has = " and ".join(joints[word].motions)
-            raise ExpressionError(f"a {joints[word].name} joint has no {kind}{f', only {has}' if has else ''}", at)
-
-    def _point(self, word: str, at: int, whole: bool) -> MarkerValue:
-        """Return a point of a body or of the ground, or with `whole` a body with an orientation."""
+    @property
+    def places(self) -> Places:
+        """What measures may name, as far as the file has been read."""
         names = self.names
-        body, _, point = word.partition(".")
-        owner = None if body == "ground" else body
-        if owner is not None and owner not in names.bodies and owner not in names.written["bodies"]:
-            raise ExpressionError(f"there is no body {body!r}", at, suggestion(body, [*names.bodies, "ground"]))
-        known = names.bodies.get(owner or "")
-        if whole and (point or owner is None or (known and len(body_coordinates(known)) == names.dimension)):
-            raise ExpressionError(f"{word!r} is no body with an orientation", at)
-        if not point or (owner is not None and known is None):  # a body with a problem of its own
-            place = Location(self.nodes.document.name, 1, 1)
-            return MarkerValue(owner, Components((constant("0", place, ""),) * names.dimension, place, ""))
-        points = names.geometry[owner][0]
-        if point not in points:
-            hint = suggestion(point, points) or "its points: " + (", ".join(points) or "none")
-            raise ExpressionError(f"{owner_of_point(owner)} has no point {point!r}", at, hint)
-        return MarkerValue(owner, points[point])
+        points = {body: points for body, (points, _) in names.geometry.items()}
+        return Places(names.dimension, names.joints, names.bodies, points, names.written["bodies"])
 
     def check_unit(self, expression: Expression, unit: str) -> None:
         """Refuse an expression that is known to have another unit.
@@ -257,11 +224,6 @@ class QuantityReader:
             self.nodes.check_name(key, here, what, reserved=AXES)
             found[key.text] = self.vector(item, here, unit)
         return found
-
-
-def constant(text: str, location: Location, path: str) -> Quantity:
-    """Return a number that the file leaves out, with the place where it would stand."""
-    return Quantity(text, parse(text).root, location, path)
 
 
 def _in_brackets(unit: str) -> str:

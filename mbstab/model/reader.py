@@ -96,6 +96,7 @@ def _read(document: Document, root: Mapping) -> Model:
         source=nodes.text(top.get("source"), "source"),
         parameters=quantities.names.parameters,
         gravity=quantities.vector(gravity, "gravity", "m/s^2"),
+        ground=quantities.names.geometry[None][0],
         bodies=bodies,
         entries=entries,
         inputs=inputs,

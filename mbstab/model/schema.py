@@ -43,9 +43,8 @@ SECTIONS: dict[str, str] = {
     "inputs": "signals that act on the linearized motion, by name; none of them changes the reference motion",
     "constraints": "constraints written as expressions, by name: {holonomic: …} or {nonholonomic: …}",
     "states": "first-order states (filters, lags, integrals, currents), by name: {rate: expression}",
-    "outputs": "what is measured of the linearized motion, by name: expressions of coordinates, angle(joint), "
-    "displacement(joint), place(body.point.x), their rate(...) and acceleration(...), force(joint.x), torque(joint.z), "
-    "effort(name)",
+    "outputs": "what is measured of the linearized motion, by name: expressions of coordinates, measures, "
+    "their rate(...) and acceleration(...), and force(joint.x), torque(joint.z), effort(name)",
     "reference": "the motion whose stability is asked for: coordinates and rates by body",
     "initial": "where mbstab simulate starts: coordinates and rates by body; the others are those of the reference",
     "sweep": "default ranges of parameters: {from, to, points}",
@@ -61,6 +60,11 @@ class Quantity(Expression):
 
     location: Location
     path: str
+
+
+def constant(text: str, location: Location, path: str) -> Quantity:
+    """Return a number that the file leaves out, with the place where it would stand."""
+    return Quantity(text, parse(text).root, location, path)
 
 
 _NOT_FINITE = re.compile(r"[-+]?\.?(nan|inf|infinity)", re.IGNORECASE)
@@ -323,6 +327,8 @@ class Model:
         With what a question gives some of them (`mbstab.model.parameters.bound`).
     order : tuple of str
         Sections in the order of the file; constraint rows follow it.
+    ground : dict
+        Named points of the ground.
     measures : dict
         What the measures in expressions name, by the measure, such as ``angle(pivot)``.
     definitions : dict
@@ -336,6 +342,7 @@ class Model:
     source: str
     parameters: dict[str, Parameter]
     gravity: Components
+    ground: dict[str, Components]
     bodies: dict[str, Entry]
     entries: dict[str, dict[str, Entry]]
     inputs: dict[str, Entry]
@@ -383,6 +390,11 @@ class Model:
 def entry_word(section: str) -> str:
     """Return what messages call an entry of a section, such as ``joint``."""
     return "body" if section == "bodies" else section.removesuffix("s")
+
+
+def owner_of_point(body: str | None) -> str:
+    """Return what messages call a body, or the ground."""
+    return "the ground" if body is None else f"the body {body!r}"
 
 
 def body_coordinates(body: Entry) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ Values may be floats or arrays over the points of a sweep; the checks then hold 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from mbstab.mechanics import vectors
@@ -61,6 +61,21 @@ def _quiet(arithmetic: Arithmetic) -> contextlib.AbstractContextManager[Any]:
     return np.errstate(all="ignore")
 
 
+def measure_numbers(value: MeasureValue, evaluator: Evaluator, joint: Callable[[str], ItemValues]) -> MeasureNumbers:
+    """Return a measure with numbers; `joint` finds joints by name."""
+    if value.joint is not None:
+        return joint_measure(value.kind, joint(value.joint))
+    bodies = tuple(GROUND if x.body is None else evaluator.body_numbers[x.body] for x in value.points)
+    points = () if MEASURES[value.kind].arguments == ("body",) else value.points
+    return MeasureNumbers(value.kind, bodies, tuple(y for x in points for y in evaluator.vector(x.point, length=True)))
+
+
+def joint_measure(kind: str, joint: ItemValues) -> MeasureNumbers:
+    """Return the angle or the displacement of a joint with its numbers."""
+    bodies = tuple(marker.body for marker in joint.markers("between"))
+    return MeasureNumbers(kind, bodies, motion_parameters(joint, kind))
+
+
 class _Assembly(Evaluator):
     """Puts a scene together."""
 
@@ -94,7 +109,8 @@ class _Assembly(Evaluator):
         return regular(Scene(
             model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, steady,
             period, self.points(), self.lengths, initial, inputs=inputs,
-            measures={name: self.measure(value, named) for name, value in model.measures.items()},
+            measures={name: measure_numbers(x, self, lambda joint: named[f"joints.{joint}"])
+                      for name, x in model.measures.items()},
         ))  # fmt: skip
 
     def start(self, bodies: tuple[BodyValues, ...], said: Mapping[str, Number]) -> dict[int, Pose]:
@@ -102,16 +118,6 @@ class _Assembly(Evaluator):
         names = {i: [f"{body.name}.{c}" for c in body.coordinates] for i, body in enumerate(bodies)}
         poses = {i: Pose(self.f, d, [said.get(x, zero) for x in own], bodies[i].base) for i, own in names.items()}
         return poses | {GROUND: Pose(self.f, d, (), ())}
-
-    def measure(self, value: MeasureValue, named: Mapping[str, ItemValues]) -> MeasureNumbers:
-        if value.joint is not None:
-            joint = named[f"joints.{value.joint}"]
-            bodies = tuple(marker.body for marker in joint.markers("between"))
-            return MeasureNumbers(value.kind, bodies, motion_parameters(joint, value.kind))
-        bodies = tuple(GROUND if x.body is None else self.body_numbers[x.body] for x in value.points)
-        whole = [MEASURES[value.kind].arguments == ("body",) for _ in value.points]
-        numbers = (x for x, body in zip(value.points, whole, strict=True) if not body)
-        return MeasureNumbers(value.kind, bodies, tuple(y for x in numbers for y in self.vector(x.point, length=True)))
 
     def initial(self) -> InitialValues:
         given = self.model.initial

@@ -1,7 +1,7 @@
 """Outputs of a model: what is measured at a state, with its slopes.
 
-A slope is a vector over Δq, Δu, Δa, Δν and, for each input, over w, ẇ and ẅ, one after the other. Angles, travels
-and places are rows of constraints whose error is measured; what joints transmit follows from their multipliers.
+A slope is a vector over Δq, Δu, Δa, Δν and, for each input, over w, ẇ and ẅ, one after the other. What joints transmit
+follows from their multipliers.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.response.signals import Held, Signals, State, acting_system, slopes
+from mbstab.compiler.measured import occurring
 from mbstab.compiler.system import Array, System
 from mbstab.mechanics.catalogue import GROUND, Effort, ElementUse, Kind, Marker
-from mbstab.mechanics.joints import motion_parameters
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.duals import Dual, dual_arithmetic
 from mbstab.model.evaluator import Evaluator
-from mbstab.model.measures import Measure
+from mbstab.model.jets import Jet, jet_arithmetic
+from mbstab.model.measures import TRANSMITTED, Measurement, Places
 from mbstab.model.quantities import AXES
-from mbstab.model.scene import ItemValues, Scene
+from mbstab.model.scene import ItemValues, MeasureNumbers, Scene
 from mbstab.model.schema import Entry, Quantity
+from mbstab.model.values import joint_measure, measure_numbers
 
 _KIND = Kind("probe", "", (2, 3), (), lambda item: ())
-_ON_AXES = tuple(tuple(float(i == j) for j in range(3)) for i in range(3))
-Three = tuple[Dual, Dual, Dual]
 
 
 class Meter:
@@ -42,7 +42,6 @@ class Meter:
         self.system, self.signals, self.at = system, signals, at
         n, c = system.n_q, system.n_c
         self.starts = np.cumsum([0, n, n, n, c, *[len(signals.items)] * 3])
-        self._measured: dict[tuple[str, ...], Three] = {}
 
     @property
     def size(self) -> int:
@@ -61,10 +60,11 @@ class Meter:
         names = {
             name: self._constant(lambda s, name=name: s.parameters[name])  # type: ignore[misc]
             if name in scene.parameters
-            else self._value(Measure.of(name))
+            else self._value(Measurement.of(name))
             for name in expression.names()
         }
-        found = expression.evaluate(names, dual_arithmetic(FLOAT))
+        rates = {name: self._value(Measurement.of(name, rate=True)) for name in expression.rates()}
+        found = expression.evaluate(names, dual_arithmetic(FLOAT), rates)
         return np.asarray(found.slope) if isinstance(found, Dual) else np.zeros(self.size)
 
     def _vector(self, *parts: tuple[int, Array]) -> Array:
@@ -90,81 +90,49 @@ class Meter:
         by = self._by_inputs(lambda system: get(system.scene))
         return Dual(float(get(self.system.scene)), self._vector((4, by)))
 
-    def _value(self, x: Measure) -> Dual:
+    def _value(self, x: Measurement) -> Dual:
         if x.kind == "coordinate":
-            i = self.system.names.index(x.owner)
+            i = self.system.names.index(x.arguments[0])
             value = (self.at.q, self.at.u, self.at.a)[x.order][i]
             return Dual(float(value), self._vector((x.order, np.eye(self.system.n_q)[i])))
-        if x.kind in ("angle", "displacement"):
-            return self._motion(x.kind, x.owner)[x.order]
-        if x.kind == "place":
-            return self._place(x.owner, x.point, AXES[x.component])[x.order]
         if x.kind == "effort":
-            return self._effort(x.owner)
-        return self._transmitted(x)
+            return self._effort(x.arguments[0])
+        if x.kind in TRANSMITTED:
+            return self._transmitted(x)
+        found = Places.of(self.system.scene.model).measure(x.axis or x.kind, x.arguments)
+
+        def numbers(scene: Scene) -> MeasureNumbers:
+            evaluator = Evaluator(scene.model, scene.parameters, scene.arithmetic)
+            return measure_numbers(found, evaluator, lambda name: _item(scene, "joints", name))
+
+        jet = self._measure(f"{found.kind}({', '.join(x.arguments)})", numbers)
+        return Dual.of((jet.value, jet.rate, jet.second)[x.order])
 
     # --- motions ----------------------------------------------------------------------------------------------------
 
-    def _motion(self, kind: str, joint: str) -> Three:
-        def uses(scene: Scene, law: Held) -> list[ElementUse]:
-            item = _item(scene, "joints", joint)
-            first, second = item.markers("between")
-            return [ElementUse(f"{kind}_position", (first.body, second.body), motion_parameters(item, kind), (law,))]
+    def _measure(self, name: str, numbers: Callable[[Scene], MeasureNumbers]) -> Jet:
+        """Return a measure with its rate and its acceleration; a speed with its own."""
+        system, at = self.system, self.at
+        n = system.n_q
+        one, values = occurring(system.scene, name, numbers(system.scene))
 
-        return self._rows((kind, joint), uses, self.system.scene.dimension == 3 and kind == "angle")
+        def given(s: System) -> Any:
+            return np.array(occurring(s.scene, name, numbers(s.scene))[1], dtype=object)
 
-    def _place(self, body: str, point: str, axis: int) -> Three:
-        def marker(scene: Scene) -> Marker:
-            entry, number = scene.model.bodies[body], list(scene.model.bodies).index(body)
-            if not point:
-                return Marker(number, (0.0,) * scene.dimension)
-            evaluator = Evaluator(scene.model, scene.parameters, scene.arithmetic)
-            return Marker(number, evaluator.vector(entry.values["points"][point]))
+        def jet(parts: tuple[Any, ...], first: int, slope: Array) -> Jet:
+            return Jet(*(Dual(float(x), self._vector((first + k, slope))) for k, x in enumerate(parts)))
 
-        return self._point((body, point), marker, axis)
+        moving = {
+            c: jet((at.q[i], at.u[i], at.a[i]), 0, np.eye(1, n, i)[0])
+            for c, i in zip(system.names, range(n), strict=True)
+            if any(c in body for body in one.bodies)
+        }
+        constants = [jet((x, 0.0, 0.0), 4, by) for x, by in zip(values, self._by_inputs(given), strict=True)]
+        f = jet_arithmetic(dual_arithmetic(FLOAT))
+        return Jet.of(one.of(f, moving, iter(constants), lambda x: Jet(Jet.of(x).rate, Jet.of(x).second)))
 
-    def _point(self, key: tuple[str, ...], marker: Callable[[Scene], Marker], axis: int) -> Three:
-        def uses(scene: Scene, law: Held) -> list[ElementUse]:
-            at = marker(scene)
-            return [ElementUse("point_position", (at.body,), (*at.point, *_ON_AXES[axis][: scene.dimension]), (law,))]
-
-        return self._rows(("place", *key, str(axis)), uses, False)
-
-    def _rows(self, key: tuple[str, ...], uses: Callable[[Scene, Held], list[ElementUse]], turning: bool) -> Three:
-        """Return a motion, its rate and its acceleration; that of a joint that turns is known by its sine."""
-        if key in self._measured:
-            return self._measured[key]
-        at, entry = self.at, self._entry(" ".join(key))
-
-        def of(system: System, law: Held) -> System:
-            return acting_system(system.scene, [(entry, uses(system.scene, law))])
-
-        def error(law: Held) -> float:
-            return float(of(self.system, law).dynamics(at.q, at.u, at.time).E[0])
-
-        value = error(Held(0.0))
-        if turning:
-            value = float(np.arctan2(value, error(Held(-0.5 * np.pi))))
-        held = Held(value)
-        rate = float(of(self.system, held).dynamics(at.q, at.u, at.time).V[0])
-        held = Held(value, rate)
-        row = of(self.system, held)
-        state = row.dynamics(at.q, at.u, at.time)
-        V_q, A_q, A_u = (x[0] for x in row.linearize_rows(at.q, at.u, at.a, at.time))
-        J, zero = state.J[0], np.zeros(len(self.signals.items))
-
-        def three(system: System) -> Any:
-            found = of(system, held).dynamics(at.q, at.u, at.time)
-            return np.array([found.E[0], found.V[0], found.J[0] @ at.a + found.B[0]], dtype=object)
-
-        e, v, a = self._by_inputs(three) if self.signals.changed else np.zeros((3, len(zero)))
-        found = (
-            Dual(value, self._vector((0, J), (4, e))),
-            Dual(rate, self._vector((0, V_q), (1, J), (4, v), (5, e))),
-            Dual(float(J @ at.a + state.B[0]), self._vector((0, A_q), (1, A_u), (2, J), (4, a), (5, 2.0 * v), (6, e))),
-        )
-        self._measured[key] = found
-        return found
+    def _motion(self, kind: str, joint: str) -> Jet:
+        return self._measure(f"{kind}({joint})", lambda scene: joint_measure(kind, _item(scene, "joints", joint)))
 
     def _entry(self, name: str) -> Entry:
         return Entry("outputs", name, _KIND, {}, self.system.scene.model.reference.location, {})
@@ -187,9 +155,10 @@ class Meter:
         if given.law is not None:
             return self._constant(lambda scene: effort(scene).law.at(self.at.time).value)
         if given.motion == "distance":
-            x, rate = self._distance(given.of.name)
+            found = self._measure("distance()", lambda scene: _distance(_item(scene, "forces", given.of.name)))
         else:
-            x, rate, _ = self._motion(given.motion, given.of.name)
+            found = self._motion(given.motion, given.of.name)
+        x, rate = found.value, found.rate
         stiffness, rest, damping = (
             self._constant(lambda scene, key=key: getattr(effort(scene), key))  # type: ignore[misc]
             for key in ("stiffness", "rest", "damping")
@@ -197,35 +166,16 @@ class Meter:
         if given.motion == "angle" and self.system.scene.dimension == 3:
             # The angle within half a turn of the rest.
             x = x - 2.0 * np.pi * round((x.value - rest.value) / (2.0 * np.pi))
-        found: Dual = -(stiffness * (x - rest)) - damping * rate
-        return found
+        pull: Dual = -(stiffness * (x - rest)) - damping * rate
+        return pull
 
-    def _distance(self, name: str) -> tuple[Any, Any]:
-        """Return the distance of the two ends of a force, and its rate."""
-
-        def end(k: int) -> Callable[[Scene], Marker]:
-            return lambda scene: _item(scene, "forces", name).markers("between")[k]
-
-        d = self.system.scene.dimension
-        gap: list[Any] = [0.0] * d
-        speed: list[Any] = [0.0] * d
-        for k, sign in ((0, 1.0), (1, -1.0)):
-            for axis in range(d):
-                if end(k)(self.system.scene).body == GROUND:
-                    fixed = self._constant(lambda scene, k=k, axis=axis: end(k)(scene).point[axis])  # type: ignore[misc]
-                    gap[axis] = gap[axis] + sign * fixed
-                    continue
-                place, rate, _ = self._point((name, str(k)), end(k), axis)
-                gap[axis], speed[axis] = gap[axis] + sign * place, speed[axis] + sign * rate
-        length = dual_arithmetic(FLOAT).sqrt(sum(x * x for x in gap))
-        return length, sum(x * v for x, v in zip(gap, speed, strict=True)) / length
-
-    def _transmitted(self, x: Measure) -> Dual:
+    def _transmitted(self, x: Measurement) -> Dual:
         """Return a component of the force or torque that an entry transmits, at its first point on a body."""
-        section = next(s for s, group in self.system.scene.model.entries.items() if x.owner in group and s != "states")
-        components = self._wrench(section, x.owner)
+        (name,) = x.arguments
+        section = next(s for s, group in self.system.scene.model.entries.items() if name in group and s != "states")
+        components = self._wrench(section, name)
         d = self.system.scene.dimension
-        return components[AXES[x.component] if x.kind == "force" else d + (0 if d == 2 else AXES[x.component])]
+        return components[AXES[x.axis] if x.kind == "force" else d + (0 if d == 2 else AXES[x.axis])]
 
     def _wrench(self, section: str, name: str) -> list[Dual]:
         """Return the force and the torque, in ground axes; their generalized forces are those of the rows."""
@@ -277,6 +227,12 @@ class Meter:
             Dual(float(v), self._vector((0, rows[0][i]), (1, rows[1][i]), (3, rows[2][i]), (4, rows[3][i])))
             for i, v in enumerate(values)
         ]
+
+
+def _distance(force: ItemValues) -> MeasureNumbers:
+    """Return the distance of the two ends of a force with its numbers."""
+    ends = force.markers("between")
+    return MeasureNumbers("distance", tuple(x.body for x in ends), tuple(y for x in ends for y in x.point))
 
 
 def _item(scene: Scene, section: str, name: str) -> ItemValues:

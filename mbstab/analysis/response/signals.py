@@ -21,9 +21,8 @@ from mbstab.model.duals import Dual, dual_arithmetic
 from mbstab.model.evaluator import Evaluator
 from mbstab.model.expressions import Binary, Name
 from mbstab.model.jets import Jet
-from mbstab.model.quantities import constant
 from mbstab.model.scene import ItemValues, Scene
-from mbstab.model.schema import Entry, Model, Parameter, Quantity, Reference
+from mbstab.model.schema import Entry, Model, Parameter, Quantity, Reference, constant
 from mbstab.model.units import si_unit
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass

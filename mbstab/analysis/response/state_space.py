@@ -26,8 +26,8 @@ from mbstab.analysis.response.signals import Signals, State
 from mbstab.analysis.response.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import Location, ModelFileError, NumericalError, Problem, UsageError
-from mbstab.model.expressions import ExpressionError
-from mbstab.model.measures import Measure
+from mbstab.model.expressions import ExpressionError, Name, Rate
+from mbstab.model.measures import Measurement
 from mbstab.model.schema import Quantity
 from mbstab.model.sections.outputs import measured_expression
 from mbstab.records import dataclass
@@ -384,12 +384,13 @@ def split_states(text: str) -> list[str]:
 
 def _unit(expression: Quantity) -> str:
     """Return the unit of an expression that is one measured thing, else nothing."""
-    names = list(expression.names())
-    return Measure.of(names[0]).unit if names == [expression.text.replace(" ", "")] and _measured(names[0]) else ""
-
-
-def _measured(name: str) -> bool:
-    return "." in name or "(" in name
+    match expression.root:
+        case Rate(name):
+            return Measurement.of(name, rate=True).unit
+        case Name(name) if "." in name or "(" in name:
+            return Measurement.of(name).unit
+        case _:
+            return ""
 
 
 def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlModel:

@@ -42,7 +42,6 @@ def section_text(section: str) -> str:
     from mbstab.mechanics.elements import KINDS
     from mbstab.mechanics.measures import MEASURES
     from mbstab.model.functions import CALLED
-    from mbstab.model.measures import MEASURES as IN_OUTPUTS
     from mbstab.model.schema import SECTION_FIELDS, SECTIONS
     from mbstab.report.kinds import keys_text, kinds_text, shapes_text
 
@@ -50,12 +49,13 @@ def section_text(section: str) -> str:
         return shapes_text()
     if section == "functions":
         return "".join(f"{name}({', '.join(x.names)}): {x.doc}\n" for name, x in CALLED.items())
+    measures = "".join(f"{name}({', '.join(x.arguments)}): {x.doc} ({x.unit})\n" for name, x in MEASURES.items())
     if section == "measures":
-        return "".join(f"{name}({', '.join(x.arguments)}): {x.doc} ({x.unit})\n" for name, x in MEASURES.items())
+        return measures
     if section in SECTION_FIELDS:
         return keys_text(SECTION_FIELDS[section])
     if section in SECTIONS and section not in KINDS:
-        return keys_text({section: SECTIONS[section]} | (IN_OUTPUTS if section == "outputs" else {}))
+        return keys_text({section: SECTIONS[section]}) + (measures if section == "outputs" else "")
     name, _, kind = section.partition(".")
     if name not in KINDS:
         known = list(dict.fromkeys([*KINDS, *SECTIONS, "shape", "functions", "measures", *SECTION_FIELDS]))

@@ -25,8 +25,8 @@ from mbstab.model.fields.base import (
 )
 from mbstab.model.fields.values import NumberField
 from mbstab.model.numbers import all_of
-from mbstab.model.quantities import AXES, constant
-from mbstab.model.schema import ALONG, PART_FIELDS, Components, PartValue, ShapeValue
+from mbstab.model.quantities import AXES
+from mbstab.model.schema import ALONG, PART_FIELDS, Components, PartValue, ShapeValue, constant
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 
 TENSOR_KEYS = ("xx", "yy", "zz", "xy", "xz", "yz")

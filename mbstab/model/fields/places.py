@@ -10,9 +10,8 @@ from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import GROUND, Field, Marker, Number, Vector
 from mbstab.model.evaluator import Evaluator
 from mbstab.model.fields.base import DIRECTION, NUMBER, NUMBERS, TEXT, VECTOR, FieldKind, Owner, Reading, object_schema
-from mbstab.model.names import owner_of_point
 from mbstab.model.numbers import all_of
-from mbstab.model.schema import MARKER_FIELDS, Components, MarkerValue
+from mbstab.model.schema import MARKER_FIELDS, Components, MarkerValue, owner_of_point
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mbstab.model.arithmetic import FLOAT
-from mbstab.model.quantities import QuantityReader, constant
+from mbstab.model.quantities import QuantityReader
 from mbstab.model.schema import (
     CRITICAL_FIELDS,
     EIGENVALUE_FIELDS,
@@ -16,6 +16,7 @@ from mbstab.model.schema import (
     ExpectedEigenvalue,
     Quantity,
     SweepRange,
+    constant,
 )
 from mbstab.model.sections.reference import read_state
 from mbstab.model.words import WORDS

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from mbstab.errors import suggestion
+from mbstab.mechanics.measures import MEASURES
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import DERIVED, Expression, ExpressionError, filled_in, parse
-from mbstab.model.measures import MEASURES, TRANSMITTED, Measure
+from mbstab.model.measures import TRANSMITTED, Measurement, Places
 from mbstab.model.quantities import AXES, QuantityReader
 from mbstab.model.schema import Entry, Model, Quantity, TableValue
 from mbstab.model.yamlfile import Scalar, YamlNode
@@ -28,7 +29,7 @@ def read_outputs(quantities: QuantityReader, node: YamlNode | None, entries: Ent
         try:
             expression = _parsed(item.text, names.definitions, names.tables, entries)
             coordinates = [x for x in names.coordinates if not names.unread(x)]
-            _check(expression.names(), entries, names.bodies, coordinates, names.parameters, names.dimension)
+            _check(expression, entries, quantities.places, coordinates, names.parameters)
         except ExpressionError as error:
             quantities.complain(item, path, error)
             continue
@@ -45,17 +46,14 @@ def measured_expression(model: Model, text: str) -> Quantity:
         If it is none, or names what the file does not have.
     """
     expression = _parsed(text, model.definitions, model.tables, model.entries)
-    _check(expression.names(), model.entries, model.bodies, model.coordinates(), model.parameters, model.dimension)
+    _check(expression, model.entries, Places.of(model), model.coordinates(), model.parameters)
     return Quantity(expression.text, expression.root, model.reference.location, text)
 
 
 def _parsed(
     text: str, definitions: Mapping[str, Expression], tables: Mapping[str, TableValue], entries: Entries
 ) -> Expression:
-    measures = tuple(MEASURES)
-    expression = parse(text, measures)
-    written = _written_efforts(entries["forces"])
-    return filled_in(expression, {**definitions, **written}, tables, measures)
+    return filled_in(parse(text), {**definitions, **_written_efforts(entries["forces"])}, tables)
 
 
 def _written_efforts(forces: Mapping[str, Entry]) -> dict[str, Expression]:
@@ -70,57 +68,51 @@ def _written_efforts(forces: Mapping[str, Entry]) -> dict[str, Expression]:
 
 
 def _check(
-    used: Mapping[str, int],
+    expression: Expression,
     entries: Entries,
-    bodies: Mapping[str, Entry],
-    coordinates: list[str],
-    parameters: Mapping[str, object],
-    dimension: int,
+    places: Places,
+    coordinates: Collection[str],
+    parameters: Collection[str],
 ) -> None:
     """Refuse names that stand for nothing."""
-    for name, at in used.items():
-        if name in parameters:
-            continue
-        if name == "t":
-            raise ExpressionError("the time t cannot be used here", at, "an output is measured at the reference motion")
-        x = Measure.of(name)
-        if x.kind == "coordinate":
-            if x.owner not in coordinates:
+    for used, rate in ((expression.names(), False), (expression.rates(), True)):
+        for name, at in used.items():
+            if name == "t":
+                hint = "an output is measured at the reference motion"
+                raise ExpressionError("the time t cannot be used here", at, hint)
+            x = Measurement.of(name, rate)
+            if x.kind != "coordinate":
+                _check_measure(x, entries, places, at)
+            elif name not in parameters and x.arguments[0] not in coordinates:
                 known = [*coordinates, *parameters, *MEASURES, *DERIVED, *CONSTANTS]
-                raise ExpressionError(f"unknown coordinate {x.owner!r}", at, suggestion(x.owner, known))
-            continue
-        if x.order and x.kind in TRANSMITTED:
-            raise ExpressionError(
-                f"{DERIVED[x.order - 1]}(...) does not take {x.kind}(...)", at, "give the force itself"
-            )
-        if x.kind in ("angle", "displacement"):
-            _check_joint(x, entries["joints"], at)
-        elif x.kind == "place":
-            _check_known(x.owner, bodies, "body", at)
-            if x.point:
-                _check_known(x.point, bodies[x.owner].values.get("points", {}), f"point of {x.owner!r}", at)
-        elif x.kind == "effort":
-            acting = [k for s in ("forces", "drives") for k, e in entries[s].items() if e.kind.effort is not None]
-            acting += [text[len("effort(") : -1] for text in _written_efforts(entries["forces"])]
-            _check_known(x.owner, acting, "force or drive along one motion", at)
-        else:
-            transmitting = {
-                k: e
-                for section, group in entries.items()
-                if section != "states"
-                for k, e in group.items()
-                if section != "forces" or e.kind.transmits
-            }
-            _check_known(x.owner, transmitting, "joint, contact, drive or mount", at)
-        _check_component(x, at, dimension)
+                raise ExpressionError(f"unknown coordinate {x.arguments[0]!r}", at, suggestion(x.arguments[0], known))
 
 
-def _check_joint(x: Measure, joints: Mapping[str, Entry], at: int) -> None:
-    _check_known(x.owner, joints, "joint", at)
-    motions = joints[x.owner].kind.motions
-    if x.kind not in motions:
-        hint = f"write {motions[0]}({x.owner})" if motions else "measure coordinates or the place of a point"
-        raise ExpressionError(f"a {joints[x.owner].kind.name} joint has no single {x.kind}", at, hint)
+def _check_measure(x: Measurement, entries: Entries, places: Places, at: int) -> None:
+    """Refuse a measure that a scene does not have."""
+    fixed = x.kind in TRANSMITTED
+    if x.order and (fixed or MEASURES[x.kind].speed):
+        hint = "give the force itself" if fixed else "give the speed itself"
+        raise ExpressionError(f"{DERIVED[x.order - 1]}(...) does not take {x.kind}(...)", at, hint)
+    if x.kind == "effort":
+        acting = [k for s in ("forces", "drives") for k, e in entries[s].items() if e.kind.effort is not None]
+        acting += [text[len("effort(") : -1] for text in _written_efforts(entries["forces"])]
+        _check_known(x.arguments[0], acting, "force or drive along one motion", at)
+    elif fixed:
+        transmitting = {
+            k: e
+            for section, group in entries.items()
+            if section != "states"
+            for k, e in group.items()
+            if section != "forces" or e.kind.transmits
+        }
+        _check_known(x.arguments[0], transmitting, "joint, contact, drive or mount", at)
+    elif x.kind != "place":
+        places.measure(x.kind, x.arguments, at)
+    if x.kind == "place" or (fixed and x.kind != "effort"):
+        _check_axis(x, at, places.dimension)
+    if x.kind == "place":
+        places.measure(x.axis, x.arguments, at)
 
 
 def _check_known(word: str, known: Collection[str], what: str, at: int) -> None:
@@ -128,12 +120,9 @@ def _check_known(word: str, known: Collection[str], what: str, at: int) -> None:
         raise ExpressionError(f"there is no {what} {word!r}", at, suggestion(word, known))
 
 
-def _check_component(x: Measure, at: int, dimension: int) -> None:
+def _check_axis(x: Measurement, at: int, dimension: int) -> None:
     """Refuse a component that a vector does not have."""
-    if x.kind not in ("place", "force", "torque"):
-        return
     axes = ["z"] if x.kind == "torque" and dimension == 2 else list(AXES)[:dimension]
-    if x.component not in axes:
-        example = ".".join(part for part in (x.owner, x.point) if part)
-        hint = " or ".join(f"{x.kind}({example}.{axis})" for axis in axes)
+    if x.axis not in axes:
+        hint = " or ".join(f"{x.kind}({x.arguments[0]}.{axis})" for axis in axes)
         raise ExpressionError(f"{x.kind}(...) needs a component of the vector", at, f"write {hint}")

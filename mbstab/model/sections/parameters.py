@@ -8,8 +8,8 @@ from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import ExpressionError, parse
 from mbstab.model.functions import CALLED
 from mbstab.model.names import in_order
-from mbstab.model.quantities import QuantityReader, constant
-from mbstab.model.schema import PARAMETER_FIELDS, SIGNS, Parameter, Quantity
+from mbstab.model.quantities import QuantityReader
+from mbstab.model.schema import PARAMETER_FIELDS, SIGNS, Parameter, Quantity, constant
 from mbstab.model.turns import count, counted_by
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
 from mbstab.records import dataclass

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mbstab.model.names import Names
-from mbstab.model.quantities import QuantityReader, constant
+from mbstab.model.quantities import QuantityReader
 from mbstab.model.schema import (
     FINDS,
     INITIAL_FIELDS,
@@ -15,6 +15,7 @@ from mbstab.model.schema import (
     Reference,
     Steady,
     body_coordinates,
+    constant,
     unit_of,
 )
 from mbstab.model.yamlfile import Mapping, YamlNode
