@@ -17,6 +17,7 @@ from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal
 from mbstab.analysis.verdict.rule import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
@@ -181,5 +182,7 @@ class _Search:
         M = state.M * spaces.scale * spaces.scale[:, None]
         J = state.J * spaces.scale * spaces.row_scale[:, None]
         augmented, _ = of_rank(M, J, spaces.C.rank + spaces.W.rank)
-        a, nu = augmented.solve(-state.F0 * spaces.scale, state.B * spaces.row_scale)
+        # Refined, forces across a coordinate leave no rounding in its acceleration.
+        force, bias = -state.F0 * spaces.scale, state.B * spaces.row_scale
+        a, nu = augmented.refined(force, bias, REFERENCE.balance_refinements)
         return spaces.scale * a, spaces.row_scale * nu
