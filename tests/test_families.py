@@ -159,3 +159,15 @@ forces: {{s: {{type: expression, on: {{b.x: -50*b.x - 3*rate(b.x)}}}}}}
 reference: {{coordinates: {{b: {{x: 0, y: 0}}}}}}
 """
     assert mbstab.loads(text).eig().verdict in (verdict, "undecided")
+
+
+@pytest.mark.parametrize(("length", "mass"), [(1, 1), (1e3, 1e-3), (1e6, 1), (1, 1e9)])
+def test_a_family_in_which_states_change_is_found_in_all_units(length, mass):
+    """A cart at constant speed needs another integral and another effort, in units of their own."""
+    force = length * mass
+    found = mbstab.load("cart_pendulum.yaml").eig(
+        **{"P": 40 * force, "I": 20 * force, "D": 8 * force, "M": 0.5 * mass, "m": 0.2 * mass, "b": 0.1 * mass},
+        **{"l": 0.3 * length, "J": 0.006 * mass * length**2, "g": 9.81 * length},
+    )
+    assert found.verdict == ASYMPTOTIC_UP_TO
+    assert found.counts.neutral == 2

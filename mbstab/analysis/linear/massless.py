@@ -283,7 +283,10 @@ class _Decision:
 
     def _in_coordinates(self, combinations: Array) -> Array:
         """Return directions (m, rad); those along one coordinate have the component 1 there."""
-        found = combinations @ self.basis * self.motion.spaces.scale
+        scaled = combinations @ self.basis
+        # What is rounding of a direction is no part of it: beside nothing else it would scale a coordinate.
+        known = TOLERANCES.direction_rounding * np.linalg.norm(scaled, axis=1, keepdims=True)
+        found = np.where(np.abs(scaled) > known, scaled, 0.0) * self.motion.spaces.scale
         if len(found):
             found /= np.max(np.abs(found), axis=1)[:, None]
         return found

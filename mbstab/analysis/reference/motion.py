@@ -437,12 +437,14 @@ class Finder:
         if not M_z.size:
             return None
         values = np.linalg.eigvalsh(M_z)
-        if values[0] > TOLERANCES.massless * values[-1]:
+        # Where nothing that is allowed carries mass, M_z holds squares of rounding.
+        least = max(TOLERANCES.massless * values[-1], TOLERANCES.rounding_of_mass)
+        if values[0] > least:
             return None
         self._refuse_inertias_too_far_apart(M)
         values, vectors = np.linalg.eigh(M_z)
-        heavy = values > TOLERANCES.massless * values[-1]
-        if self.massless and np.all(values[heavy] > ALGEBRA.rank_gap * TOLERANCES.massless * values[-1]):
+        heavy = values > least
+        if self.massless and np.all(values[heavy] > ALGEBRA.rank_gap * least):
             found: Array = allowed @ vectors[:, ~heavy]
             for involved in map(self._involved, found.T):
                 if all(map(is_state, involved)):

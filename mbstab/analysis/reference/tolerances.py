@@ -43,6 +43,8 @@ class Tolerances:
     """Steps of iterative refinement of the multipliers."""
     massless: Final = 1e-13
     """Motions with less mass than this, in scaled coordinates, carry none."""
+    rounding_of_mass: Final = 1e-28
+    """Motions with no more mass than this, in scaled coordinates, carry none, whatever the others carry."""
     drawn_roundings: Final = 4
     """Number of random draws of the signs of rounding errors …"""
     drawn_rounding_size: Final = 2.0**-22

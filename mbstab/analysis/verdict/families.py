@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import RandomNumbers
+from mbstab.analysis.algebra.arrays import RandomNumbers, norms
 from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
@@ -23,6 +23,7 @@ from mbstab.analysis.verdict.rule import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
+from mbstab.model.schema import is_state
 
 
 def family(structure: Structure, found: Separated, count: int) -> Neutral | None:
@@ -78,6 +79,8 @@ class _Search:
         self.motion, self.system = self.linear.motion, self.linear.system
         self.rate = structure.invariance.rate
         self.held = np.hstack([symmetries, null])
+        self.bodily = np.array([not is_state(name) for name in self.linear.names])
+        self.sizes = self._sizes()
         self.free = complement(self.held)
 
     def reaches(self, direction: Array) -> bool:
@@ -95,12 +98,13 @@ class _Search:
                 return False
             h = TOLERANCES.acceleration_difference
             slopes = np.array([(self._left(y + h * x) - self._left(y - h * x)) / (2.0 * h) for x in self.free.T]).T
-            y = y - self.free @ np.linalg.lstsq(slopes, left, rcond=1e-10)[0]
+            columns = np.maximum(norms(slopes, 0), 1e-300)  # a first-order state may be in any unit
+            y = y - self.free @ (np.linalg.lstsq(slopes / columns, left, rcond=1e-10)[0] / columns)
         return False
 
     def _vanishes(self, y: Array, left: Array) -> bool:
         """Return whether a residual is rounding, relative to the force of each single element along it."""
-        sizes, n = self.motion.sizes, len(self.motion.q)
+        sizes, n = self.sizes, len(self.motion.q)
         state = self._state(y)
         fastest = max(float(np.max(np.abs(state.u) / sizes)), float(np.max(np.abs(self.motion.u) / sizes)))
         allowed = TOLERANCES.force_vanishes * fastest + TOLERANCES.force_rounding * self._rates_of_states(y)
@@ -128,16 +132,33 @@ class _Search:
         each_size += float(np.linalg.norm(y)) * float(np.sum(np.abs(direction @ (K @ q + R @ u))))
         return push <= TOLERANCES.force_vanishes * each + TOLERANCES.force_rounding * each_size
 
+    def _sizes(self) -> Array:
+        """Return the characteristic sizes; those of first-order states are what goes along with the coordinates."""
+        sizes: Array = self.motion.sizes.copy()
+        states = np.flatnonzero(~self.bodily)
+        if not len(states):
+            return sizes
+        found = np.zeros(len(states))
+        for y in self.null.T:
+            direction, rate = (np.abs(x / sizes) for x in self._disturbance(y))
+            own = direction[states].copy()
+            direction[states] = rate[states] = 0.0
+            extent = max(float(np.max(direction)), float(np.max(rate)) / self.rate)
+            if extent > TOLERANCES.independent_direction * float(np.max(own)):
+                found = np.maximum(found, own / extent)
+        sizes[states] = np.where(found > 0.0, found, sizes[states])
+        return sizes
+
     def _extent(self, y: Array) -> float:
         direction, rate = self._disturbance(y)
-        sizes = self.motion.sizes
+        sizes = self.sizes
         return max(float(np.max(np.abs(direction / sizes))), float(np.max(np.abs(rate / sizes))) / self.rate)
 
     def _rates_of_states(self, y: Array) -> float:
         """Return the size of the terms of which the rates of first-order coordinates are sums, at rest as well."""
         spaces, n = self.linear.spaces, self.space.n_xi
         terms = np.abs(spaces.N) @ (np.abs(self.space.A[:n, :n]) @ np.abs(y[:n]))
-        return float(np.linalg.norm(spaces.scale * terms / self.motion.sizes))
+        return float(np.linalg.norm(spaces.scale * terms / self.sizes))
 
     def _disturbance(self, y: Array) -> tuple[Array, Array]:
         """Return Δq and Δu of a disturbance in the coordinates of the balanced S."""
@@ -162,8 +183,9 @@ class _Search:
         state = self._state(y)
         q, u = state.q, state.u
         a, _ = self._balanced(q, u)
-        sizes, rate_ = self.motion.sizes, self.rate
-        moves = np.concatenate([u / sizes / rate_, a / sizes / rate_**2])
+        sizes, rate_ = self.sizes, self.rate
+        # The accelerations of first-order states follow from what else is compared.
+        moves = np.concatenate([u / sizes / rate_, np.where(self.bodily, a, 0.0) / sizes / rate_**2])
         fields = [field for _, field in self.structure.invariance.fields]
         columns = [
             np.concatenate([Y / sizes, field.slope(q) @ u / sizes / rate_])
