@@ -17,7 +17,7 @@ from mbstab.report.pictures.curves import INK, THICK, THIN
 from mbstab.report.pictures.drawing import save
 from mbstab.report.pictures.regions import regions
 from mbstab.report.pictures.root_locus import root_locus
-from mbstab.report.pictures.scales import Axis
+from mbstab.report.pictures.scales import Axis, number_text
 from mbstab.report.pictures.stability_chart import REGIONS, chart
 from mbstab.report.pictures.stability_map import stability_map
 from mbstab.report.pictures.sweep_curves import SweepCurves
@@ -200,9 +200,73 @@ def test_rounding_is_not_blown_up():
     x = np.linspace(0.0, 1.0, 51)
     noise = 1e-16 * np.sin(1e3 * x)
     result = made(x, np.column_stack([noise + 3j, noise - 3j]))
-    low, high = stability_map(result, "p", "Centre").axes[0].get_ylim()
+    low, high = root_locus(result, "p", "Centre").axes[0].get_xlim()
     assert low < -0.1
     assert high > 0.1
+
+
+@pytest.mark.parametrize("unit", [1.0, 1j])
+def test_a_panel_of_zeros_is_left_out_with_a_word(unit):
+    x = np.linspace(1.0, 2.0, 51)
+    values = unit * np.column_stack([x, -x])
+    figure = stability_map(made(x, values), "p", "Zeros")
+    shown, empty = ("real", "imaginary") if unit == 1.0 else ("imaginary", "real")
+    assert [axes.get_ylabel().split()[0] for axes in figure.axes] == [shown]
+    assert f"all {empty} parts are 0" in texts(figure)
+
+
+def test_curves_are_smooth_between_few_points():
+    x = np.linspace(0.5, 3.0, 11)
+    branch = 1.0 / x + 1j * np.sqrt(x)
+    picture = SweepCurves(made(x, np.column_stack([branch, branch.conj()])), Axis("p"))
+    assert len(picture.x) > 50
+    np.testing.assert_allclose(picture.real[:, 0], 1.0 / picture.x, atol=0.04)
+    np.testing.assert_allclose(picture.imag[:, 0], np.sqrt(picture.x), atol=0.01)
+    assert np.all(np.diff(picture.real[:, 0]) < 0.0)
+    np.testing.assert_array_equal(picture.imag[:, 0], -picture.imag[:, 1])
+
+
+def test_what_is_zero_stays_zero_beside_a_bend():
+    x = np.linspace(-1.0, 1.0, 11)
+    frequency = np.sqrt(np.maximum(x - 0.1, 0.0))
+    picture = SweepCurves(made(x, np.column_stack([frequency * 1j, -frequency * 1j])), Axis("p"))
+    assert np.all(picture.imag[picture.x <= 0.0] == 0.0)
+    assert np.all(picture.imag[:, 0] >= 0.0)
+
+
+@pytest.mark.parametrize("points", [20, 21])
+def test_a_pitchfork_is_a_square_root_on_and_between_points(points):
+    x = np.linspace(-1.0, 1.0, points)
+    root = np.sqrt(x.astype(complex))
+    swept = made(x, np.column_stack([root, -root]), [Critical(0.0, "divergence", (0,), 0.0, (0, 1))])
+    picture = SweepCurves(swept, Axis("p"))
+    near = np.abs(picture.x) < 0.1
+    assert near.sum() > 10
+    np.testing.assert_allclose(picture.real[near, 0], np.sqrt(np.maximum(picture.x[near], 0.0)), atol=0.02)
+    assert picture.growing[picture.x >= 0.0, 0].all()
+
+
+@pytest.mark.parametrize("power", [2.0, 4.0])
+def test_a_path_that_ends_at_a_fold_is_drawn_to_it(power):
+    x = np.linspace(-1.0, 1.0, 21)
+    value = np.where(x < 0.97, np.abs(0.97 - x) ** (1.0 / power), np.nan)
+    swept = made(x, np.column_stack([-value, value]), [Critical(0.97, "fold", (), 0.0, (0, 0))])
+    picture = SweepCurves(swept, Axis("p"))
+    ends = picture.x[np.isfinite(picture.real[:, 0])]
+    assert ends.max() == pytest.approx(0.97)
+    last = picture.x > 0.8
+    expected = np.maximum(0.97 - picture.x[last], 0.0) ** (1.0 / power)
+    shown = np.isfinite(picture.real[last, 0])
+    np.testing.assert_allclose(picture.real[last, 1][shown], expected[shown], atol=0.1)
+
+
+def test_axes_say_quantity_name_and_unit_as_it_is_printed():
+    axis = Axis("k", "N*m/rad", 1.0, "stiffness; of both")
+    figure = stability_map(oscillator(), axis, "Label")
+    assert figure.axes[1].get_xlabel() == "stiffness k (N·m/rad)"
+    assert Axis("k", "N/m^2", 1.0, "x" * 60).text == "k (N/m²)"
+    assert number_text(7.29129e7, 1e8, 6) == "7.29129·10⁷"
+    assert number_text(-1e-9, 1e-8, 6) == "\N{MINUS SIGN}1·10⁻⁹"
 
 
 def test_strongly_damped_branches_do_not_squeeze_the_others():

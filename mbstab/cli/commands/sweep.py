@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from mbstab.api import Mechanism
     from mbstab.compiler.system import Array
     from mbstab.model.schema import Model
+    from mbstab.report.pictures.scales import Axis
 
 PICTURES = ("map", "locus", "campbell", "none")
 CHART_POINTS = 101
@@ -167,7 +168,7 @@ def _sweep(
         with progress_bar("sweeping") as progress:
             answer = mechanism.sweep(parameter, grids[parameter], progress, **asked, **vars(run))
         output.write(_sweep_answer(answer, model, asked["sensitivity"]), summary=True)
-        _draw(answer, paths, _label(parameter, model.parameters[parameter].unit), model.title)
+        _draw(answer, paths, partial(_axis, model, parameter), model.title)
     warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
     return len(answer.values), len(answer.unanswered)
 
@@ -183,7 +184,7 @@ def _chart(
             answer = mechanism.chart(grids, progress, **vars(run))
         output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
         for path in paths.values():
-            _draw_chart(answer, path, labels, model.title)
+            _draw_chart(answer, path, model)
     return answer.unstable.size, len(answer.problems)
 
 
@@ -293,17 +294,17 @@ def _chart_answer(result: Chart, labels: list[tuple[str, float]], name: str, tit
     }
 
 
-def _draw_chart(result: Chart, path: Path, labels: list[tuple[str, float]], title: str) -> None:
+def _draw_chart(result: Chart, path: Path, model: Model) -> None:
     from mbstab.report.pictures.stability_chart import chart
     from mbstab.report.pictures.sweep_curves import unanswered_text
 
-    one, other = (_label(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True))
+    one, other = (_axis(model, name) for name in result.parameters)
     missing = unanswered_text(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
     grid = result.x, result.y, result.unstable, result.oscillating
-    save_picture(lambda: chart(*grid, result.boundaries, (one, other), title, missing), path)
+    save_picture(lambda: chart(*grid, result.boundaries, (one, other), model.title, missing), path)
 
 
-def _draw(result: Sweep, paths: dict[str, Path], label: str, title: str) -> None:
+def _draw(result: Sweep, paths: dict[str, Path], axis: Callable[[], Axis], title: str) -> None:
     """Draw pictures of a sweep to their files."""
     if not paths:
         return
@@ -313,8 +314,12 @@ def _draw(result: Sweep, paths: dict[str, Path], label: str, title: str) -> None
 
     kinds = {"map": stability_map, "locus": root_locus, "campbell": campbell}
     for picture, path in paths.items():
-        save_picture(partial(kinds[picture], result, label, title), path)
+        save_picture(partial(kinds[picture], result, axis(), title), path)
 
 
-def _label(parameter: str, unit: str) -> str:
-    return f"{parameter} ({unit})" if unit else parameter
+def _axis(model: Model, name: str) -> Axis:
+    """Return the axis of a parameter."""
+    from mbstab.report.pictures.scales import Axis
+
+    parameter = model.parameters[name]
+    return Axis(name, parameter.unit, parameter.factor, parameter.description)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
@@ -15,6 +16,7 @@ from mbstab.analysis.spectrum.results import Eigenvalue
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 from mbstab.mechanics.catalogue import Marker
+from mbstab.report.animation.backdrop import ground_lines
 from mbstab.report.animation.frames import still_frames
 from mbstab.report.animation.sketch import Sketch
 from mbstab.report.animation.view import View
@@ -78,7 +80,9 @@ def mode_stills(system: System, modes: Sequence[Eigenvalue], swings: Sequence[Sw
         view.fit(wide, tall)
         for n, mode in enumerate(modes):
             row, column = divmod(n, columns)
-            left, low = SIDE + column * (wide + GAP), total - above - (row + 1) * (tall + HEAD)
+            # The panels of the last row stand in the middle.
+            missing = rows * columns - len(modes) if row == rows - 1 else 0
+            left, low = SIDE + (column + 0.5 * missing) * (wide + GAP), total - above - (row + 1) * (tall + HEAD)
             axes = figure.add_axes((left / width, low / total, wide / width, tall / total))
             _draw(axes, view, (0, 2 * n + 2, 2 * n + 1))
             name = f"{mode.name}, " if mode.name else ""
@@ -124,6 +128,9 @@ def _draw(axes: Axes, view: View, frames: Sequence[int]) -> None:
     for spine in axes.spines.values():
         spine.set_color("0.8")
     sketch = view.sketch
+    for plane in sketch.planes:
+        lines = ground_lines(plane, view, np.zeros(3))
+        axes.add_collection(LineCollection(lines, colors="0.85", linewidths=0.6, zorder=1), autolim=False)
     for layer, (frame, (ink, width)) in enumerate(zip(frames, STYLES, strict=True), 2):
 
         def draw(line: Array, wide: float, ink: str = ink, layer: int = layer) -> None:

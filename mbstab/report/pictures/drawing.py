@@ -88,6 +88,7 @@ def house_style() -> Iterator[None]:
                 "legend.fontsize": scaled(FONT - 0.5),
                 "axes.formatter.limits": (-4, 5),
                 "axes.formatter.useoffset": False,
+                "axes.formatter.use_mathtext": True,
                 "hatch.linewidth": 0.5,
                 "pdf.fonttype": 42,
                 "svg.fonttype": "path",

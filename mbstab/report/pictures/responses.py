@@ -15,6 +15,7 @@ from mbstab.analysis.response.transfer import Channel
 from mbstab.analysis.response.unbalance import UnbalanceResponse
 from mbstab.compiler.system import Array
 from mbstab.report.picture_sizes import FONT, scaled
+from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure
 from mbstab.report.responses import decibels, phase, unit
 
@@ -34,7 +35,7 @@ RING = np.tan(np.linspace(-1.5, 1.5, 81))
 
 def _style(k: int) -> dict[str, Any]:
     """Return how the curve of a channel is drawn."""
-    return {"color": f"C{k}", "linestyle": STYLES[k % len(STYLES)], "linewidth": 1.3 + 0.3 * (k // 4)}
+    return {"color": INK[k % len(INK)], "linestyle": STYLES[k % len(STYLES)], "linewidth": 1.3 + 0.3 * (k // 4)}
 
 
 def _entry(channel: Channel, style: dict[str, Any]) -> Line2D:

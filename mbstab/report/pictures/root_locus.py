@@ -15,7 +15,7 @@ from mbstab.report.pictures.curves import BEYOND_INK, draw_branch
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, legend_marker, titled_figure
 from mbstab.report.pictures.over_parameter import branch_entries, legend_entries
 from mbstab.report.pictures.point_labels import LABELS, PointLabels
-from mbstab.report.pictures.scales import Axis, axis_range, set_real_scale
+from mbstab.report.pictures.scales import Axis, axis_range, set_real_scale, typeset
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
 
@@ -59,7 +59,7 @@ def _draw_ends(axes: Axes, curves: SweepCurves) -> list[Artist]:
     for row, marker, size, face in ends:
         style: dict[str, Any] = {"linestyle": "", "color": "k", "markersize": size, "markerfacecolor": face}
         axes.plot(curves.real[row], curves.imag[row], marker=marker, **style, zorder=5.5)
-        unit = f" {curves.label.unit}" if curves.label.unit not in ("", "1") else ""
+        unit = f" {typeset(curves.label.unit)}" if curves.label.unit not in ("", "1") else ""
         text = f"{curves.label.name} = {curves.show(curves.x[row])}{unit}"
         handles.append(Line2D([], [], marker=marker, **style, label=text))
     return handles

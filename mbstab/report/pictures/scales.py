@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -23,17 +24,36 @@ BESIDE = 0.25
 """Part of the linear range of a logarithmic axis that is shown beyond zero if nothing lies there."""
 
 
+LONGEST = 50
+"""Characters of the longest description of a parameter that stands at an axis."""
+
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+def typeset(unit: str) -> str:
+    """Return a unit as it is printed.
+
+    >>> typeset("kg*m^2"), typeset("1/s^2"), typeset("N/(rad*s)")
+    ('kg·m²', '1/s²', 'N/(rad·s)')
+    """
+    unit = re.sub(r"(?:\^|\*\*)\(?(-?\d+)\)?", lambda found: found[1].translate(_RAISED), unit)
+    return unit.replace("*", "·")
+
+
 @dataclass(frozen=True)
 class Axis:
-    """A parameter as an axis: its name, declared unit, and the factor that turns the unit into SI.
+    """A parameter as an axis: its name, declared unit, the factor that turns the unit into SI, and what it is.
 
     >>> Axis.read("h (mm)")
-    Axis(name='h', unit='mm', factor=0.001)
+    Axis(name='h', unit='mm', factor=0.001, quantity='')
+    >>> Axis("J", "kg*m^2", 1.0, "inertia; likewise").text
+    'inertia J (kg·m²)'
     """
 
     name: str
     unit: str = ""
     factor: float = 1.0
+    quantity: str = ""
 
     @classmethod
     def read(cls, label: Axis | str) -> Axis:
@@ -45,8 +65,10 @@ class Axis:
 
     @property
     def text(self) -> str:
-        """Name and unit."""
-        return f"{self.name} ({self.unit})" if self.unit not in ("", "1") else self.name
+        """Quantity, name and unit; a long description is left out."""
+        said = self.quantity.partition(";")[0]
+        name = f"{said} {self.name}" if said and len(said) <= LONGEST else self.name
+        return f"{name} ({typeset(self.unit)})" if self.unit not in ("", "1") else name
 
 
 def parameter_range(x: Array) -> tuple[float, float]:
@@ -117,7 +139,13 @@ def _tick_text(value: float) -> str:
 
 def number_text(value: float, span: float, digits: int) -> str:
     """Return a number as text; one that is rounding error compared with the range is 0."""
-    return "0" if abs(value) < 1e-9 * span else with_minus_sign(f"{value:.{digits}g}")
+    if abs(value) < 1e-9 * span:
+        return "0"
+    mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
+    if not exponent:
+        return with_minus_sign(mantissa)
+    power = f"10{str(int(exponent)).translate(_RAISED)}"
+    return power if mantissa == "1" else f"{with_minus_sign(mantissa)}·{power}"
 
 
 def with_minus_sign(number: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -15,6 +15,7 @@ from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
 from mbstab.report.pictures.curves import INK, Mask
+from mbstab.report.pictures.dense_curves import dense
 from mbstab.report.pictures.scales import Axis, number_text
 
 TINY = 1e-10
@@ -54,7 +55,7 @@ class SweepCurves:
         The paths beyond the turns of the first one.
     """
 
-    def __init__(self, result: Sweep, label: Axis, turned: bool = True) -> None:
+    def __init__(self, result: Sweep, label: Axis, turned: bool = True, folds: Sequence[float] = ()) -> None:
         self.label = label
         x, branches, self.unstable = np.asarray(result.values, dtype=float), result.branches, result.unstable
         # A nan with an imaginary part of 0 would be drawn as 0.
@@ -68,12 +69,14 @@ class SweepCurves:
         self.size = float(np.max(finite, initial=0.0)) or 1.0
         self.ink = _inks(branches)
         self.named = {name: ink for name, ink in zip(result.names, self.ink, strict=False) if name}
-        x, branches, self.growing = _refined(x, branches, _growing(branches, self.unstable), result)
+        turns = (c.value for path in (result, *result.beyond) for c in path.critical if c.kind == "fold")
+        folds = folds or list(dict.fromkeys(turns))
+        x, branches, self.growing = dense((x, branches, _growing(branches, self.unstable)), result, folds)
         if down and not turned:
             x, branches, self.growing = x[::-1], branches[::-1], self.growing[::-1]
         self.x, self.real, self.imag = x / label.factor, branches.real, branches.imag
         self.critical = self._grouped(result)
-        self.others = [SweepCurves(path, label, turned) for path in result.beyond]
+        self.others = [SweepCurves(path, label, turned, folds) for path in result.beyond]
         self.size = max([self.size, *(other.size for other in self.others)])
         unanswered, undecided = _without_verdict(result)
         self.gap = unanswered_text(bool(unanswered.any()), bool(undecided.any()))
@@ -168,73 +171,6 @@ def _growing(branches: Complex, unstable: npt.NDArray[np.intp]) -> Mask:
     rank = np.argsort(np.argsort(-branches.real, axis=1, kind="stable"), axis=1, kind="stable")
     found: Mask = (rank < unstable[:, None]) & (branches.real > 0.0)
     return found
-
-
-def _refined(x: Array, branches: Complex, growing: Mask, result: Sweep) -> tuple[Array, Complex, Mask]:
-    """Return branches with more points where eigenvalues cross the axis or collide, as a square root does."""
-    # The number of pairs that may collide at a value; a divergence may be the collision of a pair at zero.
-    places = [(c.value, {"divergence": 1, "collision": 2}.get(c.kind, 0)) for c in result.critical]
-    places += [(at, 1) for at, how in result.meetings if how == "collide"]
-    by_interval: dict[int, dict[float, int]] = {}
-    for at, number in places:
-        k = int(np.searchsorted(x, at)) - 1
-        if 0 <= k < len(x) - 1 and x[k] < at < x[k + 1] and not np.any(np.isnan(branches[k : k + 2])):
-            near = by_interval.setdefault(k, {})
-            # Stability changes and meetings are located separately: the same value may occur twice.
-            twin = next((other for other in near if abs(other - at) < 1e-9 * (x[k + 1] - x[k])), at)
-            near[twin] = max(near.get(twin, 0), number)
-    new_x, new_branches, new_growing, where = [], [], [], []
-    for k, near in by_interval.items():
-        before, after = branches[k], branches[k + 1]
-        pairs: dict[float, list[tuple[int, int]]] = {
-            at: _meeting_pairs(x, branches, k, at, n) for at, n in near.items()
-        }
-        fine = [-0.5, -0.15, 0.0, 0.15, 0.5]
-        for at in near:
-            for step in fine if len(near) == 1 and pairs[at] else [0.0]:
-                p = at + step * (at - x[k] if step < 0.0 else x[k + 1] - at)
-                row = _between(before, after, (p - x[k]) / (x[k + 1] - x[k]))
-                for i, j in pairs[at]:
-                    middle = 0.5 * (row[i] + row[j])
-                    apart = before[i] - before[j] if step < 0.0 else after[i] - after[j]
-                    row[i] = middle + 0.5 * apart * math.sqrt(abs(step))
-                    row[j] = middle - 0.5 * apart * math.sqrt(abs(step))
-                new_x.append(p)
-                new_branches.append(row)
-                new_growing.append(
-                    growing[k] if step < 0 else growing[k + 1] if step > 0 else growing[k] | growing[k + 1]
-                )
-                where.append(k + 1)
-    if not new_x:
-        return x, branches, growing
-    x = np.insert(x, where, new_x)
-    order = np.argsort(x, kind="stable")
-    branches = np.insert(branches, where, new_branches, axis=0)
-    return x[order], branches[order], np.insert(growing, where, new_growing, axis=0)[order]
-
-
-def _between(before: Complex, after: Complex, part: float) -> Complex:
-    row: Complex = before + part * (after - before)
-    return row
-
-
-def _meeting_pairs(x: Array, branches: Complex, k: int, at: float, number: int) -> list[tuple[int, int]]:
-    """Return the pairs of branches that collide between two points: the square of their difference crosses zero."""
-    part = (at - x[k]) / (x[k + 1] - x[k])
-    found = []
-    r = branches.shape[1]
-    for i in range(r):
-        for j in range(i + 1, r):
-            one, other = ((branches[m, i] - branches[m, j]) ** 2 for m in (k, k + 1))
-            size = abs(one) + abs(other)
-            rest = abs(one + part * (other - one))
-            if (one * other.conjugate()).real < 0.0 and rest < 0.1 * size:
-                found.append((rest / size, i, j))
-    pairs: list[tuple[int, int]] = []
-    for _, i, j in sorted(found):
-        if len(pairs) < number and not any({i, j} & set(pair) for pair in pairs):
-            pairs.append((i, j))
-    return pairs
 
 
 def _inks(branches: Complex) -> list[str]:
