@@ -5,6 +5,7 @@ import functools
 import io
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -348,7 +349,18 @@ def test_the_picture_has_one_point_for_each_method(tmp_path):
 def test_an_error_of_nothing_is_drawn_at_the_bottom():
     result = compared("trailer", digits=50)
     (axes,) = work_precision(result, "").figure.axes
-    assert min(line.get_ydata()[0] for line in axes.get_lines() if line.get_marker() == "v") >= 1e-31
+    assert min(line.get_ydata()[0] for line in axes.get_lines() if line.get_marker() == "v") >= 1e-17
+
+
+def test_many_digits_are_told_and_do_not_squeeze_the_picture():
+    result = compared("pendulum", digits=50)
+    (axes,) = work_precision(result, "").figure.axes
+    assert axes.get_ylim()[0] > 1e-26  # room for the list below 1e-17
+    key = next(text.get_text() for text in axes.texts if "\n" in text.get_text())
+    assert re.search(r"30 digits: \de\N{MINUS SIGN}3\d", key)
+    # Where a tolerance asks for digits they are drawn.
+    (axes,) = work_precision(replace(result, tolerance=1e-25), "").figure.axes
+    assert axes.get_ylim()[0] < 1e-30
 
 
 # --- bad input ------------------------------------------------------------------------------------------------------

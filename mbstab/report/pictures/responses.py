@@ -17,6 +17,7 @@ from mbstab.compiler.system import Array
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure
+from mbstab.report.pictures.scales import typeset
 from mbstab.report.responses import decibels, phase, unit
 
 STYLES = ("-", "--", "-.", ":")
@@ -40,7 +41,7 @@ def _style(k: int) -> dict[str, Any]:
 
 def _entry(channel: Channel, style: dict[str, Any]) -> Line2D:
     """Return the legend entry of a channel."""
-    own = unit(channel)
+    own = typeset(unit(channel))
     return Line2D([], [], label=f"{channel.source} → {channel.goal}" + (f" ({own})" if own else ""), **style)
 
 
@@ -99,7 +100,7 @@ def unbalance_picture(result: UnbalanceResponse, title: str, unit: str, factor: 
                 linewidth=0, zorder=0,
             )  # fmt: skip
             axes.grid(color="0.85", linewidth=0.6)
-        panels[0].set_ylabel("amplitude for 1 kg m")
+        panels[0].set_ylabel("amplitude for 1 kg·m")
         panels[0].tick_params(labelbottom=False)
         panels[1].set_ylabel("phase (°)")
         panels[1].yaxis.set_major_locator(MultipleLocator(TURN * (2 if spread > 200.0 else 1)))
@@ -125,7 +126,7 @@ def nyquist(result: Response, title: str) -> Figure:
         side, critical = _extent(curves)
         _set_plane(axes, curves, side, critical)
         for k, values in enumerate(curves):
-            _arrow(axes, values, f"C{k}", side)
+            _arrow(axes, values, INK[k % len(INK)], side)
         if critical:
             turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 201))
             axes.plot(turn.real, turn.imag, color="0.6", linewidth=0.7, linestyle=(0, (1.5, 2.0)), zorder=1)

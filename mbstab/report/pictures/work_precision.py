@@ -40,7 +40,7 @@ def work_precision(result: Comparison, title: str) -> Figure:
         for n, x in enumerate(result.outcomes, 1):
             if not math.isfinite(x.error):
                 continue
-            floor = EXACT if x.method in METHODS else max(10.0 ** -(1 + int(x.method.split()[0])), 1e-300)
+            floor = _floor(x, result.tolerance)
             time, error, below = 1e3 * x.seconds, max(x.error, floor), x.error < floor
             points[n], smaller = (time, error), smaller or below
             if math.isfinite(x.bound) and x.bound > error:
@@ -71,7 +71,7 @@ def work_precision(result: Comparison, title: str) -> Figure:
         for n, (time, error) in points.items():
             labels.add(time, error, str(n))
         labels.draw()
-        lines = [f"{n}  {x.method}{_missing(x)}" for n, x in enumerate(result.outcomes, 1)]
+        lines = [f"{n}  {x.method}{_missing(x, result.tolerance)}" for n, x in enumerate(result.outcomes, 1)]
         # No method is both fast and accurate: the lower left corner is free.
         axes.text(
             0.02,
@@ -118,9 +118,18 @@ def integrator_precision(result: Integrations, title: str) -> Figure:
         return figure
 
 
-def _missing(x: Outcome) -> str:
+def _floor(x: Outcome, tolerance: float | None) -> float:
+    """Return the error at which smaller ones are drawn: many digits would squeeze the others to a line."""
+    if x.method in METHODS or tolerance is None or tolerance > EXACT:
+        return EXACT
+    return float(max(10.0 ** -(1 + int(x.method.split()[0])), 1e-300))
+
+
+def _missing(x: Outcome, tolerance: float | None) -> str:
     if x.failure:
         return ": no answer"
+    if x.method not in METHODS and x.error < _floor(x, tolerance):
+        return f": {x.error:.0e}".replace("-", "\N{MINUS SIGN}")
     parts = [f"{count} {what}" for count, what in ((x.lost, "lost"), (x.invented, "invented")) if count]
     return f": {', '.join(parts)}" if parts else ""
 
