@@ -2,8 +2,10 @@
 
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
+from browser import WIDTHS, program, seen
 from click.testing import CliRunner
 
 import mbstab
@@ -140,8 +142,30 @@ def test_wrong_requests_are_refused(tmp_path, monkeypatch):
     assert not (tmp_path / "site").exists()
 
 
+@pytest.mark.skipif(program() is None, reason="there is no Chromium")
+def test_no_page_scrolls_sideways_misses_a_picture_or_complains_in_a_browser(site, tmp_path):
+    shown, console = seen(site, tmp_path)
+    assert {(Path(page).name, width) for page, width, *_ in shown} == {
+        (path.name, width) for path in site.rglob("*.html") for width in WIDTHS
+    }
+    assert [page for page in shown if page[2] > 0 or page[3]] == []
+    assert console == []
+
+
+@pytest.mark.skipif(program() is None, reason="there is no Chromium")
+def test_what_is_wrong_in_a_browser_is_seen(tmp_path):
+    page = "<pre style='width: 2000px'>x</pre><img src='none.png'><script>console.error('no')</script>"
+    (tmp_path / "page.html").write_text(f"<!DOCTYPE html>{page}", encoding="utf-8")
+    shown, console = seen(tmp_path, tmp_path)
+    assert all(too_wide > 500 and missing for _, _, too_wide, missing in shown)
+    assert console
+
+
 @pytest.mark.long
 def test_every_example_has_a_page(tmp_path):
     answer = built(tmp_path / "site")
     assert answer.exit_code == 0, answer.output
     check(tmp_path / "site", [path.stem for path in installed_models()])
+    if program() is not None:
+        shown, console = seen(tmp_path / "site", tmp_path)
+        assert ([page for page in shown if page[2] > 0 or page[3]], console) == ([], [])
