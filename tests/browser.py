@@ -46,7 +46,7 @@ def program():
 
 
 def seen(folder, scratch):
-    """Show all pages of a site; return page, width, pixels too wide and missing pictures of each, and console messages."""
+    """Show all pages of a site; return page, width, pixels too wide and missing pictures of each, and the console."""
     pages = sorted(path.as_uri() for path in folder.rglob("*.html"))
     outer = scratch / "measure.html"
     text = MEASURE.replace("PAGES", json.dumps(pages)).replace("WIDTHS", json.dumps(WIDTHS))
