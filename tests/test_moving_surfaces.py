@@ -191,3 +191,77 @@ reference: {guess: {b: {z: 1}}}
 """
     with pytest.raises(ModelFileError, match=r":4:.*moving plane \(surface_rate\), and slip counts against a plane at"):
         mbstab.loads(text)
+
+
+# --- verdicts -------------------------------------------------------------------------------------------------------
+
+TURNTABLE = mbstab.load(models_folder() / "turntable.yaml")
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"m": 1e-6}, {"R": 1e-5}, {"R": 1e4}, {"Omega": 1e-5}, {"Omega": 1e5}, {"k": 1e-6}, {"x0": 1e6}, {"x0": 1e-6}],
+    ids=lambda values: " ".join(f"{name}={value}" for name, value in values.items()),
+)
+@pytest.mark.parametrize("middle", [False, True])
+def test_a_ball_on_a_turntable_is_stable_up_to_symmetry(values, middle):
+    values |= {"x0": 0.0} if middle else {}
+    found = TURNTABLE.eig(**values)
+    assert found.verdict == "stable up to symmetry"
+    k, rate = values.get("k", 0.4), values.get("Omega", 3.5)
+    (pair,) = (x for x in found.eigenvalues if x.value.imag > 0.0 and x.kind != "neutral")
+    assert abs(pair.value - 1j * k / (1.0 + k) * rate) <= pair.error_bound + 4e-16 * rate
+
+
+@pytest.mark.parametrize("x0", [1e-7, 1e-6, 1e-5, 1e-3])
+def test_symmetries_that_nearly_agree_lose_no_digits(x0):
+    """Near the middle a turn of the table is nearly one of the ball: their difference has few digits."""
+    for found in (TURNTABLE.eig(x0=x0), TURNTABLE.eig(x0=x0, method="index3")):
+        (pair,) = (x for x in found.eigenvalues if x.value.imag > 0.0 and x.kind != "neutral")
+        assert abs(pair.value - 1j) <= pair.error_bound < 1e-12
+
+
+def test_a_spinning_ball_in_the_middle_is_judged():
+    text = TABLE.replace("psi: 0}}}}\n", "psi: 4}}}}\n").format(k=0.4, x=0, w=0, v=0, phi=0)
+    assert "psi: 4" in text.splitlines()[-1]
+    assert mbstab.loads(text).eig().verdict == "stable up to symmetry"
+
+
+@pytest.mark.parametrize("push", ["1e-13*ball.x", "-1e-13*ball.x", "1e-9*ball.x**2"])
+def test_a_weak_force_beside_a_turntable_is_not_overlooked(push):
+    text = TABLE.format(k=0.4, x=0, w=0, v=0, phi=0) + f"forces: {{push: {{type: expression, on: {{ball.x: {push}}}}}}}"
+    assert mbstab.loads(text).eig().verdict in ("undecided", "marginally stable")
+
+
+def test_a_ball_in_a_bowl_and_two_balls_on_a_spring_are_stable_up_to_their_own_turns():
+    """In a bowl a ball swings at sqrt(g/((1 + k)(B - R))), two balls on a spring at sqrt(2 c/((1 + k) m))."""
+    bowl = """\
+mbstab: 1
+parameters: {m: 2, R: 0.1, k: 0.4, B: 1.1}
+gravity: [0, 0, -9.81]
+bodies: {ball: {type: spatial, mass: m, inertia: [k*m*R**2, k*m*R**2, k*m*R**2]}}
+joints: {bowl: {type: distance, between: [{body: ground, point: [0, 0, B]}, ball], length: B-R}}
+definitions:
+  ox: "rate(ball.phi) + rate(ball.psi)*sin(ball.theta)"
+  oy: "rate(ball.theta)*cos(ball.phi) - rate(ball.psi)*sin(ball.phi)*cos(ball.theta)"
+  oz: "rate(ball.theta)*sin(ball.phi) + rate(ball.psi)*cos(ball.phi)*cos(ball.theta)"
+constraints:
+  along: {nonholonomic: "rate(ball.x) + R*(oy*(ball.z - B) - oz*ball.y)/(B - R)"}
+  across: {nonholonomic: "rate(ball.y) + R*(oz*ball.x - ox*(ball.z - B))/(B - R)"}
+reference: {coordinates: {ball: {x: 0, y: 0, z: R, phi: 0, theta: 0, psi: 0}}}
+"""
+    body = "{type: spatial, mass: 2, inertia: [0.008, 0.008, 0.008]}"
+    two = f"""\
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies: {{a: {body}, b: {body}}}
+contacts:
+  first: {{type: ellipsoid, center: a, a: 0.1, b: 0.1, c: 0.1}}
+  second: {{type: ellipsoid, center: b, a: 0.1, b: 0.1, c: 0.1}}
+forces: {{spring: {{type: spring, between: [a, b], stiffness: 100, length: 1}}}}
+reference: {{coordinates: {{a: {{x: 0, y: 0}}, b: {{x: 1, y: 0}}}}}}
+"""
+    for text, square in ((bowl, 9.81 / 1.4), (two, 200.0 / 2.8)):
+        found = mbstab.loads(text).eig()
+        assert found.verdict == "stable up to symmetry"
+        assert max(found.values().imag) == pytest.approx(math.sqrt(square), rel=1e-12)

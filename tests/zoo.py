@@ -1333,7 +1333,6 @@ reference: {coordinates: {ball: {x: 0, y: 0, z: 1, phi: 0, theta: 0, psi: 0}}}
     STABLE_UP_TO,
     "circles of any size and place, about which the ball turns",
     also=[STABLE],
-    least=UNDECIDED,
 )
 
 known(

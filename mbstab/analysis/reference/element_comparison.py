@@ -15,6 +15,7 @@ from mbstab.analysis.algebra.sparse import is_sparse, largest, own_part, put, ro
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift
+from mbstab.analysis.reference.imbalance import carrying
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -143,7 +144,13 @@ class ElementComparison:
         K, R, _ = self.system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
         K, R = (largest(scaled(x, scale, scale)) for x in (K, R))
         sizes = float(np.max(np.abs(motion.u) / motion.sizes)), K**0.5, R
-        return max(sizes) or 1.0
+        # Where nothing acts and nothing moves, moving surfaces give the only rate.
+        return max(sizes) or self._surface_rate or 1.0
+
+    @property
+    def _surface_rate(self) -> float:
+        size = abs(self.motion.dynamics.J[self.system.n_h :]) @ self.motion.sizes
+        return float(np.max(self._carrying / size, initial=0.0))
 
     @cached_property
     def states(self) -> list[State]:
@@ -293,7 +300,16 @@ class ElementComparison:
         motion, n_h = self.motion, self.system.n_h
         allowed = (self.agreed if within is None else within) * abs(state.J) @ motion.sizes + 1e-300
         fastest = max(float(np.max(np.abs(u / motion.sizes))), TOLERANCES.resting_speed * self.rate)
-        return bool(np.all(np.abs(state.E[:n_h]) <= allowed[:n_h]) and np.all(np.abs(state.V) <= allowed * fastest))
+        speeds = allowed * fastest
+        if self.system.n_n:
+            # What moves under resting bodies, as a turntable does, rounds with its own speed.
+            speeds[n_h:] += (TOLERANCES.row_residual if within is None else within) * self._carrying
+        return bool(np.all(np.abs(state.E[:n_h]) <= allowed[:n_h]) and np.all(np.abs(state.V) <= speeds))
+
+    @cached_property
+    def _carrying(self) -> Array:
+        motion = self.motion
+        return carrying(self.system, (motion.q, motion.u), motion.time, motion.sizes)[self.system.n_h :]
 
     def _unseen(self, element: Acting, field: Field) -> bool:
         """Return whether an element contains none of the coordinates that a shift changes."""

@@ -25,6 +25,16 @@ def state_rounding(system: System, q: Array, u: Array, time: float) -> Array:
     return found
 
 
+def carrying(system: System, motion_at: tuple[Array, Array], time: float, sizes: Array) -> Array:
+    """Return how much the rates of the rows change over the size of the scene, shape (n_c,).
+
+    A turntable carries what rests on it: the slip there is a difference of speeds of this size, and rounds with it.
+    """
+    q, u = motion_at
+    result: Array = abs(system.linearize_rows(q, u, 0.0 * u, time)[0]) @ sizes
+    return result
+
+
 def unbalance_at(
     system: System, at: tuple[Array, Array, Array, Array], force: Array, sizes: Array, scale: Array, time: float
 ) -> float:

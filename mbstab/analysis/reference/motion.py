@@ -23,7 +23,7 @@ from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, scaled, sizes_times
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
-from mbstab.analysis.reference.imbalance import state_rounding, unbalance_at
+from mbstab.analysis.reference.imbalance import carrying, state_rounding, unbalance_at
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration
 from mbstab.analysis.reference.steady import Family, Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -286,6 +286,9 @@ class Finder:
         fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
         allowed = TOLERANCES.residual * abs(state.J) @ (self.sizes * fastest) + self._rounding(q, u)
         bad = [i for i in range(system.n_c) if not abs(state.V[i]) <= allowed[i] + 1e-300]
+        if bad:
+            allowed = allowed + TOLERANCES.coordinate_rounding * carrying(system, (q, u), self.scene.time, self.sizes)
+            bad = [i for i in bad if not abs(state.V[i]) <= allowed[i]]
         hint = "correct the rates, or leave out those that the constraints determine"
         self._fail([self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad])
 

@@ -5,6 +5,9 @@ A motion is of the kind of the reference if its speeds and accelerations are tho
 conserved functions and reversors do not explain, such motions are searched at a finite distance along
 each null direction and along combinations of them, by the Gauss-Newton method. If they exist, to
 rounding, the null space belongs to a family "as far as checked": this is no proof, and the answer says so.
+
+Where constants of the motion that are linear in places and speeds tell the motions apart
+(`mbstab.analysis.verdict.constants`), no search is needed: each value of them belongs to exactly one motion.
 """
 
 from __future__ import annotations
@@ -14,10 +17,9 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers, norms
-from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
-from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
+from mbstab.analysis.verdict.constants import LinearFunctions, linear_functions
 from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal
 from mbstab.analysis.verdict.rule import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
@@ -35,6 +37,8 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     count : int
         Number of unexplained zero eigenvalues.
     """
+    if (told := _told_apart(structure, found, count)) is not None:
+        return told
     n = len(found.S)
     symmetries = structure.symmetric(n)
     Q = complement(symmetries)
@@ -61,6 +65,39 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     return Neutral(
         found.neutral.symmetries, (*found.neutral.family, name), T.shape[1], drift_of(wider), "numerical", checked
     )
+
+
+def _told_apart(structure: Structure, found: Separated, count: int) -> Neutral | None:
+    """Return the neutral directions if further constants of the motion explain all zeros that are left, or None."""
+    T, n = found.T, len(found.S)
+    if n > TOLERANCES.family_states:
+        return None
+    functions = linear_functions(structure)
+    if functions is None:
+        return None
+    rows = [x - T @ (T.T @ x) for x in functions.constants]
+    rows = [x / np.linalg.norm(x) for x in rows if np.linalg.norm(x) > TOLERANCES.independent_direction]
+    L = orthonormal([*found.L, *rows], n).T
+    wider = replace(found, L=L, B=complement(np.hstack([T, L.T])))
+    size = max(float(np.linalg.norm(found.S, 2)), structure.invariance.rate)
+    changing = L @ found.S
+    closed = float(np.max(np.abs(changing - (changing @ T) @ T.T), initial=0.0)) <= TOLERANCES.direction_closure * size
+    least = np.linalg.svd(wider.A, compute_uv=False)[-1:]
+    if len(L) != len(found.L) + count or not closed or np.any(least <= TOLERANCES.family_singular_value * size):
+        return None
+    exact = _all_linear(functions, structure.symmetric(n), T)
+    name = f"constants of the motion that are linear in places and speeds ({count})"
+    return Neutral(
+        found.neutral.symmetries, (*found.neutral.family, name), T.shape[1] + len(L), drift_of(wider), "numerical",
+        linear=exact,
+    )  # fmt: skip
+
+
+def _all_linear(functions: LinearFunctions, symmetries: Array, T: Array) -> bool:
+    """Return whether functions that obey linear equations tell all motions apart, up to symmetries and nothing else."""
+    rank = orthonormal(list(functions.closed), len(T)).shape[1]
+    blind = float(np.max(np.abs(functions.closed @ symmetries), initial=0.0)) <= TOLERANCES.independent_direction
+    return blind and rank + symmetries.shape[1] == len(T) and T.shape == symmetries.shape
 
 
 def _directions(size: int) -> list[Array]:
@@ -123,12 +160,12 @@ class _Search:
             before = np.array(element.force(self.motion.q, self.motion.u, still, self.motion.time), dtype=float)
             each += abs(float((force - before) @ direction[columns]))
             each_size += float(np.abs(force) @ np.abs(direction[columns]))
-        a, nu = self._balanced(state.q, state.u)
+        a, nu = self.structure.balanced(state.q, state.u)
         each_size += float((np.abs(M @ a) + np.abs(nu) @ np.abs(at.J)) @ np.abs(direction))
         # Where no force acts at all, the residual is the effect of rounding in the change; a residual that is
         # zero to the last bit is zero by structure.
         K, R, _ = self.system.linearize(state.q, state.u, a, nu, self.motion.time)
-        q, u = np.transpose([self._disturbance(x) for x in np.eye(len(y))[y != 0.0]], (1, 2, 0))
+        q, u = np.transpose([self.structure.disturbance(x) for x in np.eye(len(y))[y != 0.0]], (1, 2, 0))
         each_size += float(np.linalg.norm(y)) * float(np.sum(np.abs(direction @ (K @ q + R @ u))))
         return push <= TOLERANCES.force_vanishes * each + TOLERANCES.force_rounding * each_size
 
@@ -140,7 +177,7 @@ class _Search:
             return sizes
         found = np.zeros(len(states))
         for y in self.null.T:
-            direction, rate = (np.abs(x / sizes) for x in self._disturbance(y))
+            direction, rate = (np.abs(x / sizes) for x in self.structure.disturbance(y))
             own = direction[states].copy()
             direction[states] = rate[states] = 0.0
             extent = max(float(np.max(direction)), float(np.max(rate)) / self.rate)
@@ -150,7 +187,7 @@ class _Search:
         return sizes
 
     def _extent(self, y: Array) -> float:
-        direction, rate = self._disturbance(y)
+        direction, rate = self.structure.disturbance(y)
         sizes = self.sizes
         return max(float(np.max(np.abs(direction / sizes))), float(np.max(np.abs(rate / sizes))) / self.rate)
 
@@ -160,19 +197,9 @@ class _Search:
         terms = np.abs(spaces.N) @ (np.abs(self.space.A[:n, :n]) @ np.abs(y[:n]))
         return float(np.linalg.norm(spaces.scale * terms / self.sizes))
 
-    def _disturbance(self, y: Array) -> tuple[Array, Array]:
-        """Return Δq and Δu of a disturbance in the coordinates of the balanced S."""
-        spaces, n = self.linear.spaces, self.space.n_xi
-        direction = spaces.scale * (spaces.N @ y[:n])
-        rate = spaces.scale * (spaces.N @ (self.space.A[:n, :n] @ y[:n] + self.structure.gamma * (spaces.Z @ y[n:])))
-        generator = self.linear.generator
-        if generator is not None and generator.turns:
-            rate = rate + generator.frame(self.motion.q)[0] @ direction
-        return direction, rate
-
     def _state(self, y: Array) -> State:
         """Return the state nearest to a disturbance that satisfies the constraints."""
-        direction, rate = self._disturbance(y)
+        direction, rate = self.structure.disturbance(y)
         state = self.structure.invariance.onto_rows(self.motion.q + direction, self.motion.u + rate)
         if state is None:
             raise ValueError("no state that satisfies the constraints")
@@ -182,7 +209,7 @@ class _Search:
         """Return the residual of speeds and accelerations modulo symmetries, relative to the characteristic sizes."""
         state = self._state(y)
         q, u = state.q, state.u
-        a, _ = self._balanced(q, u)
+        a, _ = self.structure.balanced(q, u)
         sizes, rate_ = self.sizes, self.rate
         # The accelerations of first-order states follow from what else is compared.
         moves = np.concatenate([u / sizes / rate_, np.where(self.bodily, a, 0.0) / sizes / rate_**2])
@@ -197,14 +224,3 @@ class _Search:
         basis = orthonormal(columns, len(moves))
         result: Array = moves - basis @ (basis.T @ moves)
         return result
-
-    def _balanced(self, q: Array, u: Array) -> tuple[Array, Array]:
-        """Return the accelerations and the multipliers."""
-        state, spaces = self.system.dynamics(q, u, self.motion.time), self.linear.spaces
-        M = state.M * spaces.scale * spaces.scale[:, None]
-        J = state.J * spaces.scale * spaces.row_scale[:, None]
-        augmented, _ = of_rank(M, J, spaces.C.rank + spaces.W.rank)
-        # Refined, forces across a coordinate leave no rounding in its acceleration.
-        force, bias = -state.F0 * spaces.scale, state.B * spaces.row_scale
-        a, nu = augmented.refined(force, bias, REFERENCE.balance_refinements)
-        return spaces.scale * a, spaces.row_scale * nu

@@ -19,10 +19,13 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
+from mbstab.analysis.algebra.augmented import of_rank
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.reference.fields import Combination, Symmetry
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.verdict.rule import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.work import Work
@@ -147,6 +150,28 @@ class Structure:
         positions = direction.T @ linear.R @ N - carried.T @ linear.M @ N
         return np.concatenate([positions + speeds @ space.A[:n, :n], self.gamma * (speeds @ spaces.Z)], axis=-1)
 
+    def disturbance(self, y: Array) -> tuple[Array, Array]:
+        """Return Δq and Δu of a disturbance in the coordinates of the balanced S."""
+        linear, n = self.linear, self.space.n_xi
+        spaces, generator = linear.spaces, linear.generator
+        direction = spaces.scale * (spaces.N @ y[:n])
+        rate = spaces.scale * (spaces.N @ (self.space.A[:n, :n] @ y[:n] + self.gamma * (spaces.Z @ y[n:])))
+        if generator is not None and generator.turns:
+            rate = rate + self._slope @ direction
+        return direction, rate
+
+    def balanced(self, q: Array, u: Array) -> tuple[Array, Array]:
+        """Return the accelerations and the multipliers at a state."""
+        system, spaces = self.linear.system, self.linear.spaces
+        state = system.dynamics(q, u, self.linear.motion.time)
+        M = state.M * spaces.scale * spaces.scale[:, None]
+        J = state.J * spaces.scale * spaces.row_scale[:, None]
+        augmented, _ = of_rank(M, J, spaces.C.rank + spaces.W.rank)
+        # Refined, forces across a coordinate leave no rounding in its acceleration.
+        force, bias = -state.F0 * spaces.scale, state.B * spaces.row_scale
+        a, nu = augmented.refined(force, bias, REFERENCE.balance_refinements)
+        return spaces.scale * a, spaces.row_scale * nu
+
     # --- directions -------------------------------------------------------------------------------------------------
 
     def separated(self, S: Array) -> Separated:
@@ -184,6 +209,7 @@ class Structure:
                 f"the symmetries found ({', '.join(x.name for x in symmetries)}) do not fit the linearized equations "
                 f"({worst / size:.1e} of their norm): please report this model"
             )
+        T, B = settled(S, T, L, B)
         found = Separated(S, T, L, B, Neutral(), rates, doubt, len(moving))
         names = tuple(item.name for item in symmetries)
         neutral = Neutral(
@@ -387,6 +413,30 @@ def complement(columns: Array) -> Array:
         return np.asarray(np.linalg.qr(columns, mode="complete")[0][:, columns.shape[1] :])
     result: Array = np.linalg.svd(columns)[0][:, columns.shape[1] :]
     return result
+
+
+def settled(S: Array, T: Array, L: Array, B: Array) -> tuple[Array, Array]:
+    """Return T and B after one step of Newton's method for S T = T C, if T is less accurate than to rounding.
+
+    The span of directions that are nearly dependent loses as many digits as their angle is small.
+    """
+    d = T.shape[1]
+    r = B.shape[1]
+    if not d or not 0 < d * r <= TOLERANCES.unknowns_of_correction:
+        return T, B
+    inner = T.T @ S @ T
+    left = B.T @ (S @ T)
+    if float(np.max(np.abs(left))) <= TOLERANCES.roundings_of_directions * EPS * float(np.max(np.abs(S) @ np.abs(T))):
+        return T, B
+    matrix = np.kron(B.T @ S @ B, np.eye(d)) - np.kron(np.eye(r), inner.T)
+    try:
+        step = np.linalg.lstsq(matrix, -left.ravel(), rcond=TOLERANCES.direction_closure)[0].reshape(r, d)
+    except np.linalg.LinAlgError:
+        return T, B
+    if not float(np.max(np.abs(step))) < TOLERANCES.direction_closure:
+        return T, B
+    T = np.linalg.qr(T + B @ step)[0]
+    return T, complement(np.hstack([T, L.T]))
 
 
 def spectral_norm(S: Array) -> float:

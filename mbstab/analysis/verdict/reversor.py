@@ -20,7 +20,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.reference.rotation import euler_angles, lever, lever_acceleration, orientation, rate_matrix
 from mbstab.analysis.reference.symmetries import Invariance
-from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal
+from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal, settled
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.records import dataclass
@@ -121,7 +121,8 @@ class Reversor:
             rows = turn[int(np.sum(values > 1e-8)) :] @ rows
         L = orthonormal(list(rows), len(found.S)).T
         names = _names(structure, Q @ right[-size:].T, found.neutral.family)
-        wider = replace(found, T=T, L=L, B=complement(np.hstack([T, L.T])))
+        T, B = settled(found.S, T, L, complement(np.hstack([T, L.T])))
+        wider = replace(found, T=T, L=L, B=B)
         neutral = replace(
             found.neutral, family=names, count=T.shape[1] + len(L), drift=drift_of(wider), evidence="numerical"
         )
@@ -146,7 +147,8 @@ def _names(structure: Structure, directions: Array, known: tuple[str, ...]) -> t
         y = left[:, 0]
         taken.append(y)
         rate = spaces.N @ (space.A[:n, :n] @ y[:n] + structure.gamma * (spaces.Z @ y[n:]))
-        names.append(f"rate of {structure.linear.names[int(np.argmax(np.abs(rate)))]}")
+        largest = (f"rate of {structure.linear.names[i]}" for i in np.argsort(-np.abs(rate)))
+        names.append(next(name for name in largest if name not in names))
     return tuple(names)
 
 
@@ -218,16 +220,10 @@ def _reverses(invariance: Invariance, mirror: Mirror) -> bool:
 
 def _trace(structure: Structure, mirror: Mirror, symmetries: Array) -> float:
     """Return the trace of the reversor on Q."""
-    linear, space = structure.linear, structure.space
-    motion, spaces = linear.motion, linear.spaces
-    n, Q = space.n_xi, complement(symmetries)
-    generator = linear.generator
+    motion, Q = structure.linear.motion, complement(symmetries)
     total = 0.0
     for y in Q.T:
-        direction = spaces.scale * (spaces.N @ y[:n])
-        rate = spaces.scale * (spaces.N @ (space.A[:n, :n] @ y[:n] + structure.gamma * (spaces.Z @ y[n:])))
-        if generator is not None and generator.turns:
-            rate = rate + generator.frame(motion.q)[0] @ direction
+        direction, rate = structure.disturbance(y)
         _, T = mirror.moved(motion.q)
         size = float(np.max(np.abs(direction / motion.sizes))) or 1.0
         h = TOLERANCES.mirror_difference / size

@@ -35,7 +35,7 @@ from typing import Literal
 
 import numpy as np
 
-from mbstab.analysis.verdict.wording import phrases
+from mbstab.analysis.verdict.wording import growing, phrases, power
 from mbstab.errors import amount, counted
 from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
 from mbstab.model.words import ASYMPTOTIC_UP_TO as ASYMPTOTIC_UP_TO
@@ -51,6 +51,7 @@ from mbstab.records import dataclass
 Side = Literal["left", "right", "axis", "open"]
 Evidence = Literal["structural", "enclosed", "numerical"]
 
+LINEAR = "up to symmetries the equations are linear and no solution of theirs grows: motions nearby stay near"
 NONLINEAR = "whether disturbances stay small in the long run is up to nonlinear terms"
 
 
@@ -117,6 +118,8 @@ class Neutral(Modulo):
         The weakest evidence among them.
     checked : str
         How far a family without a symmetry was followed, in words; empty: there is none.
+    linear : bool
+        Whether the motions, up to symmetries, obey linear equations, of which zero is a semisimple eigenvalue.
     slow : tuple of str
         Those of the family that are speeds of a scene at rest; they stay small where the energy bounds them.
     """
@@ -125,6 +128,7 @@ class Neutral(Modulo):
     drift: int = 0
     evidence: Evidence = "structural"
     checked: str = ""
+    linear: bool = False
     slow: tuple[str, ...] = ()
 
 
@@ -402,6 +406,8 @@ def judge(facts: Facts) -> Verdict:
     if not rest:
         if len(on_axis) == len(facts.discs) == 2 and neutral.count and (why := facts.reversible()):
             return _up_to(facts, STABLE_UP_TO, f"{why}, so motions nearby repeat themselves, {_except(neutral)}")
+        if neutral.linear and all(d.count == 1 for d in on_axis):
+            return _up_to(facts, STABLE_UP_TO, f"{LINEAR}, {_except(neutral)}")
         number = sum(d.count for d in on_axis)
         where = "of absolute value 1" if facts.multipliers else "on the imaginary axis"
         kind = "multipliers are" if facts.multipliers else "eigenvalues lie"
@@ -515,10 +521,10 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
     if up_to and neutral.names:
         reason += f", {_except(neutral)}"
     if up_to and critical.family:
-        reason += _growing(critical.drift)
+        reason += growing(critical.drift)
     elif up_to and critical.drift:
         # A decay like a root of t may sum without bound.
-        reason += f"; what they change there may go on growing, more slowly than {_power(critical.drift)}"
+        reason += f"; what they change there may go on growing, more slowly than {power(critical.drift)}"
     staying = critical.verdict == ASYMPTOTIC_UP_TO and bool(critical.family) and not critical.drift
     in_place = critical.verdict in (ASYMPTOTIC, STABLE) or staying
     return Verdict(
@@ -532,20 +538,11 @@ def _up_to(facts: Facts, word: str, reason: str) -> Verdict:
     neutral = facts.neutral
     # Other motions of a family may move along the symmetries, however slowly: x' = y^2, y' = 0.
     known = bool(neutral.drift) or not (neutral.symmetries and neutral.family)
-    reasons = [reason + (_growing(neutral.drift) if known else "; whether that goes on growing is not judged")]
+    reasons = [reason + (growing(neutral.drift) if known else "; whether that goes on growing is not judged")]
     if neutral.checked:
         reasons.append(f"as far as checked: {neutral.checked}")
     in_place = neutral.drift == 0 if known and word == ASYMPTOTIC_UP_TO else None
     return Verdict(word, tuple(reasons), neutral.symmetries, neutral.family, in_place, neutral.evidence, facts.warnings)
-
-
-def _growing(drift: int) -> str:
-    """Return the growth of changes along neutral directions, in words."""
-    return f"; what they change there goes on growing like {_power(drift)}" if drift else ""
-
-
-def _power(drift: int) -> str:
-    return "t" if drift == 1 else f"t^{drift}"
 
 
 def _differ(neutral: Neutral) -> str:

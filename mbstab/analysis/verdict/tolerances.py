@@ -13,6 +13,10 @@ class Tolerances:
     """Directions are independent above this singular value, if the next one follows after a rank gap."""
     direction_closure: Final = 1e-7
     """A direction that S maps out of T by more than this, relative to its norm, is an error of the program."""
+    roundings_of_directions: Final = 64.0
+    """A direction that S maps out of T by more roundings of the product than this is corrected."""
+    unknowns_of_correction: Final = 900
+    """Directions are corrected where no more unknowns than this are solved for."""
     rest_manifold_rank: Final = 1e-9
     """Rest positions form a manifold if the smallest relative singular value of the forces on them is larger."""
     norm_by_powers_from: Final = 400
@@ -58,6 +62,8 @@ class Tolerances:
     """… or below this fraction of the sum of all of them, as rounding."""
     acceleration_difference: Final = 1e-6
     """Step of finite differences of accelerations, relative to the characteristic sizes."""
+    further_states: Final = 8
+    """A function is constant if it is so at twice as many states as it has coefficients, and this many more."""
     family_states: Final = 30
     """Families of systems with more states are not followed."""
 

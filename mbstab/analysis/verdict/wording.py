@@ -66,3 +66,13 @@ def phrases(names: Sequence[str]) -> str:
 def listed(names: Sequence[str]) -> str:
     """Return names as a list in words."""
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
+
+
+def growing(drift: int) -> str:
+    """Return the growth of changes along neutral directions, in words."""
+    return f"; what they change there goes on growing like {power(drift)}" if drift else ""
+
+
+def power(drift: int) -> str:
+    """Return a power of time in words."""
+    return "t" if drift == 1 else f"t^{drift}"
