@@ -120,10 +120,22 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
     if found.always_real:
         lines.append("gain margins: none; the response is real at all frequencies")
     else:
-        each = [f"× {x.factor:.6g} ({decibels(x.factor):.4g} dB) at {x.frequency:.6g} rad/s" for x in found.gain]
+        each = [
+            f"× {x.factor:.{_digits(x.error / x.factor)}g} ({decibels(x.factor):.4g} dB) at {x.frequency:.6g} rad/s"
+            for x in found.gain
+        ]
         lines += wrap(f"gain margins: {', '.join(each) or 'none'}", WIDTH)
-    each = [f"{x.phase:.6g}° (delay {x.delay:.6g} s) at {x.frequency:.6g} rad/s" for x in found.phase]
+    each = [
+        f"{x.phase:.{_digits(x.error / 180.0)}g}° (delay {x.delay:.{_digits(x.error / 180.0)}g} s) at "
+        f"{x.frequency:.6g} rad/s"
+        for x in found.phase
+    ]
     return lines + wrap(f"phase margins: {', '.join(each) or 'none'}", WIDTH)
+
+
+def _digits(error: float) -> int:
+    """Return how many digits of a number with a relative error are shown."""
+    return int(np.clip(-np.log10(max(error, 1e-300)), 3.0, 6.0))
 
 
 def _margins_data(found: Margins, largest: LargestGain) -> dict[str, Any]:
@@ -132,8 +144,10 @@ def _margins_data(found: Margins, largest: LargestGain) -> dict[str, Any]:
         if found.doubt
         else {
             "closed_loop_stable": found.closed,
-            "gain": [{"frequency": x.frequency, "factor": x.factor} for x in found.gain],
-            "phase": [{"frequency": x.frequency, "phase": x.phase, "delay": x.delay} for x in found.phase],
+            "gain": [{"frequency": x.frequency, "factor": x.factor, "error": x.error} for x in found.gain],
+            "phase": [
+                {"frequency": x.frequency, "phase": x.phase, "delay": x.delay, "error": x.error} for x in found.phase
+            ],
             "always_real": found.always_real,
         },
         "largest_gain": {
@@ -152,7 +166,8 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
     Keys: ``model``, ``title``, ``kind``, ``frequency`` (rad/s) or ``time`` (s), ``poles`` and ``channels``: ``input``,
     ``output``, ``unit``, ``real``, ``imag`` and ``error``, or ``values``, ``zeros`` (``real``, ``imag``, ``error``;
     null: not decided, for the reason in ``doubt``), ``minimum_phase`` and ``hidden`` (null: not decided), ``vanishes``,
-    and over frequency ``margins`` (``closed_loop_stable``, ``gain``, ``phase``, ``always_real``; null: not decided) and
+    and over frequency ``margins`` (``closed_loop_stable``, ``gain`` and ``phase``, each with ``error`` of the factor or
+    the phase, ``always_real``; null: not decided) and
     ``largest_gain`` (``value``, null if there is none or if it is ``infinite``, ``frequency``, ``tolerance``,
     ``reason``).
     """

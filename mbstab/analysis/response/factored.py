@@ -42,6 +42,10 @@ class Bounds(NamedTuple):
     largest_slope: Array
 
 
+Function = Callable[[Array, Array], Bounds]
+"""`Factored.gain` or `Factored.argument`."""
+
+
 class Factored:
     """G(iω) by its zeros and poles.
 
@@ -63,8 +67,13 @@ class Factored:
         self.roots = np.concatenate([zeros.values, zeros.poles])
         self.errors = np.concatenate([zeros.errors, zeros.pole_errors])
         self.signs = np.concatenate([np.ones(len(zeros.values)), -np.ones(len(zeros.poles))])
-        # What may be zero is taken for it.
+        # What may be zero is taken for it, and zeros of which it may be the real part: the gain beside them is 0.
         self.roots = np.where(np.abs(self.roots) <= self.errors, 0.0, self.roots)
+        narrow = (np.abs(self.roots.real) <= self.errors) & (self.errors <= TOLERANCES.undamped * np.abs(self.roots))
+        undamped = np.concatenate([narrow[: len(zeros.values)], zeros.undamped])
+        self.roots[undamped] = 1j * self.roots[undamped].imag
+        self.turning_errors = np.where(undamped, 0.0, self.errors)
+        self._turning = (self.roots.real != 0.0) | (self.turning_errors > 0.0)
         self.sizes = np.abs(self.roots[self.roots != 0.0])
         self.order = int(np.sum(self.signs[self.roots == 0.0]))
         self.fall = -int(np.sum(self.signs))
@@ -103,17 +112,26 @@ class Factored:
         size, around = np.abs(away), half[:, None] + self.errors
         return away, np.maximum(size - around, 0.0), size + around
 
-    def _slopes(self, away: Complex, near: Array, half: Array) -> tuple[Complex, Array, Array]:
-        """Return the derivative of log G at the middles, its error, and a bound of the second derivative."""
+    def _slopes(
+        self, away: Complex, near: Array, half: Array, errors: Array, bends: Array
+    ) -> tuple[Complex, Array, Array]:
+        """Return the derivative of log G at the middles, its error, and a bound of the second derivative.
+
+        Parameters
+        ----------
+        errors : ndarray, shape (roots,)
+        bends : ndarray of bool, shape (roots,)
+            The roots that have a part in the second derivative.
+        """
         slope = 1j * np.sum(self.signs / away, axis=1)
-        error = np.sum(self.errors / (near * (near + half[:, None])), axis=1)
-        return slope, error, np.sum(near**-2.0, axis=1)
+        error = np.sum(errors / (near * (near + half[:, None])), axis=1)
+        return slope, error, np.sum(near[:, bends] ** -2.0, axis=1)
 
     def gain(self, middle: Array, half: Array) -> Bounds:
         """Return log |G(iω)| over intervals about frequencies (rad/s)."""
         with np.errstate(all="ignore"):
             away, near, far = self._apart(middle, half)
-            slope, off, second = self._slopes(away, near, half)
+            slope, off, second = self._slopes(away, near, half, self.errors, np.full(len(self.roots), True))
             at = self.log_c + np.sum(self.signs * np.log(np.abs(away)), axis=1)
             error = self.error_c + np.sum(self.errors / near, axis=1) + self._rounding(away)
             up, down = np.where(self.signs > 0, far, near), np.where(self.signs > 0, near, far)
@@ -122,29 +140,39 @@ class Factored:
             return _bounds(at, error, slope.real, off, second, half, low, high)
 
     def argument(self, middle: Array, half: Array) -> Bounds:
-        """Return the argument of G(iω), without jumps, over intervals about frequencies (rad/s)."""
+        """Return the argument of G(iω) over intervals about frequencies (rad/s); it jumps only at undamped roots.
+
+        These have no other part in its changes, wherever on the axis they lie.
+        """
         with np.errstate(all="ignore"):
             away, near, _ = self._apart(middle, half)
-            slope, off, second = self._slopes(away, near, half)
+            slope, off, second = self._slopes(away, near, half, self.turning_errors, self._turning)
+            off[np.any(near == 0.0, axis=1)] = np.inf
             # Of −r + iω with ω rising the argument is continuous if it counts from the side of r.
             angles = np.where(self.roots.real <= 0.0, np.angle(away), np.pi - np.angle(-away.conj()))
             at = np.sum(self.signs * angles, axis=1) + (0.0 if self.sign_c > 0.0 else np.pi)
-            error = np.sum(self.errors / near, axis=1) + EPS * len(self.roots) * 4.0
+            error = np.sum(self.turning_errors / near, axis=1) + EPS * len(self.roots) * 4.0
+            error[np.any(near == 0.0, axis=1)] = np.inf
             none = np.full(len(middle), np.inf)
             return _bounds(at, error, slope.imag, off, second, half, -none, none)
 
     def _rounding(self, away: Complex) -> Array:
         return np.asarray(4.0 * EPS * np.sum(1.0 + np.abs(np.log(np.abs(away))), axis=1))
 
-    def expansion(self, far: bool) -> tuple[float, float, float]:
-        """Return the argument at the frequency 0, or infinity, its derivative by ω, or 1/ω, and the error of this."""
+    def expansion(self, far: bool) -> tuple[float, list[tuple[float, float]]]:
+        """Return the argument at x = ω = 0, or x = 1/ω = 0, and its coefficients of x and x³ with their errors."""
         roots, signs, errors = (x[self.roots != 0.0] for x in (self.roots, self.signs, self.errors))
-        turn = 0.0 if self.sign_c > 0.0 else np.pi
+        total = 0.0 if self.sign_c > 0.0 else np.pi
         if far:
-            return turn - 0.5 * np.pi * self.fall, float(np.sum(signs * roots.real)), float(np.sum(errors))
-        total = turn + 0.5 * np.pi * self.order + float(np.sum(signs * np.where(roots.real > 0.0, np.pi, 0.0)))
-        slopes = -roots.real / np.abs(roots) ** 2
-        return total, float(np.sum(signs * slopes)), float(np.sum(errors / np.abs(roots) ** 2))
+            total -= 0.5 * np.pi * self.fall
+        else:
+            # Pairs have no part: their angles are opposite.
+            growing = (roots.real > 0.0) & (roots.imag == 0.0)
+            total += 0.5 * np.pi * self.order + float(np.sum(signs * np.where(growing, np.pi, 0.0)))
+            errors, roots, signs = errors / np.abs(roots) ** 2, 1.0 / roots, -signs
+        first = float(np.sum(signs * roots.real)), float(np.sum(errors))
+        third = -float(np.sum(signs * (roots**3).real)) / 3.0, float(np.sum(errors * np.abs(roots) ** 2))
+        return total, [first, third]
 
     def static(self) -> tuple[float, float]:
         """Return G(0) and its error, where there is neither a zero nor a pole."""
@@ -172,18 +200,22 @@ class Factored:
     def _turned(self, low: float, high: float) -> tuple[float, float]:
         """Return the ends beyond which an argument that tends to -180° keeps to one side of it."""
         for far in (False, True):
-            total, slope, error = self.expansion(far)
+            total, (first, third) = self.expansion(far)
             if abs(np.cos(0.5 * total)) > 1e-6 or not len(self.sizes):
                 continue
-            if abs(slope) <= 2.0 * error:
-                where = "high" if far else "low"
-                raise Undecided(f"how the phase comes to 180° at {where} frequencies is beyond the errors")
-            cubes = float(np.sum(self.sizes**3 if far else self.sizes**-3.0))
-            reach = float(np.sqrt(abs(slope) / (4.0 * cubes)))
-            low, high = (low, max(high, 1.0 / reach)) if far else (min(low, reach), high)
+            end, sizes = (1.0 / high, self.sizes) if far else (low, 1.0 / self.sizes)
+            if abs(first[0]) > 2.0 * first[1]:
+                end = min(end, float(np.sqrt(abs(first[0]) / (4.0 * np.sum(sizes**3)))))
+            else:
+                # What the first coefficient may be counts only where the gain is next to nothing, or without limit.
+                end = min(end, float(np.sqrt(abs(third[0]) / (4.0 * np.sum(sizes**5)))))
+                if not (abs(third[0]) > 2.0 * third[1] and abs(third[0]) * end**2 > 4.0 * first[1]):
+                    where = "high" if far else "low"
+                    raise Undecided(f"how the phase comes to 180° at {where} frequencies is beyond the errors")
+            low, high = (low, 1.0 / end) if far else (end, high)
         return low, high
 
-    def crossings(self, of: Callable[[Array, Array], Bounds], what: str) -> list[float]:
+    def crossings(self, of: Function, what: str) -> list[float]:
         """Return the frequencies (rad/s) at which the gain passes 1, or the argument -180°.
 
         Parameters
@@ -216,7 +248,7 @@ class Factored:
                 raise Undecided(f"{what} is not told from its limit at {middle[k]:.6g} rad/s")
             split = met & ~steady & ~narrow
             if not np.any(split):
-                return _apart(found)
+                return sorted(set(found))  # two intervals may share a crossing at their common end
             left, right = _halved(left, middle, right, split, what)
         raise Undecided(f"{what} is not told from its limit between {left[0]:.6g} and {right[-1]:.6g} rad/s")
 
@@ -225,9 +257,7 @@ class Factored:
         edges = np.geomspace(low, high, max(2, int(np.ceil(np.log2(high / low))) + 1))
         return edges[:-1], edges[1:]
 
-    def _passed(
-        self, of: Callable[[Array, Array], Bounds], left: float, right: float, level: float, what: str
-    ) -> list[float]:
+    def _passed(self, of: Function, left: float, right: float, level: float, what: str) -> list[float]:
         """Return where a function that is monotone between two frequencies passes a level, if it does."""
 
         def side(omega: float) -> int:
@@ -250,6 +280,13 @@ class Factored:
             value = float(of(np.array([middle]), np.zeros(1)).middle[0]) - level
             left, right = (middle, right) if value * sides[0] > 0.0 else (left, middle)
         return [left]
+
+    def off_at(self, omega: float, crossed: Function, other: Function) -> float:
+        """Return how far a function is off at a crossing of another one, whose frequency has an error."""
+        x, y = (of(np.array([omega]), np.zeros(1)) for of in (crossed, other))
+        steep = min(abs(float(x.least_slope[0])), abs(float(x.largest_slope[0])))
+        away = float(x.error[0]) / steep if steep > 0.0 else np.inf
+        return (away + EPS * omega) * max(abs(float(y.least_slope[0])), abs(float(y.largest_slope[0])))
 
     def largest(self) -> tuple[float, float, float]:
         """Return the largest gain of a response without undamped poles, where it is, and its relative error."""
@@ -294,15 +331,6 @@ def _halved(left: Array, middle: Array, right: Array, which: Any, what: str) -> 
     if np.sum(which) > TOLERANCES.most_intervals:
         raise Undecided(f"{what} is nearly the same at too many frequencies")
     return np.concatenate([left[which], middle[which]]), np.concatenate([middle[which], right[which]])
-
-
-def _apart(found: list[float]) -> list[float]:
-    """Return frequencies in their order; two intervals may share a crossing at their common end."""
-    result: list[float] = []
-    for omega in sorted(found):
-        if not result or omega - result[-1] > TOLERANCES.crossing_apart * omega:
-            result.append(omega)
-    return result
 
 
 def _bounds(

@@ -25,11 +25,14 @@ class GainCrossing:
         Phase margin, from -180 to 180.
     delay : float (s)
         The smallest delay in the loop that brings an eigenvalue to the imaginary axis at this frequency.
+    error : float (degrees)
+        Estimate of the error of the phase margin.
     """
 
     frequency: float
     phase: float
     delay: float
+    error: float
 
 
 @dataclass(frozen=True)
@@ -41,10 +44,13 @@ class PhaseCrossing:
     frequency : float (rad/s)
     factor : float
         Gain margin: the factor of the gain that brings an eigenvalue to the imaginary axis at this frequency.
+    error : float
+        Estimate of its error.
     """
 
     frequency: float
     factor: float
+    error: float
 
 
 @dataclass(frozen=True)
@@ -138,8 +144,11 @@ def margins(zeros: Zeros, exact: Exact, closed: bool | None) -> Margins:
 
 
 def _gain_crossing(omega: float, own: Factored) -> GainCrossing:
-    angle = float(np.degrees(np.angle(-own.exact(np.array([omega]))[0][0])))
-    return GainCrossing(omega, angle, float(np.radians(angle % 360.0 or 360.0)) / omega)
+    values, errors = own.exact(np.array([omega]))
+    off = own.off_at(omega, own.gain, own.argument) + float(errors[0]) / float(abs(values[0]))
+    _require_known(off, f"the phase margin at {omega:.6g} rad/s")
+    angle = float(np.degrees(np.angle(-values[0])))
+    return GainCrossing(omega, angle, float(np.radians(angle % 360.0 or 360.0)) / omega, float(np.degrees(off)))
 
 
 def _phase_crossings(own: Factored) -> tuple[PhaseCrossing, ...]:
@@ -153,12 +162,19 @@ def _phase_crossings(own: Factored) -> tuple[PhaseCrossing, ...]:
         crossings = [0.0, *crossings]
         values, errors = np.append(size, values), np.append(error, errors)
     for omega, value, error in zip(crossings, values.tolist(), errors.tolist(), strict=True):
-        if not abs(value.imag) <= error + TOLERANCES.crossing_apart * abs(value):
+        if not abs(value.imag) <= error + TOLERANCES.crossing_misfit * abs(value):
             raise Undecided(f"the phase at {omega:.6g} rad/s is not the one of the zeros and eigenvalues")
         # A gain that may be zero has no margin.
         if value.real < -error:
-            found.append(PhaseCrossing(omega, -1.0 / value.real))
+            off = error / -value.real + (own.off_at(omega, own.argument, own.gain) if omega else 0.0)
+            _require_known(off, f"the gain margin at {omega:.6g} rad/s")
+            found.append(PhaseCrossing(omega, -1.0 / value.real, off / -value.real))
     return tuple(found)
+
+
+def _require_known(off: float, what: str) -> None:
+    if not off <= TOLERANCES.margin_known:
+        raise Undecided(f"{what} is beyond the errors")
 
 
 def largest_gain(zeros: Zeros, exact: Exact) -> LargestGain:
@@ -173,12 +189,10 @@ def largest_gain(zeros: Zeros, exact: Exact) -> LargestGain:
         worst = growing[np.argmax(growing.real)]
         return LargestGain(np.nan, np.nan, np.nan, f"the eigenvalue {_text(worst)} is unstable")
     for k in np.flatnonzero(np.abs(poles.real) <= errors):
-        at = complex(0.0, poles[k].imag if abs(poles[k]) > errors[k] else 0.0)
-        if errors[k] > TOLERANCES.undamped * abs(at):
-            if errors[k] == 0.0:
-                return LargestGain(np.inf, 0.0, 0.0, "the eigenvalue 0 has no damping")
-            reason = f"the eigenvalue {_text(poles[k])} is known to {errors[k]:.1g} 1/s only"
+        if not zeros.undamped[k]:
+            reason = f"whether the eigenvalue {_text(poles[k])} is damped is beyond its error, {errors[k]:.1g} 1/s"
             return LargestGain(np.nan, np.nan, np.nan, f"not decided: {reason}")
+        at = complex(0.0, poles[k].imag)
         return LargestGain(np.inf, abs(at.imag), 0.0, f"the eigenvalue {_text(at)} has no damping")
     if len(zeros.values) > len(poles):
         return LargestGain(np.inf, np.inf, 0.0, "the output follows the rate of the input")

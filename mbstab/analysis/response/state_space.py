@@ -104,7 +104,7 @@ class ControlModel:
             If python-control is not installed, or there are no inputs or outputs.
         """
         try:
-            import control  # type: ignore[import-not-found,unused-ignore]
+            import control  # type: ignore[import-not-found,import-untyped,unused-ignore]
         except ImportError:
             raise UsageError("python-control is not installed\nhint: pip install control") from None
         names = {"states": list(self.states), "inputs": list(self.signals), "outputs": list(self.outputs)}
@@ -281,9 +281,12 @@ class _Ports:
         relative : bool
             Take rates in the frame of the equations, as states do, not in ground axes.
         """
-        row = self._in_frame(self._slope(expression, self.at), None if relative else self.frame)
+        slope = self._slope(expression, self.at)
+        row = self._in_frame(slope, None if relative else self.frame)
         if not relative:
-            self._require_steady(expression, row)
+            self._require_steady(
+                expression, row, self._in_frame(np.abs(slope), (abs(self.frame[0]), abs(self.frame[1])))
+            )
         q, u, a, nu, by_w = self._parts(row)
         self._require_unique(expression, nu)
         maps, n_f = self.maps, len(self.space.A)
@@ -319,16 +322,21 @@ class _Ports:
             q, u, a = q @ T, u @ T, a @ T
         return np.concatenate([q, u, a, rest])
 
-    def _require_steady(self, expression: Quantity, row: Array) -> None:
-        """Refuse an output that is not constant in the frame in which the equations are."""
+    def _require_steady(self, expression: Quantity, row: Array, terms: Array) -> None:
+        """Refuse an output that is not constant in the frame in which the equations are.
+
+        Parameters
+        ----------
+        row, terms : ndarray
+            Its slope in that frame, and the sum of the sizes of all terms of it.
+        """
         n, scale = self.system.n_q, self.motion.spaces.scale
         for at, T, frame in self.later:
             then = self._in_frame(self._slope(expression, at), frame, T)
             for k in range(3):
-                now, other = (x[k * n : (k + 1) * n] * scale for x in (row, then))
-                # Rounding is relative to the largest part, which may be that of another order.
-                size = max(float(np.max(np.abs(now), initial=0.0)), float(np.max(np.abs(other), initial=0.0)))
-                if float(np.max(np.abs(other - now), initial=0.0)) > TOLERANCES.steady_signal * size:
+                now, other, sizes = (x[k * n : (k + 1) * n] * scale for x in (row, then, terms))
+                # Rounding is relative to the largest term.
+                if np.max(np.abs(other - now), initial=0.0) > TOLERANCES.steady_signal * np.max(sizes, initial=0.0):
                     raise _refuse(
                         expression.location,
                         expression.path,

@@ -13,12 +13,18 @@ class Tolerances:
     """Columns of inputs and rows of outputs that change by no more than this fraction are constant."""
     pivot: Final = 0.1
     """The rates of the chosen coordinates are states unless their smallest pivot is less than this fraction."""
+    circles_of_poles: Final = (1.0, 1e-3, 1e-6, 1e-9)
+    """Poles are looked for on circles of these radii, relative to the widest."""
     residue_kept: Final = 30.0
     """A singular value of the moments of a pole is different from 0 if it is this many times its error …"""
     residue_dropped: Final = 1.0
     """… and zero if it is no more than this many times."""
+    steps_beside_pole: Final = 10
+    """How often the distance from an eigenvalue at which the response is known is enlarged."""
     zero_at_zero: Final = 1e-100
     """Zeros below this fraction of the largest eigenvalue are 0, up to this."""
+    conjugate: Final = 1e-3
+    """Two zeros are a pair if their imaginary parts differ by less than this fraction, and real parts by no more."""
     rounds_of_zeros: Final = 60
     """Maximum number of rounds of Aberth's iteration."""
     zero_states: Final = 80
@@ -49,10 +55,12 @@ class Tolerances:
     """… and at most this many together."""
     beside_crossing: Final = (1e-13, 1e-11, 1e-9, 1e-7)
     """Where a crossing lies at the end of an interval, signs are compared this far beside it, relatively."""
-    crossing_apart: Final = 1e-9
-    """Crossings closer than this, relative to the frequency, are one."""
+    crossing_misfit: Final = 1e-9
+    """At a phase crossing the imaginary part is smaller than this fraction of the response, besides errors."""
     undamped: Final = 1e-3
-    """An eigenvalue known to this fraction of its size, whose real part may be zero, has no damping."""
+    """A zero known to this fraction of its size, whose real part may be zero, is taken to be on the imaginary axis."""
+    margin_known: Final = 1e-3
+    """Margins whose error is larger than this, relatively or in rad, are not told."""
     newton_steps_crossing: Final = 30
     """Maximum number of Newton steps to the frequency of the largest gain."""
     gain_found: Final = 1e-12

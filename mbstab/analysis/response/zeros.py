@@ -16,6 +16,7 @@ Everything here rests on values of G(s) from the unreduced equations, with their
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +48,8 @@ class Zeros:
         Eigenvalues that the input reaches and the output sees.
     pole_errors : ndarray
         Their error bounds; of a group of which others are hidden, what it is wide.
+    undamped : ndarray of bool
+        Which of them are known to lie on the imaginary axis.
     hidden : tuple of complex (1/s)
         Eigenvalues that the input does not reach or the output does not see; of a group those with the largest real
         parts.
@@ -62,6 +65,7 @@ class Zeros:
     errors: Array
     poles: Complex
     pole_errors: Array
+    undamped: Any
     hidden: tuple[complex, ...]
     hidden_errors: Array
     vanishes: bool
@@ -71,13 +75,13 @@ class Zeros:
     def vanishing(cls, poles: Complex, bounds: Array) -> Zeros:
         """Return the answer where nothing leads from the input to the output."""
         nothing = np.zeros(0, dtype=complex), np.zeros(0)
-        return cls(*nothing, *nothing, tuple(poles.tolist()), bounds, True)
+        return cls(*nothing, *nothing, np.zeros(0, dtype=bool), tuple(poles.tolist()), bounds, True)
 
     @classmethod
     def unknown(cls, doubt: str) -> Zeros:
         """Return the answer where none is found."""
         nothing = np.zeros(0, dtype=complex), np.zeros(0)
-        return cls(*nothing, *nothing, (), np.zeros(0), False, doubt)
+        return cls(*nothing, *nothing, np.zeros(0, dtype=bool), (), np.zeros(0), False, doubt)
 
     @property
     def hidden_growing(self) -> tuple[complex, ...]:
@@ -138,23 +142,46 @@ def groups_of(poles: Complex, bounds: Array) -> list[Group]:
 
 
 def order(group: Group, values: Values) -> int:
-    """Return the order of the principal part of G at a group of poles."""
+    """Return the order of the principal part of G at a group of poles.
+
+    A trace that is lost on a wide circle may be seen on one close to the poles.
+    """
+    q, kept, best = len(group.values), 0, (np.inf, 0)
+    if not q:
+        return 0
+    spread = max(abs(s - group.centre) + e for s, e in zip(group.values, group.errors, strict=True))
+    for radius in group.radius * np.array(TOLERANCES.circles_of_poles):
+        if radius != group.radius and not 4.0 * spread < radius:
+            break
+        singular, noise = _moments(group, values, float(radius))
+        if singular is None:
+            continue
+        kept = max(kept, int(np.sum(singular > TOLERANCES.residue_kept * noise)))
+        best = min(best, (noise * radius, int(np.sum(singular > TOLERANCES.residue_dropped * noise))))
+        if kept == q:
+            return q
+    if not best[0] < np.inf:
+        raise _Doubt(f"the response beside the eigenvalue {_text(group.centre)} is not known")
+    if best[1] > kept:
+        raise _Doubt(f"whether the eigenvalue {_text(group.centre)} is reached and seen")
+    return kept
+
+
+def _moments(group: Group, values: Values, radius: float) -> tuple[Any, float]:
+    """Return the singular values of the moments on a circle, or None if G is not known there, and their error."""
     q = len(group.values)
     count = max(16, 2 * q + 16)
     turns = np.exp(2j * np.pi * (np.arange(count) + 0.5) / count)
-    found = [values(group.centre + group.radius * u) for u in turns]
+    found = [values(group.centre + radius * u) for u in turns]
     G, errors = np.array([x[0] for x in found]), np.array([x[1] for x in found])
     if not (np.isfinite(G).all() and np.isfinite(errors).all()):
-        raise _Doubt(f"the response beside the eigenvalue {_text(group.centre)} is not known")
+        return None, np.inf
     moments = np.array([np.mean(turns ** (k + 1) * G) for k in range(2 * q - 1)])
-    # Of poles outside the circle, 8 times farther away, this much is left.
-    noise = float(np.mean(errors)) + float(np.max(np.abs(G))) * 8.0 ** -(count - 2 * q)
+    # Of poles outside the circle, at least 8 times farther away, this much is left.
+    outside = (radius / (8.0 * group.radius)) ** (count - 2 * q)
     hankel = np.array([[moments[i + k] for k in range(q)] for i in range(q)])
-    singular = np.linalg.svd(hankel, compute_uv=False) if q else np.zeros(0)
-    kept = singular > TOLERANCES.residue_kept * q * noise
-    if np.any(~kept & (singular > TOLERANCES.residue_dropped * q * noise)):
-        raise _Doubt(f"whether the eigenvalue {_text(group.centre)} is reached and seen")
-    return int(np.sum(kept))
+    noise = q * (float(np.mean(errors)) + float(np.max(np.abs(G))) * outside)
+    return np.linalg.svd(hankel, compute_uv=False), noise
 
 
 def excess(values: Values, size: float) -> tuple[int, complex]:
@@ -192,6 +219,7 @@ class TransferZeros:
         self.exact = exact
         found = eigenvalues(exact.model.linear).eigenvalues
         values = np.array([e.value for e in found], dtype=complex)
+        self.axis = np.array([e.value for e in found if e.kind in ("center", "neutral")], dtype=complex)
         zero = np.array([e.kind == "neutral" for e in found]) & (
             np.abs(values) <= BOUNDS.slow_eigenvalue * np.max(np.abs(values), initial=0.0)
         )
@@ -216,10 +244,10 @@ class TransferZeros:
             G, error, slope = (x[at] for x in self._known[s])
             return complex(G) + shift, float(error) + EPS * abs(shift), complex(slope)
 
-        return find(values, self.poles, self.bounds)
+        return find(values, self.poles, self.bounds, self.axis)
 
 
-def find(values: Values, poles: Complex, bounds: Array) -> Zeros:
+def find(values: Values, poles: Complex, bounds: Array, axis: Complex) -> Zeros:
     """Return the zeros of a transfer function.
 
     Parameters
@@ -228,6 +256,8 @@ def find(values: Values, poles: Complex, bounds: Array) -> Zeros:
         G(s), its error bound and G'(s).
     poles, bounds : ndarray
         All eigenvalues, each as often as it is one, and their error bounds.
+    axis : ndarray of complex
+        Those that are known to lie on the imaginary axis.
     """
     try:
         (seen, known), (others, errors_of_others) = _seen(values, groups_of(poles, bounds))
@@ -237,6 +267,7 @@ def find(values: Values, poles: Complex, bounds: Array) -> Zeros:
             raise _Doubt("there are fewer poles than the response needs")
         with np.errstate(all="ignore"):
             found = _roots(values, seen, len(seen) - fall, size)
+            found = _paired(_beside(values, seen, known, found))
             found, errors = _joined(found, _radii(values, seen, found, far))
         if not np.isfinite(errors).all():
             raise _Doubt(
@@ -245,7 +276,8 @@ def find(values: Values, poles: Complex, bounds: Array) -> Zeros:
     except _Doubt as reason:
         return Zeros.unknown(str(reason))
     rank = np.lexsort((found.imag, found.real))
-    return Zeros(found[rank], errors[rank], seen, known, tuple(others.tolist()), errors_of_others, False)
+    undamped = np.isin(seen, [*axis, 0.0])
+    return Zeros(found[rank], errors[rank], seen, known, undamped, tuple(others.tolist()), errors_of_others, False)
 
 
 def _seen(values: Values, groups: Sequence[Group]) -> list[tuple[Complex, Array]]:
@@ -295,6 +327,32 @@ def _roots(values: Values, poles: Complex, m: int, size: float) -> Complex:
             step[k] = abs(change)
         if np.all(step <= EPS * np.abs(z)):
             break
+    return z
+
+
+def _beside(values: Values, poles: Complex, bounds: Array, z: Complex) -> Complex:
+    """Return approximate zeros, those on which G is not known moved beside their eigenvalues until it is."""
+    z = z.copy()
+    for k, s in enumerate(z.tolist()):
+        if np.isfinite(values(s)[1]) or not len(poles):
+            continue
+        step = 4.0 * max(float(bounds[np.argmin(np.abs(poles - s))]), EPS * abs(s))
+        for power in range(TOLERANCES.steps_beside_pole):
+            if np.isfinite(values(s + step * 8.0**power)[1]):
+                z[k] = s + step * 8.0**power
+                break
+    return z
+
+
+def _paired(z: Complex) -> Complex:
+    """Return approximate zeros of which those that are next to conjugate are so."""
+    z = z.copy()
+    for k in np.flatnonzero(z.imag > 0.0):
+        away = np.where(z.imag < 0.0, np.abs(z - z[k].conjugate()), np.inf)
+        other = int(np.argmin(away))
+        if away[other] < TOLERANCES.conjugate * z[k].imag:
+            mean = 0.5 * (z[k] + z[other].conjugate())
+            z[k], z[other] = mean, mean.conjugate()
     return z
 
 
