@@ -1851,3 +1851,64 @@ known(
     UNSTABLE,
     "the least eigenvalue is 1e-44",
 )
+
+# --- states that only follow ----------------------------------------------------------------------------------------
+
+FOLLOWING = "beside what stays near, what follows it and decays by itself stays near as well"
+for name, x, states in (
+    ("a filter", "-x", "{z: {rate: p.x - z}}"),
+    ("a filter of a rate and a square", "-x - x**3", "{z: {rate: rate(p.x) + p.x**2 - z}}"),
+    ("a chain of filters", "-x", "{z: {rate: p.x - z}, w: {rate: z - 2*w + rate(z)}}"),
+    ("a slow filter", "-x", "{z: {rate: p.x - 1e-9*z}}"),
+):
+    known(71, f"spring with {name}", point(x, more=f"states: {states}\n"), STABLE, STABLE, FOLLOWING, in_place=True)
+known(
+    71,
+    "pendulum with a filter of its angle",
+    pendulum().replace("gravity:", "states: {z: {rate: (angle(pivot) - z)/0.1}}\ngravity:", 1),
+    STABLE,
+    STABLE,
+    FOLLOWING,
+)
+known(
+    72,
+    "spring with a filter that grows",
+    point("-x", more="states: {z: {rate: p.x + 1e-9*z}}\n"),
+    UNSTABLE,
+    UNSTABLE,
+    "1e-9 1/s",
+)
+known(
+    72,
+    "spring in resonance with what follows",
+    point("-x", more="states: {z: {rate: w + p.x}, w: {rate: -z}}\n"),
+    UNSTABLE,
+    UNDECIDED,
+    "a double pair ±i with one vector",
+)
+known(
+    72,
+    "spring whose square is integrated, and softens it",
+    point("-x*(1 - 1e-10*z)".replace("z", "s"), more="states: {s: {rate: p.x**2}}\n"),
+    UNSTABLE,
+    UNDECIDED,
+    "the state grows until the spring pushes",
+)
+known(
+    72,
+    "hardly pushed spring with a filter",
+    point("-x + 1e-17*u", more="states: {z: {rate: p.x - z}}\n"),
+    UNSTABLE,
+    UNDECIDED,
+    "the energy increases",
+    digits=UNSTABLE,
+)
+known(
+    72,
+    "spring that a filter feeds, hardly",
+    point("-x - 1e-18*s", more="states: {s: {rate: p.x - s}}\n"),
+    UNSTABLE,
+    UNDECIDED,
+    "the lag drives it: real part 2.5e-19 1/s",
+    digits=UNSTABLE,
+)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
@@ -138,3 +139,21 @@ class Acting:
                     row = found[key][place[e.columns[i]]]
                     row[place[e.columns[j]]] = row[place[e.columns[j]]] + value
         return found["K"], found["R"]
+
+
+def following(elements: Iterable[Placed], states: Iterable[int], rows: Iterable[int]) -> list[int]:
+    """Return the numbers of those states that no element contains but the rows of their own rates and of each other.
+
+    Parameters
+    ----------
+    states, rows
+        Numbers of the coordinates that are first-order states, and of the rows of their rates, in the same order.
+    """
+    own = dict(zip(map(int, rows), map(int, states), strict=True))
+    found, before = set(own.values()), -1
+    while found and len(found) != before:
+        before = len(found)
+        for element in elements:
+            if not element.rows or any(own.get(row) not in found for row in element.rows):
+                found.difference_update(element.columns)
+    return sorted(found)

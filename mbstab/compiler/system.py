@@ -37,7 +37,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbstab.compiler.placed import Acting, Placed
+from mbstab.compiler.placed import Acting, Placed, following
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
@@ -194,6 +194,11 @@ class System:
         rows = [i for i, row in enumerate(self.rows) if row.section == "states"]
         columns = [i for i, name in enumerate(self.names) if is_state(name)]
         return np.array(columns, dtype=np.intp), np.array(rows, dtype=np.intp)
+
+    @cached_property
+    def following(self) -> list[int]:
+        """Numbers of the first-order states that only follow: no force, no row and no other state contains them."""
+        return following(self._elements, *self.states)
 
     def with_state_rates(self, q: Array, u: Array, time: Any = None) -> Array:
         """Return speeds in which the rates of the states follow from the others, shape (n_q,)."""

@@ -24,7 +24,9 @@ from mbstab.analysis.sweep.stacks import (
     beside,
     chain,
     complement,
+    following,
     orthonormal,
+    reduced,
     restricted,
     some,
     stacked,
@@ -400,10 +402,10 @@ class Known:
         work = self.grounds.structure.work
         if not (work.conserved or work.decreases) or self.grounds.system.n_n:
             return np.ones(len(points.S), dtype=bool)
-        stiffness, size = _reduced(points.K, points.allowed), _reduced(np.abs(points.K), np.abs(points.allowed))
+        stiffness, size = reduced(points.K, points.allowed), reduced(np.abs(points.K), np.abs(points.allowed))
         limit = VERDICT.roundings_of_variation * EPS * points.spread[:, None, None]
         good: Flags = np.all(np.abs(stiffness - transposed(stiffness)) <= 2.0 * limit * size, axis=(1, 2))
-        damping, size = _reduced(points.R, points.allowed), _reduced(np.abs(points.R), np.abs(points.allowed))
+        damping, size = reduced(points.R, points.allowed), reduced(np.abs(points.R), np.abs(points.allowed))
         damping, size = damping + transposed(damping), limit * (size + transposed(size))
         if work.conserved:
             conserved: Flags = good & np.all(np.abs(damping) <= size, axis=(1, 2))
@@ -505,6 +507,9 @@ class Known:
         if not self.moving:
             columns = np.array(self._columns(points, self.symmetries))
             columns[:, points.n_xi :] = 0.0
+            if reference.following.size:
+                N = points.N[..., self.grounds.system.following, :]
+                columns = beside(columns, following(points.S, N, points.spread, good))
             return complement(orthonormal(columns, n - reference.basis.shape[1], good))
         momenta = tuple(self.grounds.structure.invariance.momenta)
         kernel = np.eye(n)[None]
@@ -539,12 +544,6 @@ def number_signs(system: System) -> Array:
         numbers += expression.coefficients(scene.parameters, scene.arithmetic)
     found = [np.sign(np.atleast_1d(np.asarray(x, dtype=float))) for x in numbers]
     return np.stack(np.broadcast_arrays(*found), axis=-1) if found else np.zeros((1, 0))
-
-
-def _reduced(matrix: Array, basis: Array) -> Array:
-    """Return matrices restricted to a basis."""
-    result: Array = transposed(basis) @ matrix @ basis
-    return result
 
 
 def _seen_from(points: Points, step: Generator, rate: Array) -> Points:

@@ -9,6 +9,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Flags, norms
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.sweep.tolerances import TOLERANCES
+from mbstab.analysis.verdict.minimum import decays
 from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array
 
@@ -113,3 +114,28 @@ def complement(basis: Array) -> Array:
     if not basis.shape[-1]:
         return np.eye(basis.shape[-2])[None]
     return np.linalg.qr(basis, mode="complete")[0][..., basis.shape[-1] :]
+
+
+def reduced(matrix: Array, basis: Array) -> Array:
+    """Return matrices restricted to a basis."""
+    result: Array = transposed(basis) @ matrix @ basis
+    return result
+
+
+def following(S: Array, N: Array, spread: Array, good: Flags) -> Array:
+    """Return disturbances of states that only follow; clear `good` where they do not decay by themselves.
+
+    Parameters
+    ----------
+    S : ndarray, shape (points, n, n)
+    N : ndarray, shape (points, states, positions)
+        What they take part in the positions that are allowed.
+    spread : ndarray, shape (points,)
+        Ratio of the terms of S to their sums.
+    """
+    columns = np.zeros((len(S), S.shape[-1], N.shape[-2]))
+    columns[:, : N.shape[-1]] = transposed(N)
+    size = np.linalg.norm(reduced(np.abs(S), np.abs(columns)), axis=(1, 2))
+    errors = VERDICT.roundings_of_variation * EPS * spread * size
+    good &= np.array([decays(*x) for x in zip(reduced(S, columns), errors.tolist(), strict=True)])
+    return columns

@@ -67,7 +67,7 @@ def critical_zero(
         told from 1e-20, which decides before any nonlinear term.
     """
     energy = SecondVariation(structure, separated)
-    by_energy = energy.applies and _definite_beside(energy, structure, separated)
+    by_energy = structure.work.decreases and energy.applies and _definite_beside(energy, structure, separated)
     # Motions along symmetries near the reference are not examined.
     if len(separated.L) or separated.speeds or count > 2 or not (by_energy or (count == 1 and others_decay)):
         return None

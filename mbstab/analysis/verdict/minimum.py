@@ -32,6 +32,7 @@ from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.verdict.neutral import Separated, Structure
 from mbstab.analysis.verdict.rule import Minimum
 from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.analysis.verdict.wording import phrases
 from mbstab.compiler.system import Array
 from mbstab.model.schema import is_angle
 
@@ -104,7 +105,7 @@ class SecondVariation:
     def applies(self) -> bool:
         """Whether the function never increases, and its first variation vanishes."""
         structure, motion, linear = self.structure, self.linear.motion, self.linear
-        if not structure.work.decreases:
+        if not (structure.work.decreases or (self.following.size and structure.work.decreases_beside_states)):
             return False
         if not self._splits():
             return False
@@ -114,6 +115,26 @@ class SecondVariation:
         load = motion.dynamics.F0 + motion.dynamics.M @ motion.a
         forces = float(np.max(np.abs(load * spaces.scale), initial=0.0))
         return bool(np.max(np.abs(across), initial=0.0) <= TOLERANCES.force_across_rows * forces)
+
+    @cached_property
+    def following(self) -> Array:
+        """Disturbances of states that only follow the others and decay by themselves, as columns; there may be none.
+
+        Where the others stay near the reference, so do these (Vidyasagar 1980): the energy need not contain them.
+        """
+        linear, spaces, n = self.linear, self.linear.spaces, len(self.separated.S)
+        states = linear.system.following
+        nothing = np.zeros((n, 0))
+        if not states or self.moving or linear.massless is not None or linear.system.sparse:
+            return nothing
+        columns = np.zeros((n, len(states)))
+        columns[: spaces.N.shape[1]] = spaces.N[states].T
+        A = columns.T @ self.separated.S @ columns
+        known = TOLERANCES.roundings_of_variation * EPS * np.abs(columns.T) @ np.abs(self.separated.S) @ np.abs(columns)
+        scale = spaces.scale[states]
+        entries = float(np.max(linear.entries.D_q[:, states] * scale)) / float(np.min(scale))
+        error = float(np.linalg.norm(known, 2)) + TOLERANCES.roundings_of_variation * EPS * entries
+        return columns if decays(A, error) else nothing
 
     def _splits(self) -> bool:
         """Whether translations that rotate with the frame decouple, because a common speed changes nothing."""
@@ -139,7 +160,7 @@ class SecondVariation:
         else:
             # Neighbouring rests without a symmetry are kept: along them the energy has no minimum.
             m = structure.space.n_xi
-            columns = [np.concatenate([x[:m], np.zeros(n - m)]) for x in columns]
+            columns = [np.concatenate([x[:m], np.zeros(n - m)]) for x in columns] + [*self.following.T]
         kernel = _null(rows, n)
         if not columns:
             return kernel
@@ -189,6 +210,9 @@ class SecondVariation:
             return None
         turning = self.linear.generator is not None and self.linear.generator.turns
         name = "the energy in the frame of the motion" if turning or self.moving else "the energy"
+        if self.following.size:
+            names = [f"state {self.linear.names[i]}" for i in self.linear.system.following]
+            name += f" of what {phrases(names)} only follow{'s' if len(names) == 1 else ''}"
         sign = self.definite()
         if sign < 0 and not self.structure.work.conserved:
             sign = 0
@@ -316,6 +340,25 @@ def _null(rows: list[Array], n: int) -> Array:
     _, s, right = np.linalg.svd(matrix)
     result: Array = right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
     return result
+
+
+def decays(A: Array, error: float) -> bool:
+    """Return whether all matrices within an error of A, in the spectral norm, have their eigenvalues left of the axis.
+
+    P with Aᵀ P + P A = −1 is positive definite then, and remains a function of Lyapunov while 2 |P| error < 1.
+    """
+    from scipy.linalg import solve_continuous_lyapunov
+
+    if not np.max(np.linalg.eigvals(A).real) < -error:
+        return False
+    P = solve_continuous_lyapunov(A.T, -np.eye(len(A)))
+    left = A.T @ P + P @ A
+    rounding = 2.0 * float(np.linalg.norm(P, 2)) * error
+    return bool(
+        np.all(np.isfinite(P))
+        and np.linalg.eigvalsh(0.5 * (P + P.T))[0] > 0.0
+        and np.linalg.eigvalsh(0.5 * (left + left.T))[-1] + rounding < 0.0
+    )
 
 
 def sign_of(h: Array, known_to: Array) -> int:

@@ -27,7 +27,7 @@ from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.placed import Acting
-from mbstab.compiler.system import Array
+from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 
 Kind = Literal["potential", "powerless", "damping", "other"]
@@ -78,22 +78,33 @@ class Work:
         return self._relative and all(self._turns_along(element) for element in self.kinds["damping"])
 
     @cached_property
+    def decreases_beside_states(self) -> bool:
+        """Whether it never increases whatever the rates of first-order states are: their rows take no force."""
+        return self._without_work(self.system.bodily) and all(
+            self._turns_along(element) for element in self.kinds["damping"]
+        )
+
+    @cached_property
     def rows_at_rest(self) -> bool:
         """Whether all constraint rows are homogeneous in the speeds: rest satisfies them everywhere."""
-        return self._homogeneous(np.zeros_like)
+        return self._homogeneous(np.zeros_like, self.system)
 
     @cached_property
     def _relative(self) -> bool:
         """Whether undamped forces and rows do no work in the co-moving frame."""
+        return self._without_work(self.system)
+
+    def _without_work(self, system: System) -> bool:
+        """Whether undamped forces and the rows of a system do no work in the co-moving frame."""
         return (
             not self.kinds["other"]
-            and self._homogeneous(self._field)
+            and self._homogeneous(self._field, system)
             and all(self._no_relative_work(element) for element in self.kinds["powerless"])
         )
 
-    def _homogeneous(self, field: Any) -> bool:
-        """Whether the rows hold for u = X(q), and are linear in u − X."""
-        system, motion = self.system, self.motion
+    def _homogeneous(self, field: Any, system: System) -> bool:
+        """Whether the rows of a system hold for u = X(q), and are linear in u − X."""
+        motion = self.motion
         if not system.n_c or not self.invariance.seen:
             return self.invariance.seen
         for state in self.invariance.on_rows:
@@ -102,7 +113,9 @@ class Work:
             fast = max(fast, REFERENCE.resting_speed * self.invariance.rate)
             try:
                 at, there = (
-                    state.dynamics if np.array_equal(u, state.u) else system.dynamics(state.q, u, motion.time)
+                    state.dynamics
+                    if system is self.system and np.array_equal(u, state.u)
+                    else system.dynamics(state.q, u, motion.time)
                     for u in (X, X + 2.0 * (state.u - X))
                 )
             except MbstabError:  # rows with the slip of a tyre have no value at rest
