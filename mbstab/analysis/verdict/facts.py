@@ -213,12 +213,15 @@ class Grounds:
         return ""
 
     def _beside(self, step: Array) -> OnRows | None:
-        """Return a state in a direction that the rows allow to first order; short links are followed less far."""
+        """Return a state in a direction that the rows allow to first order; short links are followed less far.
+
+        How far is up to the independent rows alone: closer by, redundant ones that only touch look the same.
+        """
         for distance in TOLERANCES.rank_state_distances:
             start = self.motion.q + distance * step
-            state = self.invariance.onto_rows(start, self.motion.u, TOLERANCES.repeated_row_misfit)
-            if state is not None and float(np.max(np.abs(state.q - start) / self.motion.sizes)) <= 0.3 * distance:
-                return state
+            near = self.invariance.onto_rows(start, self.motion.u, TOLERANCES.rank_state_misfit)
+            if near is not None and float(np.max(np.abs(near.q - start) / self.motion.sizes)) <= 0.3 * distance:
+                return self.invariance.onto_rows(start, self.motion.u, TOLERANCES.repeated_row_misfit)
         return None
 
     # --- structure of the spectrum ----------------------------------------------------------------------------------
