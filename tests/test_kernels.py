@@ -707,17 +707,24 @@ def turned(bodies, p, u, w):
 def tyre(b, p, s, u, w):
     """Return the power of a side force at the contact and its moment, which falls with the cosine of the slip angle."""
     slip = b[1] if len(b) > 1 else slip_angle(b[0], p, u[0])
-    force = -magic_formula(slip, p) if "peak" in p else -p["cornering"][0] * slip
+    force = -magic_formula(slip, p["cornering"][0], p) if "peak" in p else -p["cornering"][0] * slip
     along, across, _, _ = rolling(b[0], p, u[0])
     arm = p["trail"][0] * mpmath.cos(mpmath.atan2(across, along))
     _, side, turn, _ = rolling(b[0], p, w[0])
     return force * side - arm * force * turn
 
 
-def magic_formula(slip, p):
+def aligning_moment(b, p, s, u, w):
+    """Return the power of a moment about the normal that turns a wheel to where it goes."""
+    slip = b[1] if len(b) > 1 else slip_angle(b[0], p, u[0])
+    slope = p["aligning"][0]
+    return (magic_formula(slip, slope, p) if "peak" in p else slope * slip) * rolling(b[0], p, w[0])[2]
+
+
+def magic_formula(slip, slope, p):
     """Return F = D sin(C atan(B φ)) with φ = (1 − E) α + (E/B) atan(B α), and B C D the slope where nothing slips."""
     D, C, E = (p[key][0] for key in ("peak", "shape_factor", "curvature_factor"))
-    B = p["cornering"][0] / C / D
+    B = slope / C / D
     return D * mpmath.sin(C * mpmath.atan(B * ((1 - E) * slip + E / B * mpmath.atan(B * slip))))
 
 
@@ -749,6 +756,10 @@ POWER = {
     "creep": creep,
     "tyre": tyre,
     "relaxed_tyre": tyre,
+    "aligning_moment": aligning_moment,
+    "relaxed_aligning_moment": aligning_moment,
+    "magic_aligning_moment": aligning_moment,
+    "relaxed_magic_aligning_moment": aligning_moment,
     "magic_tyre": tyre,
     "relaxed_magic_tyre": tyre,
     "mount_force": mount(mounted),

@@ -27,6 +27,7 @@ POSITIVE = {
     "tube",
     "rest",
     "cornering",
+    "aligning",
     "peak",
     "shape_factor",
     "relaxation",
@@ -41,7 +42,7 @@ def states(name):
     element = ELEMENTS[name]
     frame = name.removesuffix(f"_{element.name}")
     # Wheels must not stand: slip has no value at rest.
-    moving = "xyz" * (not {"cornering", "conicity"}.isdisjoint(dict(element.parameters)))
+    moving = "xyz" * (not {"cornering", "aligning", "conicity"}.isdisjoint(dict(element.parameters)))
     ones = [mpmath.mpf(1)] * element.states
     rng = random.Random(name)
     half_turn = mpmath.pi / 2

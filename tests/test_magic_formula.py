@@ -4,7 +4,7 @@ import mpmath
 import pytest
 
 import mbstab
-from mbstab.compiler.kernels import planar_magic_tyre
+from mbstab.compiler.kernels import planar_magic_aligning_moment, planar_magic_tyre
 from mbstab.errors import ModelFileError, NumericalError
 from mbstab.model.arithmetic import mpmath_arithmetic
 
@@ -70,6 +70,36 @@ def test_the_forces_are_those_of_a_published_tyre(load, forces):
             assert abs(-found - mpmath.mpf(force)) < 1e-11
 
 
+def test_the_aligning_moments_are_those_of_a_published_tyre():
+    """Bakker 1987 under 4 kN; his moments are negative where his side forces are positive."""
+    with mpmath.workdps(30):
+        load, c = 4, [mpmath.mpf(x) for x in ("-2.72", "-2.28", "-1.86", "-2.73", "0.110", "-0.070", "0.643", "-4.04")]
+        D, E = (c[0] * load + c[1]) * load, (c[5] * load + c[6]) * load + c[7]
+        K = (c[2] * load + c[3]) * load / mpmath.exp(c[4] * load) / mpmath.radians(1)
+        moments = ["-25.6051240834276", "-45.810502265871", "-33.3140884603163", "5.66412427574157"]
+        for degrees, moment in zip((1, 2, 5, 10), moments, strict=True):
+            slip = mpmath.radians(degrees)
+            speeds = [20 * mpmath.cos(slip), 20 * mpmath.sin(slip), 0]
+            tyre = [0, 0, 1, 0, -K, -D, mpmath.mpf("2.4"), E]
+            (found,) = planar_magic_aligning_moment.dynamics(mpmath_arithmetic(), [0, 0, 0], speeds, tyre, [])
+            assert abs(found - mpmath.mpf(moment)) < 1e-12
+
+
+ALIGNING = (
+    ", aligning_stiffness: (1.86*{0} + 2.73)*{0}/exp(0.11*{0})/deg, aligning_peak: (2.72*{0} + 2.28)*{0}, "
+    "aligning_shape_factor: 2.4, aligning_curvature_factor: (0.643 - 0.07*{0})*{0} - 4.04"
+)
+
+
+def aligning(load, slip):
+    """Return the aligning moment over the load (kN), Bakker 1987, positive to where the wheel goes."""
+    D = (mpmath.mpf("2.72") * load + mpmath.mpf("2.28")) * load
+    K = (mpmath.mpf("1.86") * load + mpmath.mpf("2.73")) * load / mpmath.exp(mpmath.mpf("0.11") * load)
+    E = (mpmath.mpf("0.643") - mpmath.mpf("0.07") * load) * load - mpmath.mpf("4.04")
+    x = K / mpmath.radians(1) / mpmath.mpf("2.4") / D * slip
+    return D * mpmath.sin(mpmath.mpf("2.4") * mpmath.atan(x - E * (x - mpmath.atan(x))))
+
+
 @pytest.mark.parametrize("load", [1, 4, 8])
 def test_at_small_slip_the_tyre_is_the_linear_one(load):
     one, other = (mbstab.loads(text).eig(F_f=load, F_r=4).values() for text in (MAGIC, LINEAR))
@@ -92,7 +122,7 @@ def double_track(steer, loads, transfer):
     ]
 
 
-def rates(state, thrust, wheels, relaxed):
+def rates(state, thrust, wheels, relaxed, turned=lambda load, slip: 0):
     """Return the rates of the speeds along and across, of the yaw rate, and of the slips that the forces follow."""
     m, inertia, t, sigma = 16975 / 9.81, 3508, 0.03, 0.5
     vx, vy, r = state[:3]
@@ -104,12 +134,12 @@ def rates(state, thrust, wheels, relaxed):
         side = -magic(load(vx, r), slip)
         push = [-side * mpmath.sin(angle), side * mpmath.cos(angle)]
         force = [force[0] + push[0], force[1] + push[1]]
-        moment += x * push[1] - y * push[0] - t * mpmath.cos(alpha) * side
+        moment += x * push[1] - y * push[0] - t * mpmath.cos(alpha) * side + turned(load(vx, r), slip)
         lags.append(mpmath.hypot(along, across) / sigma * (alpha - slip))
     return [force[0] / m + vy * r, force[1] / m - vx * r, moment / inertia, *(lags if relaxed else [])]
 
 
-def turning(u, wheels, relaxed=False):
+def turning(u, wheels, relaxed=False, turned=lambda load, slip: 0):
     """Return the steady state of a car in a turn, its slips, its thrust, and the eigenvalues, from 40 digits."""
     u = mpmath.mpf(u)
 
@@ -117,7 +147,7 @@ def turning(u, wheels, relaxed=False):
         return [mpmath.atan2(v + r * x, u - r * y) - angle for x, y, angle, _ in wheels]
 
     def unbalanced(v, r, thrust):
-        return rates([u, v, r, *slips(v, r)], thrust, wheels, relaxed)[:3]
+        return rates([u, v, r, *slips(v, r)], thrust, wheels, relaxed, turned)[:3]
 
     v, r, thrust = mpmath.findroot(unbalanced, (mpmath.mpf("-0.2"), u * wheels[0][2] / 3, 500))
     state = [u, v, r, *(slips(v, r) if relaxed else [])]
@@ -125,7 +155,7 @@ def turning(u, wheels, relaxed=False):
     for k in range(len(state)):
 
         def moved(x, k=k):
-            return rates([*state[:k], x, *state[k + 1 :]], thrust, wheels, relaxed)
+            return rates([*state[:k], x, *state[k + 1 :]], thrust, wheels, relaxed, turned)
 
         h = mpmath.mpf(10) ** -20
         columns.append([(y - x) / (2 * h) for x, y in zip(moved(state[k] - h), moved(state[k] + h), strict=True)])
@@ -185,6 +215,46 @@ def test_wheels_on_contacts_in_space_turn_as_those_seen_from_above(relaxed):
         found = mbstab.loads(text).eig(F_f=6, F_r=5, steer=0.08)
         assert found.verdict == "asymptotically stable up to symmetry"
         assert found_in(found.values(), expected, 1e-13)
+
+
+@pytest.mark.parametrize("space", [False, True])
+@pytest.mark.parametrize("relaxed", [False, True])
+def test_a_car_with_aligning_moments_in_a_steady_turn(relaxed, space):
+    with mpmath.workdps(40):
+        state, slips, thrust, expected = turning(12, single_track(0.08, (6, 5)), relaxed, aligning)
+        law = car(BAKKER + ALIGNING, ", relaxation_length: sigma" if relaxed else "")
+        text = in_a_turn(law, state, thrust, slips, relaxed)
+        found = mbstab.loads(in_space(text) if space else text).eig(F_f=6, F_r=5, steer=0.08)
+        assert found.verdict == "asymptotically stable up to symmetry"
+        assert found_in(found.values(), expected, 1e-13)
+
+
+@pytest.mark.parametrize("more", ["", ", relaxation_length: sigma"])
+def test_a_linear_aligning_moment_is_that_of_a_trail(more):
+    """A car that oversteers without aligning moments and understeers with them: 34 and 38 N m/deg, two tyres each."""
+    stiffness = ("cornering_stiffness: 2*1437/deg, ", "cornering_stiffness: 2*1507/deg, ")
+    moment, trail = (
+        CAR.format(front=stiffness[0] + front, rear=stiffness[1] + rear, more=more).replace("trail: t_p, ", "")
+        for front, rear in (
+            ("aligning_stiffness: 2*34/deg", "aligning_stiffness: 2*38/deg"),
+            ("trail: 34/1437", "trail: 38/1507"),
+        )
+    )
+    given = {"a": 1.473, "b": 1.403, "I": 2600, "m": 1914, "u": 22.8}
+    one, other = (mbstab.loads(x).eig(**given).values() for x in (moment, trail))
+    assert found_in(one, other, 1e-13)
+    if not more:
+        assert found_in(one, [mpmath.mpf("-8.746606641521675"), mpmath.mpf("-10.75152792012992")], 1e-13)
+
+
+def test_aligning_moments_are_enclosed_and_simulated():
+    model = mbstab.loads(car(BAKKER + ALIGNING))
+    values = [x.value for x in model.eig().eigenvalues if x.kind != "neutral"]
+    enclosed = [complex(float(x.real), float(x.imag)) for x in model.certify().eigenvalues]
+    assert len(values) == 2
+    assert found_in(enclosed, values, 1e-13)
+    run = model.simulate(to=0.2, points=3, perturb={"rate(car.y)": 1.0})
+    assert run.energy_drift < 1e-8 * max(run.kinetic)
 
 
 TRACKS = """\

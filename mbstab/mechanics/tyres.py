@@ -5,7 +5,9 @@ centre and v_y of the contact, positive to the left of the heading; the lean γ 
 slip z = α + γ C_γ/C comes the side force −C z, with a peak D that of the Magic Formula,
 −D sin(S atan(x − E (x − atan x))) with x = C z/(S D), the shape factor S and the curvature factor E: it has the same
 slope C where nothing slips (Bakker, Nyborg, Pacejka, SAE 870421, 1987).
-The force acts a pneumatic trail t behind the contact: its moment there is −t cos α times the force. With a relaxation
+The force acts a pneumatic trail t behind the contact: its moment there is −t cos α times the force. An aligning
+moment of its own may be added, K z at small slip and with a peak likewise by the Magic Formula; it turns the
+wheel to where it goes, until at large slip it may change its sign (shape factors above 2). With a relaxation
 length σ the slip z is a first-order state, z' = |v|/σ (α + γ C_γ/C − z): it follows over the distance travelled
 (Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7). Coefficients may be expressions of the load, and this
 one of the motion.
@@ -64,12 +66,17 @@ def _settled(at: _Rolling, p: Any) -> Any:
 
 def _side_force(p: Any, slip: Any) -> Any:
     """Return the side force at a slip: linear, or by the Magic Formula where there is a peak."""
-    import sympy
-
     if not hasattr(p, "peak"):
         return -p.cornering[0] * slip
-    x = p.cornering[0] / (p.shape_factor[0] * p.peak[0]) * slip
-    return -p.peak[0] * sympy.sin(p.shape_factor[0] * sympy.atan(x - p.curvature_factor[0] * (x - sympy.atan(x))))
+    return -_magic(p.cornering[0], p, slip)
+
+
+def _magic(slope: Any, p: Any, slip: Any) -> Any:
+    """Return the Magic Formula with a slope at zero slip."""
+    import sympy
+
+    x = slope / (p.shape_factor[0] * p.peak[0]) * slip
+    return p.peak[0] * sympy.sin(p.shape_factor[0] * sympy.atan(x - p.curvature_factor[0] * (x - sympy.atan(x))))
 
 
 def _acting(at: _Rolling, p: Any, slip: Any) -> Load:
@@ -90,6 +97,16 @@ def _relaxed_tyre(frames: Any, p: Any, s: Any) -> Load:
     return _acting(_rolling(wheel, p), p, state.q[0])
 
 
+def _aligning(frames: Any, p: Any, s: Any) -> Load:
+    import sympy
+
+    wheel, *states = frames
+    at = _rolling(wheel, p)
+    slip = states[0].q[0] if states else _settled(at, p)
+    moment = _magic(p.aligning[0], p, slip) if hasattr(p, "peak") else p.aligning[0] * slip
+    return Load(power=((sympy.Matrix([moment]), sympy.Matrix([at.turn])),))
+
+
 def _tyre_relaxation(frames: Any, p: Any, s: Any) -> Any:
     wheel, state = frames
     at = _rolling(wheel, p)
@@ -101,6 +118,7 @@ _PLACES: dict[str, tuple[tuple[str, int], ...]] = {
     "spatial": (("center", 3), ("axle", 3), ("radius", 1), ("tube", 1), ("normal", 3)),
 }
 _CAMBER: dict[str, tuple[tuple[str, int], ...]] = {"planar": (), "spatial": (("camber", 1),)}
+_CAMBER_SLIP: dict[str, tuple[tuple[str, int], ...]] = {"planar": (), "spatial": (("cornering", 1), ("camber", 1))}
 _FORCE = (("cornering", 1), ("trail", 1))
 _MAGIC = tuple((name, 1) for name in ("peak", "shape_factor", "curvature_factor"))
 _AT_REST = (
@@ -120,6 +138,31 @@ ELEMENTS = tuple(
                 Element(f"{magic}tyre", "force", (frame,), 1, (*place, *law, *_CAMBER[frame]), _tyre, hint=_AT_REST),
                 Element(
                     f"relaxed_{magic}tyre", "force", (frame,), 1, (*place, *law), _relaxed_tyre, states=1, hint=_AT_REST
+                ),
+            )
+        ),
+        *(
+            element
+            for magic, law in (("", ()), ("magic_", _MAGIC))
+            for element in (
+                Element(
+                    f"{magic}aligning_moment",
+                    "force",
+                    (frame,),
+                    1,
+                    (*place, ("aligning", 1), *law, *_CAMBER_SLIP[frame]),
+                    _aligning,
+                    hint=_AT_REST,
+                ),
+                Element(
+                    f"relaxed_{magic}aligning_moment",
+                    "force",
+                    (frame,),
+                    1,
+                    (*place, ("aligning", 1), *law),
+                    _aligning,
+                    states=1,
+                    hint=_AT_REST,
                 ),
             )
         ),
@@ -166,6 +209,19 @@ def _tyre_elements(item: Item) -> Iterable[ElementUse]:
         yield ElementUse(f"relaxed_{name}", (body, item.state), (*place, *force))
     else:
         yield ElementUse(name, (body,), (*place, *force, *_camber(item)))
+    if item.given("aligning_stiffness"):
+        yield _aligning_use(item, body, place)
+
+
+def _aligning_use(item: Item, body: int, place: tuple[Any, ...]) -> ElementUse:
+    name, numbers = "aligning_moment", [item.number("aligning_stiffness")]
+    if item.given("aligning_peak"):
+        name = f"magic_{name}"
+        numbers += [item.number(f"aligning_{key}") for key, _ in _MAGIC]
+    if item.given("relaxation_length"):
+        return ElementUse(f"relaxed_{name}", (body, item.state), (*place, *numbers))
+    slip = (item.number("cornering_stiffness"), *_camber(item)) if item.dimension == 3 else ()
+    return ElementUse(name, (body,), (*place, *numbers, *slip))
 
 
 def _relaxation(item: Item) -> Iterable[ElementUse]:
@@ -233,6 +289,38 @@ _STIFFNESS = (
         default="0",
         most=1.0,
         needs=("peak",),
+    ),
+    Field(
+        "aligning_stiffness",
+        "moving number",
+        "aligning moment over slip angle at small slip, in addition to that of the trail; may change with the motion",
+        "N*m/rad",
+        sign="positive",
+    ),
+    Field(
+        "aligning_peak",
+        "moving number",
+        "largest aligning moment, D of the Magic Formula, which may change with the motion; without it the moment is "
+        "linear",
+        "N*m",
+        sign="positive",
+        needs=("aligning_stiffness", "aligning_shape_factor"),
+    ),
+    Field(
+        "aligning_shape_factor",
+        "number",
+        "C of the Magic Formula, for aligning moments about 2.4",
+        sign="positive",
+        most=4.0,
+        needs=("aligning_peak",),
+    ),
+    Field(
+        "aligning_curvature_factor",
+        "moving number",
+        "E of the Magic Formula, which may change with the motion",
+        default="0",
+        most=1.0,
+        needs=("aligning_peak",),
     ),
     Field("trail", "number", "pneumatic trail: distance of the side force behind the contact", "m", default="0"),
     Field(
