@@ -64,21 +64,7 @@ def applied(operator: Matrix, x: Matrix) -> Matrix:
 
 
 def polished(start: Matrix, correction: Callable[[Matrix], Matrix], floor: float = 0.0) -> Matrix:
-    """Return start plus corrections, repeated until they are rounding.
-
-    Parameters
-    ----------
-    start : ndarray of mpf
-    correction : callable
-        Returns the next correction of an approximation.
-    floor : float
-        Scale of the numbers where they vanish.
-
-    Raises
-    ------
-    Stalled
-        If the corrections stop shrinking while they are larger than rounding.
-    """
+    """Return start plus corrections until they are rounding; see `mbstab.analysis.algebra.refining.Refining`."""
     x, before, slow = start, mp.inf, 0
     for _ in range(30 + mp.dps):
         step = correction(x)

@@ -1,4 +1,4 @@
-"""Fields of controllers and motors: expressions of the motion, lists of numbers, gains."""
+"""Fields that hold expressions of the motion: constraints, rates of states, signals, gains; and lists of numbers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Field, Moved, Number
-from mbstab.model.fields.base import BY_NAME, NUMBER, NUMBERS, FieldKind, Owner, Reading
+from mbstab.model.expressions import Binary, ExpressionError, Rate, moves
+from mbstab.model.fields.base import BY_NAME, NUMBER, NUMBERS, TEXT, FieldKind, Owner, Reading
 from mbstab.model.schema import Quantity
 from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
 
@@ -32,6 +33,74 @@ class SignalField(FieldKind):
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of a number or an expression."""
         return {**NUMBER}
+
+
+class ConstraintField(SignalField):
+    """An expression of coordinates, rates and time that must be zero."""
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
+        """Return the expression."""
+        expression = reading.quantities.quantity(node, path, time=True, state=True)
+        if expression is not None:
+            self.check_contents(reading, node, expression)
+        return expression
+
+    def check_contents(self, reading: Reading, node: YamlNode, expression: Quantity) -> None:
+        """Check that the expression depends on what it must depend on."""
+        raise NotImplementedError
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of an expression."""
+        return {**TEXT}
+
+
+class HolonomicField(ConstraintField):
+    """A constraint on coordinates."""
+
+    name = "holonomic"
+
+    def check_contents(self, reading: Reading, node: YamlNode, expression: Quantity) -> None:
+        """Refuse rates, and an expression without coordinates."""
+        if expression.rates():
+            message = "a holonomic constraint contains no rates"
+            reading.nodes.complain(node, expression.path, message, "make it nonholonomic")
+        elif not any(moves(name, reading.names.coordinates) for name in expression.names()):
+            reading.nodes.complain(node, expression.path, "the constraint contains no coordinate")
+
+
+class NonholonomicField(ConstraintField):
+    """A constraint on rates."""
+
+    name = "nonholonomic"
+
+    def check_contents(self, reading: Reading, node: YamlNode, expression: Quantity) -> None:
+        """Refuse an expression without rates."""
+        if not expression.rates():
+            reading.nodes.complain(node, expression.path, "the constraint contains no rate of a coordinate")
+
+
+class RateField(SignalField):
+    """The rate of a first-order state: an expression of coordinates, rates, states and time."""
+
+    name = "rate"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
+        """Return the expression that must be zero: rate(state) minus the given one."""
+        given = reading.quantities.quantity(node, path, time=True, state=True)
+        if given is None:
+            return None
+        state = reading.path.partition(".")[2]
+        unit = reading.names.state_units.get(state)
+        try:
+            reading.quantities.check_unit(given, f"{unit}/s" if unit else "")
+        except ExpressionError as error:
+            reading.nodes.complain(node, path, error.message, error.hint)
+        if state in given.rates():
+            message = f"the rate of {state!r} depends on itself"
+            reading.nodes.complain(node, path, message, "solve the equation for the rate")
+            return None
+        root = Binary("-", Rate(state, 0), given.root, 0)
+        return Quantity(f"rate({state}) - ({given.text})", root, given.location, path)
 
 
 class MovingNumberField(SignalField):
@@ -140,4 +209,13 @@ class GainsField(FieldKind):
         return {**BY_NAME}
 
 
-KINDS = (SignalField(), MovingNumberField(), NumbersField(), MatrixField(), GainsField())
+KINDS = (
+    SignalField(),
+    HolonomicField(),
+    NonholonomicField(),
+    RateField(),
+    MovingNumberField(),
+    NumbersField(),
+    MatrixField(),
+    GainsField(),
+)

@@ -1,13 +1,12 @@
-"""Fields that hold values: numbers, vectors, functions of time, words, constraints."""
+"""Fields that hold values: numbers, vectors, functions of time, words."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.model.evaluator import Law
-from mbstab.model.expressions import Binary, ExpressionError, Rate, moves
+from mbstab.model.expressions import ExpressionError
 from mbstab.model.fields.base import NUMBER, NUMBERS, TEXT, VECTOR, FieldKind, Owner, Reading
 from mbstab.model.schema import Components, Quantity
 from mbstab.model.units import parse_unit
@@ -128,97 +127,6 @@ class ChoiceField(FieldKind):
         return {**TEXT, "enum": list(field.choices)}
 
 
-class ConstraintField(FieldKind):
-    """An expression of coordinates, rates and time that must be zero."""
-
-    moving = True
-
-    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
-        """Return the expression."""
-        expression = reading.quantities.quantity(node, path, time=True, state=True)
-        if expression is not None:
-            self.check_contents(reading, node, expression)
-        return expression
-
-    def check_contents(self, reading: Reading, node: YamlNode, expression: Quantity) -> None:
-        """Check that the expression depends on what it must depend on."""
-        raise NotImplementedError
-
-    def check(self, owner: Owner, field: Field, numbers: Quantity, time: Number) -> None:
-        """Require positive widths of smoothing."""
-        owner.evaluator.check_widths(numbers)
-
-    def coordinates(self, value: Quantity) -> Iterable[str]:
-        """Return the names in the expression, and those of its rates."""
-        return {*value.names(), *value.rates()}
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of an expression."""
-        return {**TEXT}
-
-
-class HolonomicField(ConstraintField):
-    """A constraint on coordinates."""
-
-    name = "holonomic"
-
-    def check_contents(self, reading: Reading, node: YamlNode, expression: Quantity) -> None:
-        """Refuse rates, and an expression without coordinates."""
-        if expression.rates():
-            message = "a holonomic constraint contains no rates"
-            reading.nodes.complain(node, expression.path, message, "make it nonholonomic")
-        elif not any(moves(name, reading.names.coordinates) for name in expression.names()):
-            reading.nodes.complain(node, expression.path, "the constraint contains no coordinate")
-
-
-class NonholonomicField(ConstraintField):
-    """A constraint on rates."""
-
-    name = "nonholonomic"
-
-    def check_contents(self, reading: Reading, node: YamlNode, expression: Quantity) -> None:
-        """Refuse an expression without rates."""
-        if not expression.rates():
-            reading.nodes.complain(node, expression.path, "the constraint contains no rate of a coordinate")
-
-
-class RateField(FieldKind):
-    """The rate of a first-order state: an expression of coordinates, rates, states and time."""
-
-    name = "rate"
-    moving = True
-
-    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
-        """Return the expression that must be zero: rate(state) minus the given one."""
-        given = reading.quantities.quantity(node, path, time=True, state=True)
-        if given is None:
-            return None
-        state = reading.path.partition(".")[2]
-        unit = reading.names.state_units.get(state)
-        try:
-            reading.quantities.check_unit(given, f"{unit}/s" if unit else "")
-        except ExpressionError as error:
-            reading.nodes.complain(node, path, error.message, error.hint)
-        if state in given.rates():
-            message = f"the rate of {state!r} depends on itself"
-            reading.nodes.complain(node, path, message, "solve the equation for the rate")
-            return None
-        root = Binary("-", Rate(state, 0), given.root, 0)
-        return Quantity(f"rate({state}) - ({given.text})", root, given.location, path)
-
-    def check(self, owner: Owner, field: Field, numbers: Quantity, time: Number) -> None:
-        """Require positive widths of smoothing."""
-        owner.evaluator.check_widths(numbers)
-
-    def coordinates(self, value: Quantity) -> Iterable[str]:
-        """Return the names in the expression, and those of its rates."""
-        return {*value.names(), *value.rates()}
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a number or an expression."""
-        return {**NUMBER}
-
-
 class UnitField(FieldKind):
     """A unit in which numbers in SI count."""
 
@@ -251,8 +159,5 @@ KINDS = (
     LawField(),
     LawVectorField(),
     ChoiceField(),
-    HolonomicField(),
-    NonholonomicField(),
-    RateField(),
     UnitField(),
 )
