@@ -178,7 +178,9 @@ class _Search:
         found = np.zeros(len(states))
         for y in self.null.T:
             direction, rate = (np.abs(x / sizes) for x in self.structure.disturbance(y))
-            own = direction[states].copy()
+            # What a null direction contains of a state in rounding alone says nothing about its size.
+            scaled = direction * self.motion.sizes / self.linear.spaces.scale
+            own = np.where(scaled > TOLERANCES.family_singular_value, direction, 0.0)[states]
             direction[states] = rate[states] = 0.0
             extent = max(float(np.max(direction)), float(np.max(rate)) / self.rate)
             if extent > TOLERANCES.independent_direction * float(np.max(own)):
