@@ -171,3 +171,18 @@ def test_a_family_in_which_states_change_is_found_in_all_units(length, mass):
     )
     assert found.verdict == ASYMPTOTIC_UP_TO
     assert found.counts.neutral == 2
+
+
+def test_rests_with_other_values_of_a_state_are_named_after_it():
+    rail = "bodies: {p: {type: planar_point, mass: 1}}\nconstraints: {rail: {holonomic: p.y}}"
+    spring = "forces: {spring: {type: expression, on: {p.x: -p.x}}}\nstates: {z: {rate: p.x*z}}"
+    found = mbstab.loads(f"mbstab: 1\n{rail}\n{spring}\nreference: {{coordinates: {{p: {{x: 0, y: 0}}}}}}\n").eig()
+    assert found.modulo.family == ("state z",)
+
+
+def test_a_state_that_time_changes_is_named_without_empty_brackets():
+    rail = "bodies: {p: {type: planar_point, mass: 1}}\nconstraints: {rail: {holonomic: p.y}}"
+    late = "forces: {spring: {type: expression, on: {p.x: -p.x}}}\nstates: {z: {rate: -z*(1 - smooth_start(t - 5))}}"
+    found = mbstab.loads(f"mbstab: 1\n{rail}\n{late}\nreference: {{coordinates: {{p: {{x: 0, y: 0}}}}}}\n").eig()
+    assert found.verdict == UNDECIDED
+    assert "through states.z:" in found.reasons[0]

@@ -388,7 +388,7 @@ def _stated(structure: Structure, period: Any) -> Sum:
 
 
 def _through(uses: Iterable[TimeUse]) -> str:
-    shown = list(dict.fromkeys(f"{use.path} ({use.text})" for use in uses))
+    shown = list(dict.fromkeys(f"{use.path} ({use.text})" if use.text else use.path for use in uses))
     more = f" and {counted(len(shown) - 3, 'more place')}" if len(shown) > 3 else ""
     return f"the equations depend on time through {', '.join(shown[:3])}{more}"
 

@@ -23,6 +23,7 @@ from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal, settled
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
+from mbstab.model.schema import is_state
 from mbstab.records import dataclass
 
 
@@ -135,7 +136,10 @@ class Reversor:
 
 
 def _names(structure: Structure, directions: Array, known: tuple[str, ...]) -> tuple[str, ...]:
-    """Return names that distinguish the members of a family: known functions, then the rates that change most."""
+    """Return names that distinguish the members of a family: known functions, then the rates that change most.
+
+    Where no rate changes it is the places that do: other values of a first-order state beside a rest.
+    """
     motion, space = structure.linear.motion, structure.space
     spaces, n = motion.spaces, space.n_xi
     names = list(known)[: directions.shape[1]]
@@ -146,9 +150,13 @@ def _names(structure: Structure, directions: Array, known: tuple[str, ...]) -> t
         left, _, _ = np.linalg.svd(rest, full_matrices=False)
         y = left[:, 0]
         taken.append(y)
-        rate = spaces.N @ (space.A[:n, :n] @ y[:n] + structure.gamma * (spaces.Z @ y[n:]))
-        largest = (f"rate of {structure.linear.names[i]}" for i in np.argsort(-np.abs(rate)))
-        names.append(next(name for name in largest if name not in names))
+        place = np.abs(spaces.N @ y[:n])
+        rate = np.abs(spaces.N @ (space.A[:n, :n] @ y[:n] + structure.gamma * (spaces.Z @ y[n:])))
+        moves = np.max(rate) > TOLERANCES.direction_closure * structure.gamma * np.max(place)
+        what, size = ("rate", rate) if moves else ("position", place)
+        largest = (structure.linear.names[i] for i in np.argsort(-size))
+        named = (f"state {x}" if is_state(x) and not moves else f"{what} of {x}" for x in largest)
+        names.append(next(name for name in named if name not in names))
     return tuple(names)
 
 

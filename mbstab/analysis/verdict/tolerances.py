@@ -33,7 +33,7 @@ class Tolerances:
     """Squares of smaller numbers underflow."""
     rank_states: Final = 3
     """Number of states near the reference at which the rank is computed …"""
-    rank_state_distances: Final = (0.02, 0.002, 0.0002)
+    rank_state_distances: Final = (0.1, 0.02, 0.002, 0.0002)
     """… and their distances from it, in sizes of the scene; a smaller one where rows bend strongly."""
     rank_state_misfit: Final = 1.0
     """How far redundant rows may be off where it is looked for, in sizes of the scene."""
