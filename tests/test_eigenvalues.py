@@ -429,6 +429,10 @@ def test_a_double_pair_on_the_imaginary_axis_is_undecided():
     assert {e.kind for e in result.eigenvalues} == {"undecided"}
     exact = math.sqrt(0.01 * 9.81 * 0.04 / (3e-4 + 0.01 * 0.04**2))
     np.testing.assert_allclose(np.abs(result.values()), exact, rtol=1e-7, atol=0.0)
+    # Printed are the parts that are not merely rounding.
+    for e in result.eigenvalues:
+        assert e.significant.real == (0.0 if abs(e.value.real) <= e.error_bound else e.value.real)
+        assert e.significant.imag == e.value.imag
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,7 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
 
 
 def _eigenvalue_row(e: Eigenvalue) -> list[str]:
-    value = "0 ± " + f"{abs(e.value.imag):.10g}i" if e.kind == "center" else eigenvalue(e.value)
+    value = eigenvalue(e.significant)
     # If its side of the axis is undecided, it is also undecided whether it grows.
     side = e.kind != "undecided" or e.error_bound < abs(e.value.real)
     damping = 0.0 if e.kind == "center" else e.damping_ratio if side else math.nan

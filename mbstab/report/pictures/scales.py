@@ -20,6 +20,9 @@ SQUEEZED = 40.0
 DEPTH = 1e-4
 """Part of the largest number below which a logarithmic axis is linear in any case."""
 
+LINEAR = 0.4
+"""Part of the threshold of a logarithmic axis below which it is nearly linear."""
+
 BESIDE = 0.25
 """Part of the linear range of a logarithmic axis that is shown beyond zero if nothing lies there."""
 
@@ -113,9 +116,12 @@ def set_real_scale(axes: Axes, which: str, real: Array, largest: float) -> None:
 
 
 def set_logarithmic(axes: Axes, which: str, threshold: float, lo: float, hi: float) -> None:
-    """Make an axis logarithmic beyond a threshold, and say so in its label; it shows the range from lo to hi."""
+    """Make an axis logarithmic beyond a threshold, and say so in its label; it shows the range from lo to hi.
+
+    Its scale is smooth: a curve has no corner where it passes the threshold.
+    """
     axis = axes.yaxis if which == "y" else axes.xaxis
-    (axes.set_yscale if which == "y" else axes.set_xscale)("symlog", linthresh=threshold, linscale=1.5)
+    (axes.set_yscale if which == "y" else axes.set_xscale)("asinh", linear_width=LINEAR * threshold)
     axis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=threshold))
     axis.set_minor_locator(SymmetricalLogLocator(base=10.0, linthresh=threshold, subs=range(2, 10)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: _tick_text(value)))
