@@ -23,7 +23,7 @@ WORDS = {
     "imaginary": "on the axis",
     "zero": "zero, by symmetry",
     "carried": "on the axis, by symmetry",
-    "open": "not told",
+    "open": "not known",
 }
 
 

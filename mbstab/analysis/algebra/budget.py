@@ -76,7 +76,7 @@ class Cost:
             raise UsageError(
                 f"the scene has {self.n_q} coordinates: that takes {self}, more than "
                 f"{TOLERANCES.estimated_memory / 1e9:.0f} GB or {self.most_time:.0f} s\nhint: --force (force=True in "
-                "Python) goes on nevertheless; bodies that nothing connects can be asked about one by one"
+                "Python) runs it anyway; bodies that nothing connects can be analysed one by one"
             )
 
 

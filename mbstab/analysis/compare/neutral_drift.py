@@ -119,7 +119,7 @@ def observed(
     count = len(exact)
     basis = invariant_subspace(matrix, exact)
     if basis is None:
-        return untried(count, "neutral eigenvalues are not told from slow ones")
+        return untried(count, "neutral eigenvalues cannot be distinguished from slow ones")
     inner = basis.T @ matrix @ basis
     turning = len(set(exact)) > 1
     growing = inner if turning else inner - np.real(exact[0]) * np.eye(count)

@@ -179,7 +179,7 @@ def verify(
         progress(number / (len(modes) + bool(count)))
     neutral = excited.neutral(exact) if exact else None
     if neutral is not None and neutral.verdict == "contradicted" and any(map(_zero, still)):
-        reason = f"zeros that nothing explains are not told from slow motions: {neutral.reason}"
+        reason = f"zeros that nothing explains cannot be distinguished from slow motions: {neutral.reason}"
         neutral = replace(neutral, verdict="cannot be judged", reason=reason)
     progress(1.0)
     verdict, reason = _overall(result, observations, neutral)
@@ -496,7 +496,7 @@ def _undecided(last: Observation, found: list[Observation], failure: str) -> Obs
             f"what is seen depends on the amplitude, and at {last.amplitude:.0e} of the sizes in the scene errors of "
             f"integration let it be known to {last.uncertainty:.1e} 1/s only"
             if apart > TOLERANCES.eigenvalue_error * size
-            else f"the motion tells it to {last.uncertainty:.1e} 1/s only"
+            else f"the motion shows it to {last.uncertainty:.1e} 1/s only"
         )
     elif apart > TOLERANCES.eigenvalue_error * min(size, abs(last.observed)):
         reason = (

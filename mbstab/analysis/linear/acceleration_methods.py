@@ -217,7 +217,7 @@ class Technique:
         if not linear.constant:
             raise UsageError(
                 f"--method {self.name} needs constant coefficients: its constraints are those of accelerations, and "
-                "frozen in time they are others than those of coordinates\nhint: --method nullspace"
+                "frozen in time they differ from those of coordinates\nhint: --method nullspace"
             )
         motion = linear.motion
         if linear.massless is not None:

@@ -130,7 +130,7 @@ def _require_readable(entries: Iterable[Any]) -> None:
         if operations > TOLERANCES.printed_operations:
             raise UsageError(
                 f"the matrices have more than {TOLERANCES.printed_operations} operations in symbols\n"
-                "hint: --force (force=True in Python) prints them nevertheless; mbstab linearize without --symbolic "
+                "hint: --force (force=True in Python) prints them anyway; mbstab linearize without --symbolic "
                 "shows them as numbers"
             )
 

@@ -230,7 +230,7 @@ KINDS = {
     "imaginary": "exactly on the imaginary axis",
     "zero": "exactly zero by symmetry",
     "carried": "on the axis by symmetry",
-    "open": "not told from the axis",
+    "open": "not distinguishable from the axis",
 }
 """Kinds of eigenvalues in words."""
 

@@ -195,7 +195,7 @@ class Case:
         products = ball_matrices.transposed(products, len(rows)) if turned else products
         found, slack = null_combinations(products, len(columns) if turned else len(rows))
         if not self.proof.wide and slack > float(balls.half_digits()):
-            raise NotProvable("which conserved functions change along symmetries is not told")
+            raise NotProvable("which conserved functions change along symmetries is not known")
         sizes = [_size(v) for v in (columns if turned else rows)]
         return [[x / size for x, size in zip(c, sizes, strict=True)] for c in found]
 

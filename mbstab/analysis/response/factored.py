@@ -245,12 +245,13 @@ class Factored:
             narrow = met & ~steady & (half <= TOLERANCES.narrowest * middle)
             # On a zero or an eigenvalue without damping the argument jumps; the gain there is not -1 times anything.
             for k in np.flatnonzero(narrow & (np.isfinite(x.low) | (not turning))):
-                raise Undecided(f"{what} is not told from its limit at {middle[k]:.6g} rad/s")
+                raise Undecided(f"{what} cannot be distinguished from its limit at {middle[k]:.6g} rad/s")
             split = met & ~steady & ~narrow
             if not np.any(split):
                 return sorted(set(found))  # two intervals may share a crossing at their common end
             left, right = _halved(left, middle, right, split, what)
-        raise Undecided(f"{what} is not told from its limit between {left[0]:.6g} and {right[-1]:.6g} rad/s")
+        between = f"between {left[0]:.6g} and {right[-1]:.6g} rad/s"
+        raise Undecided(f"{what} cannot be distinguished from its limit {between}")
 
     def _intervals(self, turning: bool) -> tuple[Array, Array]:
         low, high = self.span(turning)

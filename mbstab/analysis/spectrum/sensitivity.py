@@ -236,7 +236,7 @@ def _multiple(e: Eigenvalue, listed: list[Eigenvalue], neutral: list[complex]) -
     if near:
         return f"not known to be simple: {len(near) + 1} eigenvalues cannot be told apart"
     if any(abs(s - e.value) <= e.error_bound + TOLERANCES.neutral_apart * abs(e.value) for s in neutral):
-        return "not told apart from a neutral one"
+        return "not distinguishable from a neutral one"
     return ""
 
 

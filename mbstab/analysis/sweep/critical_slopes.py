@@ -127,7 +127,7 @@ class _Place:
             return CriticalSlopes(missing="a pair meets there")
         off = abs(e.value.real) + abs(abs(e.value.imag) - critical.frequency)
         if off > e.error_bound + TOLERANCES.test_function_zero * scale:
-            return CriticalSlopes(missing="the motion found there is another one than that of the sweep")
+            return CriticalSlopes(missing="the motion found there is not that of the sweep")
         slopes, errors = self._quotient(found, item.slopes.real, item.errors)
         along = abs(item.slopes[found.parameters.index(self.parameter)].real)
         # How well the critical value itself is known, relative to its size.
@@ -164,7 +164,7 @@ class _Place:
         ratios = [self._ratio(self.critical.value + step * x, pairs) for x in NODES.tolist()]
         squares = np.array([x.square for x in ratios])
         if abs(EIGHT @ squares) > TOLERANCES.slope_square * float(np.max(np.abs(squares))):
-            raise NumericalError("the motions on both sides are others than those of the sweep")
+            raise NumericalError("the motions on both sides are not those of the sweep")
         slopes = np.array([x.slopes for x in ratios])
         value = EIGHT @ slopes
         errors = np.abs(value - SIX @ slopes[:6]) + np.abs(EIGHT) @ np.array([x.errors for x in ratios])
