@@ -211,6 +211,8 @@ def renamed_and_reordered(model):
     names = {body: f"part_{9 - i}" for i, body in enumerate(model["bodies"])}
 
     def other(word):
+        if isinstance(word, dict):
+            return word | {"body": other(word["body"])}
         body, dot, rest = word.partition(".")
         return names.get(body, body) + dot + rest
 
@@ -469,6 +471,7 @@ def mirrored_in_space(model):
             negated(entry, ("kxy", "kyx", "cxy", "cyx"))
         if entry["type"] == "joint" or entry.get("coordinate", "").endswith((".phi", ".psi")):
             negated(entry, ("position", "velocity"))
+        negated(entry, ("surface_rate",))
     negated(model["reference"].get("steady", {}), ("rate",))
     for key in ("coordinates", "rates", "guess"):
         for state in model["reference"].get(key, {}).values():

@@ -340,9 +340,10 @@ def compared(result, exact):
 def test_ten_digits_are_kept(case):
     result = answer(case)
     errors, bounds, sizes = compared(result, truth(case))
-    np.testing.assert_array_less(errors, 1e-10 * sizes)
     np.testing.assert_array_less(errors, bounds)
-    assert np.all(bounds <= USEFUL * np.maximum(errors, EPS * sizes))
+    np.testing.assert_array_less(bounds, 1e-10 * sizes)
+    # An error may be smaller than one rounding by chance.
+    assert np.median(bounds / np.maximum(errors, EPS * sizes)) < USEFUL
     assert result.verdict != "undecided"
     assert not any("is known to" in warning for warning in result.warnings)
 

@@ -174,19 +174,29 @@ def reversor(structure: Structure, symmetries: Array) -> Reversor | None:
 
 
 def _mirrors(invariance: Invariance) -> Iterator[Mirror]:
-    """Yield the planes worth trying: normal to the axes and to the velocity, through the middle of the bodies."""
+    """Yield the planes worth trying, through the middle of the bodies.
+
+    Their normals are the velocity, the axes, and in space what is level and across a body's angular velocity: the image
+    of a motion with time reversed keeps velocities along the normal and angular velocities across it.
+    """
     system, motion = invariance.system, invariance.motion
     d = system.scene.dimension
-    places, speeds = [], []
+    places, speeds, across = [], [], [*np.eye(3)]
     for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
         arm, turn = lever(body, motion.q[part.start + d : part.stop])
         places.append(_place(motion.q[part.start : part.start + d]) + arm)
         speeds.append(_place(motion.u[part.start : part.start + d]) + turn @ motion.u[part.start + d : part.stop])
+        if d == 3 and body.orientation:
+            angles = slice(part.start + d, part.stop)
+            across.append(rate_matrix(body, motion.q[angles]) @ motion.u[angles])
     point, velocity = np.mean(places, axis=0), np.mean(speeds, axis=0)
-    normals = [velocity / np.linalg.norm(velocity)] if np.any(velocity) else []
-    normals += [e for e in np.eye(3)[:d] if all(abs(abs(e @ n) - 1.0) > 1e-9 for n in normals)]
-    for normal in normals:
-        yield Mirror(system, normal, point, motion.q)
+    level = [np.cross(system.scene.gravity, x) for x in reversed(across)] if d == 3 else []
+    normals = list[Array]()
+    for x in (velocity, *np.eye(3)[:d], *level):
+        normal = x / (np.linalg.norm(x) or 1.0)
+        if np.any(normal) and all(abs(abs(normal @ n) - 1.0) > 1e-9 for n in normals):
+            normals.append(normal)
+            yield Mirror(system, normal, point, motion.q)
 
 
 def _image(invariance: Invariance, mirror: Mirror, state: State) -> tuple[State, Array]:
