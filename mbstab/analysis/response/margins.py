@@ -88,7 +88,7 @@ class LargestGain:
     frequency : float (rad/s)
         Where it is reached; infinite if it is only approached at high frequencies.
     tolerance : float
-        The norm lies between the value and (1 + tolerance) times the value.
+        Bound of the relative error of the value.
     reason : str
         Why it is infinite or does not exist.
     """
