@@ -258,7 +258,7 @@ class Structure:
         """
         invariance, linear = self.invariance, self.linear
         items, u = [x for x in invariance.symmetries if self._commutes(x)], linear.motion.u
-        if not items or not self.work.rows_at_rest:
+        if not items or not (np.any(u) or self.work.rows_at_rest):
             return [], [], []
         spaces = linear.spaces
         directions = np.array([x.direction for x in items]).T
@@ -273,17 +273,29 @@ class Structure:
         off = own - along @ (np.linalg.pinv(along) @ own)
         if not c.shape[1] or np.linalg.norm(off) > TOLERANCES.independent_direction * np.linalg.norm(own):
             return [], [], []
-        chosen = _sparse(c / lengths[:, None])
-        mixed = [*RandomNumbers(7).uniform(-1.0, 1.0, 2 if c.shape[1] > 1 else 0, c.shape[1])]
-        if not all(
-            invariance.moves_on(Combination(_parts(x, items)))
-            for x in (*chosen, *(np.array(chosen).T @ x for x in mixed))
-        ):
-            return [], [], []
+        c, chosen = self._at_any_speed(c, lengths, np.linalg.pinv(along) @ own, items)
         names = [
             f"speed of {items[int(np.argmax(np.abs(x)))].name}" if np.sum(x != 0.0) == 1 else "speed" for x in chosen
         ]
         return [columns @ x for x in c.T], names, [] if np.any(u) else names
+
+    def _at_any_speed(self, c: Array, lengths: Array, own: Array, items: list[Symmetry]) -> tuple[Array, list[Array]]:
+        """Return the combinations along which the scene moves at any speed: all of them, or that of the reference."""
+
+        def moves(coefficients: Array) -> bool:
+            return self.invariance.moves_on(Combination(_parts(coefficients, items)))
+
+        chosen = _sparse(c / lengths[:, None])
+        mixed = [*RandomNumbers(7).uniform(-1.0, 1.0, 2 if c.shape[1] > 1 else 0, c.shape[1])]
+        if all(moves(x) for x in (*chosen, *(np.array(chosen).T @ x for x in mixed))):
+            return c, chosen
+        if np.any(own):
+            # A wheel with a tyre may roll at any speed, but not sideways.
+            c = c @ (own / np.linalg.norm(own))[:, None]
+            chosen = _sparse(c / lengths[:, None])
+            if moves(chosen[0]):
+                return c, chosen
+        return c[:, :0], []
 
     def _conserved(self, T: Array, S: Array) -> tuple[Array, list[str]]:
         """Return independent differentials that vanish on T, and names of what their values distinguish."""
