@@ -1,5 +1,5 @@
 """``python -m mbstab``."""
 
-from mbstab.cli import main
+from mbstab.cli import program
 
-main(prog_name="mbstab")
+program()

@@ -108,10 +108,8 @@ def _exit_code(run: Callable[[], Any]) -> int:
     return 1
 
 
-atexit.register(gc.freeze)  # what goes away with the process is not searched for cycles before
-
 YOUNG = 20_000
-"""Objects after which cycles are looked for: a short command makes few others than its code."""
+"""Objects after which cycles are looked for: most objects that a short command makes are its code."""
 
 
 @contextlib.contextmanager
@@ -160,3 +158,21 @@ def main() -> None:
     --verify contradicts.
     """
     one_thread_by_default()
+
+
+def program() -> None:
+    """Run the command as a process of its own, which ends without taking itself apart object by object.
+
+    That would take as long as many a model. What is registered for the end is run before; where other threads run,
+    or the process is traced or profiled, it ends as others do.
+    """
+    try:
+        main(prog_name="mbstab")
+    except SystemExit as stop:
+        if threading.active_count() > 1 or sys.gettrace() is not None or sys.getprofile() is not None:
+            raise
+        atexit._run_exitfuncs()
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError):
+                stream.flush()
+        os._exit(stop.code if isinstance(stop.code, int) else 0)
