@@ -586,25 +586,3 @@ def test_large_symbolic_matrices_are_not_simplified():
     result = CliRunner().invoke(main, ["linearize", "whipple_bicycle.yaml", "--symbolic", "--format", "latex"])
     assert result.exit_code == 0
     assert "not simplified" in result.stderr
-
-
-END = """
-import atexit, sys
-from mbstab.cli import program
-atexit.register(print, "the end")
-sys.argv[1:] = ["eig", "pendulum.yaml", *sys.argv[1:]]
-program()
-"""
-
-
-@pytest.mark.parametrize(("more", "code"), [([], 0), (["--require", "asymptotic"], 3)])
-def test_what_is_registered_for_the_end_of_a_process_is_run_and_written(more, code):
-    ended = subprocess.run([sys.executable, "-c", END, *more], capture_output=True, text=True)
-    assert (ended.returncode, ended.stdout.splitlines()[-1]) == (code, "the end")
-
-
-def test_a_profile_of_a_process_is_written(tmp_path):
-    profile = tmp_path / "profile"
-    command = [sys.executable, "-m", "cProfile", "-o", str(profile), "-m", "mbstab", "eig", "pendulum.yaml"]
-    subprocess.run(command, capture_output=True, check=True)
-    assert profile.stat().st_size
