@@ -487,3 +487,38 @@ def test_a_motion_that_follows_a_state():
     """θ = z with z' = -3 z: the only eigenvalue; the torque is a reaction."""
     text = turning("J: 0.3", "z: {rate: -3*z}", "-rate(b.theta)", "constraints: {d: {holonomic: angle(axle) - z}}")
     assert close(text.eig().values(), [-3.0], 1e-14)
+
+
+LAGGING = """
+mbstab: 1
+parameters: {T: 0.02}
+gravity: [0, -9.81]
+bodies:
+  pole: {type: planar, mass: 0.4, shape: {type: rod, length: 1.2}, points: {O: [-0.6, 0]}}
+joints: {pin: {type: revolute, between: [pole.O, ground]}}
+forces:
+  ctl: {type: state_feedback, joint: pin, gains: {"angle(pin) - pi/2": 30, rate(angle(pin)): 5}, lag: T}
+reference: {coordinates: {pole: {theta: pi/2}}}
+"""
+
+
+def test_the_energy_of_a_simulation_is_compared_with_that_of_bodies_however_fast_states_are():
+    found = mbstab.loads(LAGGING).simulate(0.3, T=1e-4, perturb={"pole.theta": 0.1}, method="radau", tol=1e-3)
+    exchanged = max(np.max(found.kinetic), np.ptp(found.potential), np.max(np.abs(found.work)))
+    assert exchanged <= found.energy_scale <= 1.1 * exchanged
+
+
+def test_a_run_that_ends_at_its_start_is_not_said_to_rest():
+    answer = CliRunner().invoke(
+        main, ["simulate", "-", "--perturb", "pole.theta=0.1", "--to", "1", "--set", "T=1e-12"], input=LAGGING
+    )
+    assert answer.exit_code == 1
+    assert "ended early" in answer.stdout
+    assert "nothing moves" not in answer.stdout
+
+
+def test_rates_of_states_are_told_per_second_of_their_unit():
+    text = LAGGING.replace("theta: pi/2}}", "theta: 1.57}}")
+    reasons = " ".join(mbstab.loads(text).eig().reasons)
+    assert "find: equilibrium" in reasons
+    assert "ctl_effort" not in reasons or "rad/s" not in reasons.split("ctl_effort")[1][:40]

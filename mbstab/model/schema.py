@@ -427,6 +427,11 @@ def unit_of(coordinate: str) -> str:
     return "m" if is_length(coordinate) else "1" if is_state(coordinate) else "rad"
 
 
+def unit_of_rate(coordinate: str, order: int = 1) -> str:
+    """Return the SI unit of a time derivative of a coordinate; that of a state is per second of its own unit."""
+    return f"{unit_of(coordinate)}/s" + (f"^{order}" if order > 1 else "")
+
+
 SIGNS: tuple[Sign, ...] = ("positive", "nonnegative", "nonzero")
 PARAMETER_FIELDS = {
     "value": "number or expression",

@@ -185,7 +185,7 @@ def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
     ]
     if sim.charts:
         lines.append(f"orientation   Euler angles replaced by others {counted(sim.charts, 'time')}")
-    if np.all(np.ptp(sim.q, axis=0) <= STILL * sim.sizes):
+    if sim.complete and np.all(np.ptp(sim.q, axis=0) <= STILL * sim.sizes):
         text = "nothing moves: the motion starts at rest, and all is in balance there"
         lines += ["", *wrap(f"{text}; --perturb, such as mode:1=0.1, or initial: in the file disturb it", width=WIDTH)]
     if not sim.complete:

@@ -30,6 +30,7 @@ from mbstab.analysis.reference.rotation import (
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.scene import BodyValues
+from mbstab.model.schema import unit_of_rate
 from mbstab.records import dataclass
 
 
@@ -87,8 +88,7 @@ class Generator:
             words.append(f"translation with {vector_text(self.velocity + common)} m/s")
         for name, spin in zip(self.system.names, spins, strict=True):
             if spin:
-                unit = "m/s" if name.rpartition(".")[2] in "xyz" else "rad/s"
-                words.append(f"{name} at {spin:.6g} {unit}")
+                words.append(f"{name} at {spin:.6g} {unit_of_rate(name)}")
         return ", ".join(words) or "rest"
 
     def field(self, q: Array) -> Array:

@@ -99,8 +99,10 @@ class Constrained:
         factors = np.concatenate([self.scale, self.row_scale[self.kept]])
         self._factors, self._products = factors, factors * factors[:, None]
         self._program: Program | None = None
-        pulled = np.abs(motion.dynamics.F0 * self.scale * self.scale / motion.sizes)
-        natural = max(self.fastest(motion.u), float(np.sqrt(np.max(pulled, initial=0.0))))
+        # Rates of first-order states, however fast, carry no energy.
+        bodily = np.array([not is_state(name) for name in system.names])
+        pulled = np.abs(motion.dynamics.F0 * self.scale * self.scale / motion.sizes)[bodily]
+        natural = max(self.fastest(np.where(bodily, motion.u, 0.0)), float(np.sqrt(np.max(pulled, initial=0.0))))
         self.slowest = TOLERANCES.resting_speed_of_forces * (natural or 1.0)
         self.least_energy = 0.5 * float(np.diag(motion.dynamics.M) @ (motion.sizes * self.slowest) ** 2)
         first_order = {name for x in system.scene.balances if x.first_order for name in x.direction}

@@ -30,12 +30,13 @@ from mbstab.analysis.verdict.written import with_state, with_time
 from mbstab.compiler.system import Array
 from mbstab.errors import percent
 from mbstab.model.expressions import Number
-from mbstab.model.schema import is_length
+from mbstab.model.schema import unit_of_rate
 
 if TYPE_CHECKING:
     from mbstab.analysis.verdict.reversor import Reversor
 
 ADVICE = (
+    "if a rest is meant, forces do not balance there (find: equilibrium solves for it); "
     "if it follows a symmetry, declare it with reference.steady; if it is periodic, give reference.period; "
     "or describe the motion so that it stands still"
 )
@@ -169,8 +170,8 @@ class Grounds:
         if not np.any(size > 0.0):
             return ""
         worst = int(np.argmax(size))
-        unit = "m/s^2" if is_length(self.linear.names[worst]) else "rad/s^2"
-        return f" ({self.linear.names[worst]} accelerates with {motion.a[worst]:.4g} {unit})"
+        name = self.linear.names[worst]
+        return f" ({name} accelerates with {motion.a[worst]:.4g} {unit_of_rate(name, 2)})"
 
     def kink(self, order: int) -> str:
         """Return why the equations are not known to have `order` derivatives at the reference; empty: they have."""
