@@ -287,7 +287,9 @@ class Invariance(SymmetryCandidates):
             # The reference itself is balanced; a tyre has no force at rest.
             known = TOLERANCES.roundings_of_comparison * EPS * self.rate**2 * motion.sizes
             own = np.where(np.abs(motion.a) <= known, 0.0, motion.a)
-            resting = with_errors(State(motion.q, motion.u, own))
+            rounded = TOLERANCES.roundings_of_comparison * EPS
+            spread = State(0.0 * u, rounded * np.abs(motion.u), rounded * np.abs(own))
+            resting = with_errors(State(motion.q, motion.u, own), spread)
             pushed, unsure = np.zeros((2, len(u)))
             for element in self.elements:
                 columns = list(element.columns)

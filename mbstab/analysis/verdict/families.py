@@ -85,7 +85,7 @@ def _told_apart(structure: Structure, found: Separated, count: int) -> Neutral |
     least = np.linalg.svd(wider.A, compute_uv=False)[-1:]
     if len(L) != len(found.L) + count or not closed or np.any(least <= TOLERANCES.family_singular_value * size):
         return None
-    exact = _all_linear(functions, structure.symmetric(n), T)
+    exact = _all_linear(functions, structure.symmetric(n), found, T.shape[1] + len(L))
     name = f"constants of the motion that are linear in places and speeds ({count})"
     return Neutral(
         found.neutral.symmetries, (*found.neutral.family, name), T.shape[1] + len(L), drift_of(wider), "numerical",
@@ -93,11 +93,16 @@ def _told_apart(structure: Structure, found: Separated, count: int) -> Neutral |
     )  # fmt: skip
 
 
-def _all_linear(functions: LinearFunctions, symmetries: Array, T: Array) -> bool:
-    """Return whether functions that obey linear equations tell all motions apart, up to symmetries and nothing else."""
-    rank = orthonormal(list(functions.closed), len(T)).shape[1]
+def _all_linear(functions: LinearFunctions, symmetries: Array, found: Separated, zeros: int) -> bool:
+    """Return whether functions that obey linear equations tell all motions apart, up to symmetries and nothing else.
+
+    Zero is a semisimple eigenvalue of these equations if there are as many constants as zeros.
+    """
+    n, d = symmetries.shape
+    rank = orthonormal(list(functions.closed), n).shape[1]
+    constants = orthonormal([*found.L, *functions.constants], n).shape[1]
     blind = float(np.max(np.abs(functions.closed @ symmetries), initial=0.0)) <= TOLERANCES.independent_direction
-    return blind and rank + symmetries.shape[1] == len(T) and T.shape == symmetries.shape
+    return blind and rank + d == n and constants >= zeros - d
 
 
 def _directions(size: int) -> list[Array]:
