@@ -6,7 +6,7 @@ Nothing of what is true comes from mbstab: numerators and denominators are deter
 """
 
 import random
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from mpmath import mp, mpc, mpf
@@ -58,6 +58,18 @@ class Ports:
         P = [[self.coefficients(i, j) for j in range(size)] for i in range(size)]
         bordered = [[*line, [Fraction(-(i == self.at))]] for i, line in enumerate(P)]
         return Truth(determinant([*bordered, [*map(self.row, range(size)), [Fraction(0)]]]), determinant(P))
+
+    def characteristic(self, **changed):
+        """Return the characteristic polynomial, with some numbers changed."""
+        size, own = self.n + self.states, replace(self, numbers=self.numbers | changed)
+        return determinant([[own.coefficients(i, j) for j in range(size)] for i in range(size)])
+
+    def slope(self, s, name):
+        """Return dλ/dp of a simple eigenvalue, from polynomials that differ by 1e-30 of the number."""
+        step = self.value(name) / 10**30
+        ahead, behind = (self.characteristic(**{name: str(self.value(name) + x)}) for x in (step, -step))
+        change = (_value(ahead, s) - _value(behind, s)) / (2 * mp.mpf(step.numerator) / step.denominator)
+        return -change / _value(self.characteristic().derivative(), s)
 
     def text(self, guise="plain"):
         """Return the model file; in a turning frame the stiffness makes up for the centrifugal force."""

@@ -5,7 +5,7 @@ See `linear_ports`.
 
 import numpy as np
 import pytest
-from linear_ports import GUISES, ports
+from linear_ports import GUISES, Ports, ports, roots
 from mpmath import mp, mpc
 from sampling import sample
 from scipy.optimize import linear_sum_assignment
@@ -123,3 +123,36 @@ def test_guises_change_no_transfer_function(guise, seed):
         states = np.linalg.solve(s * np.eye(len(model.A)) - model.A, model.B.astype(complex))
         orders = np.array([s**k for _, k in model.orders])
         assert abs(complex((model.C @ states + model.D)[0] @ orders) - known) <= 1e-9 * abs(known) + 1e-15
+
+
+@pytest.mark.parametrize("seed", sample(range(40), 4))
+@pytest.mark.parametrize("guise", GUISES)
+def test_guises_change_no_mode_and_no_derivative(guise, seed):
+    """Eigenvalues and derivatives by every number against exact polynomials; the energy balance of each mode closes."""
+    system = ports(500 + seed, 1)
+    model = mbstab.loads(system.text(guise))
+    found, known = model.sensitivities(), roots(system.characteristic())
+    for item in found.derivatives:
+        e = found.eigenvalue(item)
+        if abs(e.value) <= e.error_bound:
+            continue  # the guise adds zeros, such as the heading of a knife edge
+        nearest = min(known, key=lambda s: abs(complex(s) - e.value))
+        assert abs(complex(nearest) - e.value) <= e.error_bound + 1e-15 * abs(e.value)
+        if item.missing:
+            continue
+        with mp.workdps(60):
+            exact = [system.slope(nearest, name) if name in system.numbers else 0 for name in found.parameters]
+        for slope, error, truth in zip(item.slopes, item.errors, exact, strict=True):
+            assert np.isnan(slope) or abs(slope - complex(truth)) <= 10 * error + 1e-14 * abs(complex(truth)) + 1e-25
+    shown = [e for e in found.result.eigenvalues if e.kind != "neutral" and abs(e.value) > e.error_bound]
+    assert len(shown) == sum(s != 0 for s in known)
+    assert max((e.energy.defect for e in model.eig(energies=True).eigenvalues if e.energy), default=0.0) <= 1e-12
+
+
+# With nonholonomic rows: the bicycle in test_design.
+@pytest.mark.parametrize("guise", [x for x in GUISES if x != "nonholonomic"])
+def test_a_design_reaches_the_same_optimum_in_every_guise(guise):
+    """An oscillator at critical damping decays fastest: c = 2 sqrt(k m)."""
+    system = Ports(1, 0, {"m0": "2", "k00": "18", "c00": "3"}, 0, ((0, 0, "1"),))
+    found = mbstab.loads(system.text(guise)).design(vary={"c00": (1.0, 40.0)}, goal="decay")
+    assert found.values["c00"] == pytest.approx(12.0, rel=1e-4)

@@ -32,6 +32,7 @@ from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.rule import STABLE, STABLE_UP_TO, UNDECIDED, Disc, Verdict, judge, place, show
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, MbstabError, NumericalError, UsageError
+from mbstab.model.schema import is_state
 
 
 def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[], int] | None = None) -> EigenResult:
@@ -143,9 +144,19 @@ def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes) -> Eigenvalue:
 
 
 def with_energies(result: EigenResult, linear: Linearization) -> EigenResult:
-    """Return eigenvalues with the energies of their modes, except those that cannot be told from zero."""
+    """Return eigenvalues with the energies of their modes.
+
+    Those that cannot be told from zero have none, nor have modes of first-order states in which no body moves.
+    """
+    bodily, sizes = np.array([not is_state(name) for name in linear.names]), linear.motion.sizes
+
+    def moves(vector: Complex) -> bool:
+        return float(np.max(np.abs(vector / sizes)[bodily], initial=0.0)) > TOLERANCES.bodies_still
+
     told = {
-        i: e.vector for i, e in enumerate(result.eigenvalues) if e.vector is not None and e.error_bound < abs(e.value)
+        i: e.vector
+        for i, e in enumerate(result.eigenvalues)
+        if e.vector is not None and e.error_bound < abs(e.value) and moves(e.vector)
     }
     from mbstab.analysis.spectrum.mode_energy import mode_energies
 
