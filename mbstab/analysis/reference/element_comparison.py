@@ -201,7 +201,7 @@ class ElementComparison:
         rng = RandomNumbers(5)
         for _ in range(2):
             for spread in TOLERANCES.state_spreads:
-                state = self._projected(rng, spread)
+                state = self.projected(rng, spread)
                 if state is not None:
                     found.append(state)
                     break
@@ -223,7 +223,7 @@ class ElementComparison:
         )
         return len(self.on_rows) > 1 and not pieced
 
-    def _projected(self, rng: RandomNumbers, spread: float) -> OnRows | None:
+    def projected(self, rng: RandomNumbers, spread: float) -> OnRows | None:
         """Return a state near a random one that satisfies the constraints, or None if there is none."""
         motion, sizes = self.motion, self.motion.sizes
         q = motion.q + spread * sizes * rng.uniform(-1.0, 1.0, len(sizes))

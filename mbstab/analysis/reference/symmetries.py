@@ -270,6 +270,7 @@ class Invariance(SymmetryCandidates):
         allowed = spaces.scale[:, None] * spaces.allowed
         if not all(element.analytic for element in self.elements):
             return False
+        rounded = TOLERANCES.roundings_of_comparison * EPS
         for speed in (UNEVEN * slow * x for x in TOLERANCES.trial_speeds):
             u, a = speed * Y, speed**2 * (slope @ Y)
             try:
@@ -278,16 +279,12 @@ class Invariance(SymmetryCandidates):
             except MbstabError:  # a load that follows the motion may be lost at other speeds
                 return False
             turned = abs(slope) @ np.abs(Y) + motion.sizes * (self.rate / slow) ** 2
-            off = (
-                TOLERANCES.roundings_of_comparison * EPS * np.abs(u),
-                TOLERANCES.roundings_of_comparison * EPS * speed**2 * turned,
-            )
+            off = rounded * np.abs(u), rounded * speed**2 * turned
             changed = (u != motion.u) | (a != motion.a) | np.any([x != 0.0 for x in off], axis=0)
             moving = with_errors(State(motion.q, u, a), State(0.0 * u, *off))
             # The reference itself is balanced; a tyre has no force at rest.
-            known = TOLERANCES.roundings_of_comparison * EPS * self.rate**2 * motion.sizes
+            known = rounded * self.rate**2 * motion.sizes
             own = np.where(np.abs(motion.a) <= known, 0.0, motion.a)
-            rounded = TOLERANCES.roundings_of_comparison * EPS
             spread = State(0.0 * u, rounded * np.abs(motion.u), rounded * np.abs(own))
             resting = with_errors(State(motion.q, motion.u, own), spread)
             pushed, unsure = np.zeros((2, len(u)))

@@ -47,7 +47,7 @@ def linear_functions(structure: Structure) -> LinearFunctions | None:
     bodies = _Bodies(system, motion.sizes, invariance.rate)
     rng, values, changes = RandomNumbers(17), list[Array](), list[Array]()
     for _ in range(2 * bodies.count + TOLERANCES.further_states):
-        state = invariance._projected(rng, TOLERANCES.family_reach)
+        state = invariance.projected(rng, TOLERANCES.family_reach)
         if state is None:
             return None
         values.append(bodies.values(state.q, state.u))
