@@ -1744,6 +1744,8 @@ known(
 for name, rows in (
     ("rows that touch", "{a: {holonomic: p.y}, b: {holonomic: p.y - p.x**4}}"),
     ("rows that touch, of order 6", "{a: {holonomic: p.y}, b: {holonomic: p.y - p.x**6}}"),
+    ("rows that touch, of order 7 and weakly", "{a: {holonomic: p.y}, b: {holonomic: p.y - 0.01*p.x**7}}"),
+    ("rows that touch, of order 16", "{a: {holonomic: p.y}, b: {holonomic: p.y - p.x**16}}"),
     ("rows on speeds that touch", "{a: {nonholonomic: rate(p.y)}, b: {nonholonomic: rate(p.y) - p.x**2*rate(p.x)}}"),
 ):
     known(64, name, point("x", "0*y", more=f"constraints: {rows}\n"), STABLE, UNDECIDED, "nothing can move")

@@ -222,7 +222,7 @@ class Grounds:
             start = self.motion.q + distance * step
             near = self.invariance.onto_rows(start, self.motion.u, TOLERANCES.rank_state_misfit)
             if near is not None and float(np.max(np.abs(near.q - start) / self.motion.sizes)) <= 0.3 * distance:
-                return self.invariance.onto_rows(start, self.motion.u, TOLERANCES.repeated_row_misfit)
+                return self.invariance.onto_rows(start, self.motion.u)
         return None
 
     # --- structure of the spectrum ----------------------------------------------------------------------------------

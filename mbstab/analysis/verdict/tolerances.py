@@ -33,14 +33,12 @@ class Tolerances:
     """Squares of smaller numbers underflow."""
     rank_states: Final = 3
     """Number of states near the reference at which the rank is computed …"""
-    rank_state_distances: Final = (0.1, 0.02, 0.002, 0.0002)
+    rank_state_distances: Final = (0.5, 0.1, 0.02, 0.002, 0.0002)
     """… and their distances from it, in sizes of the scene; a smaller one where rows bend strongly."""
     rank_state_misfit: Final = 1.0
     """How far redundant rows may be off where it is looked for, in sizes of the scene."""
-    repeated_row_misfit: Final = 1e-9
-    """Redundant rows agree there to this, relative to the sizes in the scene …"""
     row_singular_value: Final = 1e-7
-    """… and rows are independent there above this singular value, as unit vectors."""
+    """Rows are independent there above this singular value, as unit vectors."""
     mirrored_reference: Final = 1e-9
     """The mirror image of the reference is the reference itself to this, relative to the characteristic sizes."""
     mirror_difference: Final = 1e-5
