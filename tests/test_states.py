@@ -1,6 +1,7 @@
 """First-order states: filters, lags, integrals and currents, against closed forms and other formulations."""
 
 import json
+import math
 import re
 
 import numpy as np
@@ -13,8 +14,11 @@ from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
+from mbstab.analysis.algebra.matching import matched
 from mbstab.cli.main import main
 from mbstab.errors import MbstabError, ModelFileError
+from mbstab.model.library import installed_models
+from mbstab.model.units import parse_unit
 
 LINE = """\
 mbstab: 1
@@ -522,3 +526,27 @@ def test_rates_of_states_are_told_per_second_of_their_unit():
     reasons = " ".join(mbstab.loads(text).eig().reasons)
     assert "find: equilibrium" in reasons
     assert "ctl_effort" not in reasons or "rad/s" not in reasons.split("ctl_effort")[1][:40]
+
+
+SCALES = ("car_relaxation", "cart_pendulum", "dc_motor_arm", "robot_arm", "shimmy_relaxation", "zener")
+
+
+@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("name", SCALES)
+def test_units_of_mass_length_time_and_current_change_no_answer(name, number):
+    """A state is a force of 1e-12 N, a current of 1e6 A or an integral over years: only ratios decide."""
+    model, rng = (
+        mbstab.load(next(x for x in installed_models() if x.stem == name)),
+        np.random.default_rng([number, SCALES.index(name)]),
+    )
+    units = 10.0 ** rng.integers(-6, 7, 4)
+    scene, scaled = model.system().scene.parameters, {}
+    for key, parameter in model.model.parameters.items():
+        factor, dimension = parse_unit(parameter.unit) if parameter.unit else (1.0, (0, 0, 0, 0))
+        scaled[key] = (
+            float(scene[key]) / factor * math.prod(float(x) ** float(e) for x, e in zip(units, dimension, strict=True))
+        )
+    before, after = model.eig(), model.eig(**scaled)
+    assert (after.verdict, after.counts) == (before.verdict, before.counts)
+    values, others = (np.array([e.value for e in x.eigenvalues if e.kind != "neutral"]) for x in (before, after))
+    assert np.all(matched(units[2] * others, values) <= 1e-11 * np.max(np.abs(values)))

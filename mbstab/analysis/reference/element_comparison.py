@@ -142,6 +142,9 @@ class ElementComparison:
         """A characteristic rate of the scene (1/s)."""
         motion, scale = self.motion, self.motion.spaces.scale
         K, R, _ = self.system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
+        # States may be in any unit.
+        scale = scale.copy()
+        scale[self.system.states[0]] = 0.0
         K, R = (largest(scaled(x, scale, scale)) for x in (K, R))
         sizes = float(np.max(np.abs(motion.u) / motion.sizes)), K**0.5, R
         # Where nothing acts and nothing moves, moving surfaces give the only rate.

@@ -25,6 +25,7 @@ from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancie
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.imbalance import carrying, state_rounding, unbalance_at
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration
+from mbstab.analysis.reference.state_units import balanced_states
 from mbstab.analysis.reference.steady import Family, Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
@@ -387,7 +388,9 @@ class Finder:
         system = self.system
         time = self.scene.time if time is None else time
         state = system.dynamics(q, u, time) if state is None else state
-        spaces = subspaces(state.M, state.J, system.n_h, system.rows, self.sizes)
+        spaces, sizes = subspaces(state.M, state.J, system.n_h, system.rows, self.sizes), self.sizes
+        if (units := balanced_states(system, spaces, state, (q, u, time), sizes)) is not None:
+            spaces, sizes = subspaces(state.M, state.J, system.n_h, system.rows, *units), units[0]
         redundant = redundancies(state.J, spaces, system.n_h, system.rows)
         scale, row_scale = spaces.scale, spaces.row_scale
         J, M = scaled(state.J, scale, row_scale), scaled(state.M, scale, scale)
@@ -407,7 +410,7 @@ class Finder:
                     f"{ALGEBRA.singular_value_zero:g}, this is taken for rounding in the file, not for a constraint"
                 )
         motion = Motion(
-            q, u, a * scale, nu * row_scale, time, self.sizes, state, spaces, augmented, redundant,
+            q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant,
             tuple(self.solved), tuple(self.warnings), massless=massless,
         )  # fmt: skip
         if massless is not None:

@@ -213,6 +213,10 @@ class Tolerances:
     """Newton steps onto the constraints for a state that is compared."""
     parameter_offset: Final = 1e-6
     """Relative perturbation of the parameters of expressions in the search for structure."""
+    state_coupling: Final = 1e-9
+    """Couplings of first-order states below this, relative to the terms of which they are sums, are rounding."""
+    balancing_steps: Final = 30
+    """Rounds in which the units of first-order states are balanced."""
     state_bits: Final = 24
     """Bits of the numbers in the states at which elements are compared."""
     trial_move: Final = 0.7

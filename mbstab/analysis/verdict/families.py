@@ -122,7 +122,7 @@ class _Search:
         self.rate = structure.invariance.rate
         self.held = np.hstack([symmetries, null])
         self.bodily = np.array([not is_state(name) for name in self.linear.names])
-        self.sizes = self._sizes()
+        self.sizes = self.motion.sizes
         self.free = complement(self.held)
 
     def reaches(self, direction: Array) -> bool:
@@ -173,25 +173,6 @@ class _Search:
         q, u = np.transpose([self.structure.disturbance(x) for x in np.eye(len(y))[y != 0.0]], (1, 2, 0))
         each_size += float(np.linalg.norm(y)) * float(np.sum(np.abs(direction @ (K @ q + R @ u))))
         return push <= TOLERANCES.force_vanishes * each + TOLERANCES.force_rounding * each_size
-
-    def _sizes(self) -> Array:
-        """Return the characteristic sizes; those of first-order states are what goes along with the coordinates."""
-        sizes: Array = self.motion.sizes.copy()
-        states = np.flatnonzero(~self.bodily)
-        if not len(states):
-            return sizes
-        found = np.zeros(len(states))
-        for y in self.null.T:
-            direction, rate = (np.abs(x / sizes) for x in self.structure.disturbance(y))
-            # What a null direction contains of a state in rounding alone says nothing about its size.
-            scaled = direction * self.motion.sizes / self.linear.spaces.scale
-            own = np.where(scaled > TOLERANCES.family_singular_value, direction, 0.0)[states]
-            direction[states] = rate[states] = 0.0
-            extent = max(float(np.max(direction)), float(np.max(rate)) / self.rate)
-            if extent > TOLERANCES.independent_direction * float(np.max(own)):
-                found = np.maximum(found, own / extent)
-        sizes[states] = np.where(found > 0.0, found, sizes[states])
-        return sizes
 
     def _extent(self, y: Array) -> float:
         direction, rate = self.structure.disturbance(y)

@@ -1,0 +1,113 @@
+"""Units of first-order states that balance the linearized equations.
+
+A state may be a force in N or in µN: the unit is up to the file, and nothing else says how large it is. In the
+deflated system ẏ = A y it is chosen as in balancing a matrix (Osborne 1960, J. ACM 7; Parlett and Reinsch 1969): the
+effect of a state on all others is as large as theirs on it, with speeds in the unit for which the same holds.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mbstab.analysis.algebra.rank import rank_of
+from mbstab.analysis.algebra.sparse import is_sparse, scaled
+from mbstab.analysis.algebra.subspaces import Subspaces
+from mbstab.analysis.reference.tolerances import TOLERANCES
+from mbstab.compiler.system import Array, Dynamics, System
+
+
+def balanced_states(
+    system: System, spaces: Subspaces, state: Dynamics, at: tuple[Array, Array, float], sizes: Array
+) -> tuple[Array, Array] | None:
+    """Return characteristic sizes and scale of the coordinates with balanced units of first-order states.
+
+    Parameters
+    ----------
+    spaces : Subspaces
+        What the constraints allow, with any units of the states.
+    state : Dynamics
+    at : tuple
+        q, u and the time.
+    sizes : ndarray, shape (n_q,)
+
+    Returns
+    -------
+    tuple of ndarray, or None if there are no states, or their units are balanced already
+    """
+    states = system.states[0]
+    if not len(states) or is_sparse(state.M):
+        return None
+    # The reactions of a rest or of a steady motion are near enough.
+    scale, row_scale = spaces.scale, spaces.row_scale
+    nu = -row_scale * (spaces.inverse(scaled(state.J, scale, row_scale)).T @ (state.F0 * scale))
+    q, u, time = at
+    factors = _factors(_couplings(system, spaces, (state.J, *system.linearize(q, u, np.zeros_like(q), nu, time))))
+    if np.all(factors == 1.0):
+        return None
+    scale, sizes, heavy = scale.copy(), sizes.copy(), state.M.diagonal() > 0.0
+    scale[states] *= factors
+    if heavy.any():
+        sizes[states] = scale[states] * float(np.median(sizes[heavy] / scale[heavy]))
+    return sizes, scale
+
+
+def _couplings(system: System, spaces: Subspaces, matrices: tuple[Array, ...]) -> Array:
+    """Return the sizes of the effects of positions, speeds and each state (columns) on each other (rows)."""
+    (states, rows), scale, N = system.states, spaces.scale, spaces.N
+    N = N @ rank_of(N[states]).null
+    J, K, R, D_q = matrices
+    R, K = (x * scale * scale[:, None] for x in (R, K))
+    rates = np.linalg.pinv(J[rows][:, states]) / scale[states, None]
+    J, D_q = J[rows] * scale, D_q[rows - system.n_h] * scale
+    found = np.zeros((2 + len(states), 2 + len(states)))
+    found[0, 1] = 1.0
+    found[1, 0], found[1, 1] = (float(np.linalg.norm(N.T @ x @ N)) for x in (K, R))
+    found[1, 2:] = _lengths(_product(N.T, K[:, states]), 0) + _lengths(_product(N.T, R[:, states]), 0)
+    found[2:, 0], found[2:, 1] = (_lengths(_product(_product(rates, x), N), 1) for x in (D_q, J))
+    found[2:, 2:] = np.abs(_product(rates, D_q[:, states]))
+    return found
+
+
+def _lengths(A: Array, axis: int) -> Array:
+    return np.asarray(np.linalg.norm(A, axis=axis))
+
+
+def _product(A: Array, B: Array) -> Array:
+    """Return A B with zeros in place of what is rounding: it must not scale a state."""
+    product = A @ B
+    return np.where(np.abs(product) > TOLERANCES.state_coupling * (np.abs(A) @ np.abs(B)), product, 0.0)
+
+
+def _factors(couplings: Array) -> Array:
+    """Return factors for the units of the states, powers of two, that balance rows and columns."""
+    size = couplings * (1.0 - np.eye(len(couplings)))
+    weights = np.ones(len(size))
+    seen, seeing = np.any(size, axis=0), np.any(size, axis=1)
+    for _ in range(TOLERANCES.balancing_steps):
+        before = weights.copy()
+        for i in (np.flatnonzero((seen & seeing)[1:]) + 1).tolist():
+            row, column = _around(size, weights, i)
+            weights[i] *= _power_of_two(math.sqrt(row / column))
+        if np.all(weights == before):
+            break
+    mutual = (seen & seeing) | (np.arange(len(size)) < 2)
+    rate = float(np.max((couplings * weights / weights[:, None])[np.ix_(mutual, mutual)]))
+    for i in np.flatnonzero(seen ^ seeing).tolist():
+        # The effect of what only follows or only drives is made as large as those of the others.
+        row, column = _around(size, weights, i)
+        if i > 1 and rate:
+            weights[i] *= _power_of_two(row / rate if row else rate / column)
+    return weights[2:]
+
+
+def _around(size: Array, weights: Array, i: int) -> tuple[float, float]:
+    """Return the lengths of a row and of a column in some units."""
+    return float(np.linalg.norm(size[i] * weights)) / weights[i], float(np.linalg.norm(size[:, i] / weights)) * weights[
+        i
+    ]
+
+
+def _power_of_two(x: float) -> float:
+    return math.ldexp(1.0, round(math.log2(x)))
