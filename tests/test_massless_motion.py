@@ -5,10 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpmath import mp
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import fsolve
 from test_massless import LEVER, line
 
 import mbstab
-from mbstab.errors import MassError, NumericalError
+from mbstab.errors import NumericalError
+
+METHODS = {"projection": 1e-8, "radau": 1e-6, "alpha": 1e-4}
+"""Tolerances for methods; alpha is of order 2."""
 
 ZENER = [1.0, 0.0], [(0, -1, 100, 0), (0, 1, 400, 0), (1, -1, 0, 10)]
 
@@ -122,11 +128,149 @@ forces:
         system.simulate(to=1.0, perturb={"m.x": 0.1})
 
 
-def test_directions_that_constraints_see_are_refused_in_simulations():
-    text = LEVER.replace("AT", "0.5").replace("D}", "0}")
-    with pytest.raises(MassError, match=r"bodies\.lever: the motion of lever\..* constraints tie these") as caught:
-        mbstab.loads(text).simulate(to=1.0, perturb={"b.y": 0.01})
-    assert "whose reference point lies on the joint" in str(caught.value)
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("damping", ["0", "20"])
+def test_a_lever_moves_alike_whatever_point_describes_it(damping, method):
+    """About its hinge a lever is an angle alone; elsewhere constraints tie three coordinates without mass."""
+    runs = []
+    for at in ("0", "-3"):
+        lever = mbstab.loads(LEVER.replace("AT", at).replace("D}", f"{damping}}}"))
+        run = lever.simulate(to=0.5, points=5, perturb={"b.y": 0.3}, tol=METHODS[method], method=method)
+        runs.append(run.q[:, [run.names.index("b.y"), run.names.index("lever.theta")]])
+    assert np.max(np.abs(runs[1] - runs[0])) < 100.0 * METHODS[method]
+
+
+def test_a_lever_in_space_moves_like_one_in_the_plane():
+    run = mbstab.loads(LEVER.replace("AT", "0.5").replace("D}", "20}")).simulate(1.0, points=3, perturb={"b.y": 0.3})
+    there = mbstab.loads(SPATIAL_LEVER).simulate(1.0, points=3, perturb={"b.z": 0.3})
+    assert there.q[:, there.names.index("b.z")] == pytest.approx(run.q[:, run.names.index("b.y")], abs=1e-6)
+
+
+SPATIAL_LEVER = """\
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  lever: {type: spatial, mass: 0, inertia: [0, 0, 0],
+    points: {pin: [0.5, 0, 0.2], end: [2.5, 0, 0.2], mid: [1.5, 0, 0.2]}}
+  b: {type: point, mass: 2}
+joints: {pin: {type: revolute, between: [lever.pin, ground], axis: y}}
+constraints: {rail: {holonomic: b.x - 2}, side: {holonomic: b.y}}
+forces:
+  hanger: {type: spring, between: [b, lever.end], stiffness: 100, length: 0.5}
+  stay: {type: spring, between: [lever.mid, {body: ground, point: [1, 0, -3]}], stiffness: 300, length: 3, damping: 20}
+reference: {find: equilibrium, coordinates: {b: {x: 2, y: 0}}, guess: {b: {z: -0.6}, lever: {x: -0.5, z: -0.2}}}
+"""
+
+
+SLIDER = """\
+mbstab: 1
+parameters: {K: 40, C: 3, k: 10}
+bodies:
+  m: {type: planar_point, mass: 1}
+  node: {type: planar, mass: 0, inertia: 0, points: {p: [0.3, -0.1]}}
+joints: {rail: {type: prismatic, between: [node.p, {body: ground, point: [0.3, -0.1]}], axis: [0.6, 0.8]}}
+constraints: {line: {holonomic: 4*m.x - 3*m.y}}
+forces:
+  spring: {type: expression, on: {m.x: K*(node.x - m.x), m.y: K*(node.y - m.y), node.x: K*(m.x - node.x),
+    node.y: K*(m.y - node.y)}}
+  damper: {type: joint_spring, joint: rail, damping: C}
+  own: {type: expression, on: {m.x: -k*m.x, m.y: -k*m.y}}
+"""
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_slider_without_mass_between_a_spring_and_a_damper(method):
+    """Along the rail: m ẍ = −K (x − n) − k x, C ṅ = K (x − n)."""
+    run = mbstab.loads(SLIDER).simulate(1.0, points=5, perturb={"m.x": 0.3}, tol=METHODS[method], method=method)
+    A = np.array([[0.0, 1.0, 0.0], [-50.0, 0.0, 40.0], [40.0 / 3.0, 0.0, -40.0 / 3.0]])
+    expected = [(expm(A * t) @ [0.3, 0.0, 0.0])[0] for t in run.times]
+    assert run.q[:, run.names.index("m.x")] == pytest.approx(expected, abs=30.0 * METHODS[method])
+
+
+LEVERS = """\
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  one: {type: planar, mass: 0, inertia: 0, points: {a: [-0.5, 0], b: [0.5, 0]}}
+  two: {type: planar, mass: 0, inertia: 0, points: {a: [-0.5, 0], b: [0.5, 0]}}
+  bob: {type: planar_point, mass: 1}
+joints:
+  top: {type: revolute, between: [one.a, ground]}
+  mid: {type: revolute, between: [two.a, one.b]}
+forces:
+  first: {type: joint_spring, joint: top, stiffness: 40}
+  second: {type: joint_spring, joint: mid, stiffness: 60, damping: C}
+  spring: {type: spring, between: [bob, two.b], stiffness: 400, length: 0.3}
+reference:
+  find: equilibrium
+  guess: {bob: {x: 2, y: -0.5}, one: {x: 0.5, y: 0, theta: 0}, two: {x: 1.5, y: 0, theta: 0}}
+"""
+
+
+def levers(damping, held=None):
+    """Return the rates of the bob and of the second angle, by finding the angles that balance at every instant.
+
+    The first angle may be held.
+    """
+
+    def forces(bob, angles):
+        one, two = angles
+        end = np.array([np.cos(one) + np.cos(two), np.sin(one) + np.sin(two)])
+        apart = bob - end
+        length = np.linalg.norm(apart)
+        pull = 400.0 * (length - 0.3) * apart / length
+        own = 60.0 * (two - one)
+        moments = [-np.sin(x) * pull[0] + np.cos(x) * pull[1] for x in angles]
+        return pull, moments[0] - 40.0 * one + own, moments[1] - own
+
+    def rates(t, y):
+        bob, speed, apart = y[:2], y[2:4], y[4]
+        if held is not None:
+            two = fsolve(lambda x: forces(bob, (held, x[0]))[2], [-0.5], xtol=1e-11)[0]
+            angles, drift = (held, two), 0.0
+        elif damping:  # the second angle relative to the first is a state
+            one = fsolve(lambda x: sum(forces(bob, (x[0], x[0] + apart))[1:]), [-0.4], xtol=1e-11)[0]
+            angles = one, one + apart
+            drift = forces(bob, angles)[2] / damping
+        else:
+            angles = fsolve(lambda x: forces(bob, x)[1:], [-0.4, -0.5], xtol=1e-11)
+            drift = 0.0
+        return [*speed, *(-forces(bob, angles)[0] + [0.0, -9.81]), drift]
+
+    return rates
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("damping", [0.0, 2.0])
+def test_two_levers_without_mass_balance_at_every_instant(damping, method):
+    run = mbstab.loads(LEVERS.replace("C}", f"{damping}}}")).simulate(
+        0.5, points=6, perturb={"bob.x": -0.1, "bob.y": 0.2}, tol=METHODS[method], method=method
+    )
+    place = [run.names.index(x) for x in ("bob.x", "bob.y", "one.theta", "two.theta")]
+    start = run.q[0, place]
+    found = solve_ivp(
+        levers(damping),
+        (0.0, 0.5),
+        [*start[:2], 0.0, 0.0, start[3] - start[2]],
+        "DOP853",
+        run.times,
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    assert run.q[:, place[:2]] == pytest.approx(found.y[:2].T, abs=100.0 * METHODS[method])
+    assert np.abs(run.u[0, place[:2]]) == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_a_drive_holds_one_of_two_levers(compiled):
+    text = LEVERS.replace("C}", "0}").replace("  first: {type: joint_spring, joint: top, stiffness: 40}\n", "")
+    held = mbstab.loads(text.replace("forces:", "drives: {d: {type: joint, joint: top, position: -0.4}}\nforces:", 1))
+    run = held.simulate(0.5, points=3, perturb={"bob.y": 0.1}, compiled=compiled, tol=1e-8)
+    assert run.q[:, run.names.index("one.theta")] == pytest.approx(-0.4, abs=1e-12)
+    place = [run.names.index(x) for x in ("bob.x", "bob.y")]
+    start = [*run.q[0, place], 0.0, 0.0, 0.0]
+    found = solve_ivp(levers(0.0, -0.4), (0.0, 0.5), start, "DOP853", run.times, rtol=1e-10, atol=1e-12)
+    assert run.q[:, place] == pytest.approx(found.y[:2].T, abs=1e-6)
 
 
 def test_a_lever_about_its_reference_point_swings():

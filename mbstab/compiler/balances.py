@@ -1,14 +1,17 @@
 """Balances of forces along motions without mass, as constraint rows.
 
-Along a direction d without mass, which no constraint sees, the forces F0 balance: dᵀF0 = 0. Where dᵀF0 does not depend
+Along a direction d without mass that the constraints allow the forces F0 balance: dᵀF0 = 0. Where dᵀF0 does not depend
 on the speeds, this is a holonomic row g(q) = 0; else a nonholonomic one, of first order. As rows of the equations of
 motion they keep the balance like constraints, with multipliers that vanish, as the equation of motion along d itself
 is the balance. What they leave carries mass.
+
+Constraints may tie coordinates without mass to each other, as a hinge does those of a lever. Then d depends on q: with
+given components d_f along some of the coordinates, the others follow from the rows, J_p d_p = −J_f d_f.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import chain
 from typing import Any
@@ -17,6 +20,7 @@ from mbstab.compiler.placed import Placed
 from mbstab.mechanics.catalogue import Role
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.duals import Dual, dual_arithmetic
+from mbstab.model.scene import BalanceValues
 from mbstab.records import dataclass
 
 
@@ -49,11 +53,17 @@ class Share:
 
     def force(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Any:
         """Return its force along the direction."""
+        return _sum(self.weights[i] * x for i, x in self._forces(f, q, u, p, s) if self.weights[i])
+
+    def along(self, direction: Mapping[int, Any], f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Any:
+        """Return its force along a direction, given by its components at coordinates of the balance."""
+        terms = ((direction.get(self.columns[i]), x) for i, x in self._forces(f, q, u, p, s))
+        return _sum(weight * x for weight, x in terms if weight is not None)
+
+    def _forces(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Iterator[tuple[int, Any]]:
         own = self.of(q), self.of(u), [p[i] for i in self.parameters], [s[i] for i in self.signals]
         values = self.kernel.dynamics(f, *own)
-        return _sum(
-            self.weights[i] * x for (i,), x in zip(self.kernel.DYNAMICS["F"], values, strict=True) if self.weights[i]
-        )
+        return ((i, x) for (i,), x in zip(self.kernel.DYNAMICS["F"], values, strict=True))
 
     def slopes(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> tuple[list[Any], list[Any]]:
         """Return the slopes of this force by all coordinates and speeds of the balance."""
@@ -68,6 +78,78 @@ class Share:
         return found["K"], found["R"]
 
 
+@dataclass(frozen=True)
+class Tie:
+    """Constraint rows that tie coordinates without mass to each other.
+
+    Attributes
+    ----------
+    kernel : kernel of the element
+    columns : tuple of int
+        Places of its coordinates among those of the balance.
+    rows : tuple of int or None
+        The order in which its rows are eliminated; None: not needed, as others say the same.
+    parameters : tuple of int
+        Its numbers among those of the balance.
+    """
+
+    kernel: Any
+    columns: tuple[int, ...]
+    rows: tuple[int | None, ...]
+    parameters: tuple[int, ...]
+
+    def slopes(self, f: Arithmetic, q: Any, u: Any, p: Any) -> Iterator[tuple[int, int, Any]]:
+        """Yield row, coordinate and entry of J."""
+        own = [q[i] for i in self.columns], [u[i] for i in self.columns], [p[i] for i in self.parameters], ()
+        values = iter(self.kernel.dynamics(f, *own))
+        for key, entries in self.kernel.DYNAMICS.items():
+            for index in entries:
+                value = next(values)
+                if key == "J" and (row := self.rows[index[0]]) is not None:
+                    yield row, self.columns[index[1]], value
+
+
+@dataclass(frozen=True)
+class Tied:
+    """How a direction follows from constraint rows.
+
+    Attributes
+    ----------
+    ties : tuple of Tie
+    given : dict
+        Components of the direction, by places of coordinates of the balance.
+    dependent : tuple of int
+        Places of the coordinates that follow, in the order in which they are eliminated.
+    """
+
+    ties: tuple[Tie, ...]
+    given: tuple[tuple[int, float], ...]
+    dependent: tuple[int, ...]
+
+    def direction(self, f: Arithmetic, q: Any, u: Any, p: Any) -> dict[int, Any]:
+        """Return the components of the direction by places of coordinates: by Gaussian elimination in a fixed order."""
+        n, given = len(self.dependent), dict(self.given)
+        place = {column: k for k, column in enumerate(self.dependent)}
+        A, b = [[0.0] * n for _ in range(n)], [0.0] * n
+        for tie in self.ties:
+            for i, column, value in tie.slopes(f, q, u, p):
+                if column in place:
+                    A[i][place[column]] = A[i][place[column]] + value
+                elif column in given:
+                    b[i] = b[i] - given[column] * value
+        for k in range(n):
+            for i in range(k + 1, n):
+                if A[i][k].__class__ is float and A[i][k] == 0.0:
+                    continue
+                factor = A[i][k] / A[k][k]
+                A[i] = [x - factor * y for x, y in zip(A[i], A[k], strict=True)]
+                b[i] = b[i] - factor * b[k]
+        found: list[Any] = [0.0] * n
+        for k in reversed(range(n)):
+            found[k] = (b[k] - _sum(A[k][j] * found[j] for j in range(k + 1, n))) / A[k][k]
+        return dict(self.given) | dict(zip(self.dependent, found, strict=True))
+
+
 class Balance:
     """The kernel of a balance: functions as those of generated kernels (`mbstab.compiler.derive`).
 
@@ -78,12 +160,14 @@ class Balance:
         Number of coordinates of the balance.
     role : str
         ``holonomic`` or ``nonholonomic``.
+    tied : Tied, optional
+        How the direction follows from constraints; None: it is the same everywhere.
     """
 
     __name__ = "balance"
 
-    def __init__(self, shares: tuple[Share, ...], count: int, role: Role) -> None:
-        self.shares, self.count, self.first_order = shares, count, role == "nonholonomic"
+    def __init__(self, shares: tuple[Share, ...], count: int, role: Role, tied: Tied | None = None) -> None:
+        self.shares, self.count, self.first_order, self.tied = shares, count, role == "nonholonomic", tied
         row = tuple((0, i) for i in range(count))
         self.DYNAMICS = {"E": ((0,),), "V": ((0,),), "J": row, "B": ((0,),)}
         self.LINEARIZE = {"D": row} if self.first_order else {}
@@ -93,7 +177,7 @@ class Balance:
         """Return E, V, J and B."""
         rest = u if self.first_order else [0.0] * self.count
         K, R = self._slopes(f, q, rest, p, s)
-        E = _sum(share.force(f, q, rest, p, s) for share in self.shares)
+        E = self._force(f, q, rest, p, s)
         zero = [0.0] * self.count
         if self.first_order:
             return E, E, *R, _product(K, u)
@@ -111,8 +195,15 @@ class Balance:
 
     def _velocity(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Any:
         if self.first_order:
-            return _sum(share.force(f, q, u, p, s) for share in self.shares)
+            return self._force(f, q, u, p, s)
         return _product(self._slopes(f, q, [0.0] * self.count, p, s)[0], u)
+
+    def _force(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Any:
+        """Return the force along the direction."""
+        if self.tied is None:
+            return _sum(share.force(f, q, u, p, s) for share in self.shares)
+        direction = self.tied.direction(f, q, u, p)
+        return _sum(share.along(direction, f, q, u, p, s) for share in self.shares)
 
     def _acceleration(self, f: Arithmetic, q: Any, u: Any, a: Any, p: Any, s: Any) -> Any:
         """Return d²g/dt², or the rate of the balance of first order."""
@@ -137,6 +228,18 @@ class Balance:
         return Dual.of(self._velocity(duals, q, u, numbers, signals)).slope
 
     def _slopes(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> tuple[list[Any], list[Any]]:
+        """Return the slopes of the force along the direction by all coordinates and speeds."""
+        if self.tied is not None:
+            numbers, signals = ([Dual(x, 0.0) for x in y] for y in (p, s))
+            found: list[list[Any]] = [[], []]
+            duals = dual_arithmetic(f)
+            for which in range(2 if self.first_order else 1):
+                for i in range(self.count):
+                    places, speeds = (
+                        [Dual(x, float(k == which and j == i)) for j, x in enumerate(y)] for k, y in enumerate((q, u))
+                    )
+                    found[which].append(Dual.of(self._force(duals, places, speeds, numbers, signals)).slope)
+            return found[0], found[1]
         parts = [share.slopes(f, q, u, p, s) for share in self.shares]
         K, R = ([_sum(part[k][i] for part in parts) for i in range(self.count)] for k in (0, 1))
         return K, R
@@ -153,31 +256,43 @@ def _product(one: Sequence[Any], other: Sequence[Any]) -> Any:
     return _sum(x * y for x, y in zip(one, other, strict=True))
 
 
-def balance_of(direction: Mapping[int, float], role: Role, elements: Iterable[Placed], path: str, row: int) -> Placed:
-    """Return the balance along a direction, given by numbers of coordinates, of all elements that act along it."""
-    acting = [
-        e for e in elements if not (e.rows or e.takes_acceleration) and not direction.keys().isdisjoint(e.columns)
-    ]
-    columns = tuple(dict.fromkeys(i for e in acting for i in e.columns))
+def balance_of(
+    values: BalanceValues, names: Sequence[str], role: Role, elements: Iterable[Placed], path: str, row: int
+) -> Placed:
+    """Return the balance of all elements that act along a direction, in a scene whose coordinates have these names."""
+    number = {name: i for i, name in enumerate(names)}
+    direction = {number[name]: x for name, x in values.direction.items()}
+    tied = [(number[name], tie) for name, tie in values.tied]
+    moving = {*direction, *(column for column, _ in tied)}
+    order = {row: k for k, (_, row) in enumerate(tied)}
+    acting, tying = list[Placed](), list[Placed]()
+    for e in elements:
+        if e.rows:
+            tying += [e] if not order.keys().isdisjoint(e.rows) else []
+        elif not e.takes_acceleration and not moving.isdisjoint(e.columns):
+            acting.append(e)
+    columns = tuple(dict.fromkeys(i for e in (*acting, *tying) for i in e.columns))
     laws = tuple(law for e in acting for law in e.laws)
-    shares, numbers, known = [], 0, 0
-    for e in acting:
-        places = [range(k * len(laws) + known, k * len(laws) + known + len(e.laws)) for k in range(3)]
-        shares.append(
-            Share(
-                e.kernel,
-                tuple(map(columns.index, e.columns)),
-                tuple(direction.get(i, 0.0) for i in e.columns),
-                tuple(range(numbers, numbers + len(e.parameters))),
-                tuple(chain.from_iterable(places)),
-            )
-        )
-        numbers, known = numbers + len(e.parameters), known + len(e.laws)
-    parameters = tuple(x for e in acting for x in e.parameters)
-    return Placed(_kernel(tuple(shares), len(columns), role), columns, (row,), parameters, laws, False, path)
+    shares, ties, numbers, known = list[Share](), list[Tie](), 0, 0
+    for e in (*acting, *tying):
+        own, places = tuple(range(numbers, numbers + len(e.parameters))), tuple(map(columns.index, e.columns))
+        numbers += len(e.parameters)
+        if e.rows:
+            ties.append(Tie(e.kernel, places, tuple(map(order.get, e.rows)), own))
+            continue
+        signals = [range(k * len(laws) + known, k * len(laws) + known + len(e.laws)) for k in range(3)]
+        weights = tuple(direction.get(i, 0.0) for i in e.columns)
+        shares.append(Share(e.kernel, places, weights, own, tuple(chain.from_iterable(signals))))
+        known += len(e.laws)
+    following = None
+    if tied:
+        given = tuple((columns.index(i), x) for i, x in direction.items() if i in columns)
+        following = Tied(tuple(ties), given, tuple(columns.index(i) for i, _ in tied))
+    parameters = tuple(x for e in (*acting, *tying) for x in e.parameters)
+    return Placed(_kernel(tuple(shares), len(columns), role, following), columns, (row,), parameters, laws, False, path)
 
 
 @lru_cache(maxsize=64)
-def _kernel(shares: tuple[Share, ...], count: int, role: Role) -> Balance:
+def _kernel(shares: tuple[Share, ...], count: int, role: Role, tied: Tied | None) -> Balance:
     # The same kernel for the same contents: plans are kept by kernel.
-    return Balance(shares, count, role)
+    return Balance(shares, count, role, tied)

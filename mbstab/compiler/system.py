@@ -348,8 +348,7 @@ class System:
             if isinstance(use, BalanceValues):
                 from mbstab.compiler.balances import balance_of
 
-                direction = {self.names.index(name): x for name, x in use.direction.items()}
-                placed.append(balance_of(direction, role, placed, f"balances.{_name_of(use)}", rows[0]))
+                placed.append(balance_of(use, self.names, role, placed, f"balances.{_name_of(use)}", rows[0]))
                 continue
             path = entry.path if entry else f"bodies.{self.scene.bodies[use.slots[0]].name}"
             if isinstance(use, ElementUse):

@@ -88,10 +88,19 @@ class BalanceValues:
         Its components, by coordinate name.
     first_order : bool
         Whether the forces along it depend on speeds.
+    tied : tuple of (str, int)
+        Further coordinates, whose components constraint rows determine, and the number of a row for each, in the order
+        in which they are eliminated.
     """
 
     direction: dict[str, float]
     first_order: bool
+    tied: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """The coordinates without mass that it contains."""
+        return [*self.direction, *(name for name, _ in self.tied)]
 
 
 @dataclass(frozen=True)

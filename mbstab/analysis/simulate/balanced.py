@@ -1,9 +1,10 @@
 """Motions without mass in simulations: their balances of forces as constraint rows.
 
-At the reference, `mbstab.analysis.linear.massless` tells which directions are algebraic and which of first order. Along
-directions that no constraint sees these balances are rows (`mbstab.compiler.balances`) of the equations of motion, and
-all integrators take them as constraints. Their multipliers vanish as long as the directions stay without constraints
-and algebraic ones without damping; `check_balanced` looks at them.
+At the reference, `mbstab.analysis.linear.massless` tells which directions are algebraic and which of first order. The
+balances of forces along them are rows (`mbstab.compiler.balances`) of the equations of motion, and all integrators take
+them as constraints. Their multipliers vanish as long as algebraic directions stay without damping; `check_balanced`
+looks at them. Where constraints tie coordinates without mass to each other, as many of these as there are directions
+are independent, angles rather than lengths, and the others follow.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import qr
 
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.reference.motion import Finder, Motion
@@ -18,6 +20,7 @@ from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, NumericalError, amount
 from mbstab.model.scene import BalanceValues
+from mbstab.model.schema import is_length
 
 
 def balanced(system: System, motion: Motion) -> tuple[System, Motion]:
@@ -26,32 +29,65 @@ def balanced(system: System, motion: Motion) -> tuple[System, Motion]:
     Raises
     ------
     MassError
-        If forces do not determine one of them, or a constraint sees it; names body and coordinate.
+        If forces do not determine one of them, or constraints tie it in a way that is not known here; names body and
+        coordinate.
     """
     if motion.massless is None:
         return system, motion
     linear = linearize(system, motion)
     light = linear.massless
     assert light is not None
+    tied = _tied(system, motion, len(light.algebraic))
     found = []
     for directions, first_order in ((light.algebraic, False), (light.first_order, True)):
         for d in directions:
-            involved = np.flatnonzero(d)
-            names = [system.names[i] for i in involved]
-            if np.any(motion.dynamics.J[:, involved]) or np.any(motion.dynamics.M[involved]):
-                raise _refused(system, names)
-            found.append(BalanceValues(dict(zip(names, d[involved].tolist(), strict=True)), first_order))
+            own = {system.names[i]: float(d[i]) for i in np.flatnonzero(d) if i not in tied}
+            found.append(BalanceValues(own, first_order, tuple((system.names[i], row) for i, row in tied.items())))
     other = System(replace(system.scene, balances=tuple(found)))
     return other, Finder(other).motion(motion.q, motion.u, motion.time)
 
 
+def _tied(system: System, motion: Motion, further: int) -> dict[int, int]:
+    """Return the coordinates without mass that follow from others, and a row for each, in the order of elimination.
+
+    Parameters
+    ----------
+    further : int
+        So many holonomic rows stand before those on speeds afterwards.
+    """
+    assert motion.massless is not None
+    J = motion.dynamics.J * motion.sizes
+    moving = np.flatnonzero(np.max(np.abs(motion.massless), axis=1) > TOLERANCES.component_without_mass)
+    rows = np.flatnonzero(np.any(J[:, moving], axis=1))
+    count = len(moving) - motion.massless.shape[1]
+    if not count:
+        return {}
+    heavy = moving[np.any(motion.dynamics.M[moving], axis=1)]
+    if len(heavy):
+        raise _refused(system, [system.names[i] for i in heavy])
+    # Where lengths follow from angles, a lever may turn all around.
+    weights = np.where([is_length(system.names[i]) for i in moving], 1.0, TOLERANCES.angle_that_follows)
+    _, _, columns = qr(J[np.ix_(rows, moving)] * weights, mode="economic", pivoting=True)
+    columns = columns[:count]
+    _, _, chosen = qr(J[np.ix_(rows, moving[columns])].T, mode="economic", pivoting=True)
+    square = J[np.ix_(rows[chosen[:count]], moving[columns])]
+    order = np.arange(count)
+    for k in range(count):  # partial pivoting
+        best = k + int(np.argmax(np.abs(square[k:, k])))
+        square[[k, best]], order[[k, best]] = square[[best, k]], order[[best, k]]
+        square[k + 1 :] -= np.outer(square[k + 1 :, k] / square[k, k], square[k])
+    following = rows[chosen[:count]][order]
+    following = np.where(following >= system.n_h, following + further, following)
+    return dict(zip(moving[columns].tolist(), following.tolist(), strict=True))
+
+
 def _refused(system: System, names: list[str]) -> MassError:
     body = next(b for b in system.scene.bodies if b.name == names[0].partition(".")[0])
-    message = f"the motion of {', '.join(names)} carries no mass, and constraints tie these coordinates to each other"
-    hint = (
-        "mbstab eig finds its eigenvalues; for its nonlinear motion give it a mass, or use coordinates that move "
-        "freely: a planar_point, or a body whose reference point lies on the joint"
+    message = (
+        f"a motion of {', '.join(names)} carries no mass, but these coordinates carry mass in other motions, and "
+        "constraints tie them"
     )
+    hint = "mbstab eig finds its eigenvalues; for its nonlinear motion give it a mass"
     return MassError(str(system.scene.model.document.problem(body.location, f"bodies.{body.name}", message, hint)))
 
 

@@ -116,10 +116,7 @@ def staying(at: Placement, J: Array, named: Sequence[Quantity], sizes: Array) ->
     J : ndarray, shape (n, n_q)
         Jacobian of the constraints.
     """
-    own = coordinates(at.system, sizes)
-    groups = [[x for x in own if x.unit == "rad"], [x for x in own if x.unit != "rad"]]
-    if any(x.joint is not None for x in named):
-        groups.insert(0, joint_motions(at.system, sizes))
+    groups = _in_turn(at, sizes, any(x.joint is not None for x in named))
     rows = np.vstack([J, *(x.gradient(at)[None] for x in named)]) * sizes
     span = np.zeros((0, len(sizes)))
     if np.any(rows):
@@ -141,6 +138,20 @@ def staying(at: Placement, J: Array, named: Sequence[Quantity], sizes: Array) ->
             span = np.vstack([span, rest.pop(x) / apart[x]])
             found.append(x)
     return found
+
+
+def _in_turn(at: Placement, sizes: Array, joints: bool) -> list[list[Quantity]]:
+    """Return the quantities that may stay in groups, those first that stay rather than others."""
+    own = coordinates(at.system, sizes)
+    groups = [[x for x in own if x.unit == "rad"], [x for x in own if x.unit != "rad"]]
+    if joints:
+        groups.insert(0, joint_motions(at.system, sizes))
+    light = np.isin(at.system.names, [name for x in at.system.scene.balances for name in x.names])
+    if not light.any():
+        return groups
+    # What has no mass follows from the rest.
+    following = {x for group in groups for x in group if not np.any(x.gradient(at)[~light])}
+    return [[x for x in group if (x in following) == last] for last in (False, True) for group in groups]
 
 
 def reached(

@@ -75,6 +75,10 @@ class Tolerances:
     """Newton steps towards given values."""
     value_reached: Final = 1e-9
     """A coordinate farther from its value than this, relative to its size, has not reached it."""
+    component_without_mass: Final = 1e-9
+    """Components of motions without mass below this, of unit vectors, are rounding."""
+    angle_that_follows: Final = 1e-3
+    """Angles follow from lengths only where these weigh less than this in the rows."""
     balance_left: Final = 1e-6
     """Forces along directions without mass may be out of balance by this fraction of their sizes."""
     swing_amplitude: Final = 0.25

@@ -142,7 +142,7 @@ class _Implicit:
         moved = np.max(np.abs(dq / sizes), initial=0.0)
         return float(max(moved, np.max(np.abs(du / sizes), initial=0.0) / self.options.rate))
 
-    def _finished(self, size: float, before: float) -> bool:
+    def _finished(self, size: float, before: float, h: float) -> bool:
         """Whether Newton's method has converged with a correction of this size, after one of size `before`.
 
         Raises
@@ -150,10 +150,12 @@ class _Implicit:
         NumericalError
             If corrections grow.
         """
+        # Rounding of positions moves speeds by as much over the step.
+        longer = max(1.0, 1.0 / (h * self.options.rate))
         goal = TOLERANCES.newton_correction_rounding
         if self.options.step is None:
             goal = max(TOLERANCES.newton_correction * self.options.tol, goal)
-        stalled = before < math.inf and size > 0.3 * before and size <= TOLERANCES.newton_correction_stalled
+        stalled = before < math.inf and size > 0.3 * before and size <= TOLERANCES.newton_correction_stalled * longer
         if size <= goal or stalled:
             return True
         if not size < 2.0 * before:
@@ -211,7 +213,7 @@ class GeneralizedAlpha(_Implicit):
             da = step[:n] * scale
             a, nu = a + da, nu + (P @ step[n:]) * rows
             size = self._size(to_q * da, to_u * da)
-            if self._finished(size, before):
+            if self._finished(size, before, h):
                 break
             before = size
         else:
@@ -305,7 +307,7 @@ class RadauIIA(_Implicit):
             du = h * RADAU_A @ da
             dq = h * RADAU_A @ (du + h * deta @ G.T)
             size = self._size(dq, du)
-            if self._finished(size, before):
+            if self._finished(size, before, h):
                 break
             before = size
         else:
