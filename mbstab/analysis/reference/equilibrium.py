@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -150,18 +151,19 @@ class Problem:
     def __init__(self, system: System, massless: bool = False) -> None:
         self.system, self.scene, self.massless = system, system.scene, massless
         if self.scene.period is not None:
-            raise UsageError(
-                f"{self.scene.model.name} describes a periodic motion: there is no equilibrium to look for"
-            )
+            name = self.scene.model.name
+            raise UsageError(f"{name} describes a periodic motion: there is no equilibrium to look for")
         self.finder = Finder(system)
-        q, missing = self.finder.start()
-        self.held: Flags = ~missing if self.scene.model.reference.find is not None else np.zeros(len(q), dtype=bool)
-        self.start = q
-        if system.n_h and not self.held.all():
-            self.start = self.finder.assemble(q, ~self.held)
+        self.held: Flags = ~self.finder.start()[1] & (self.scene.model.reference.find is not None)
         self.family, self.known = declared_family(system)
         if self.scene.steady is None and self.scene.model.reference.find is None and any(self.scene.rates.values()):
             self.family, self.known = self._moving()
+
+    @cached_property
+    def start(self) -> Array:
+        """The state of the file, assembled."""
+        q = self.finder.start()[0]
+        return self.finder.assemble(q, ~self.held) if self.system.n_h and not self.held.all() else q
 
     def _moving(self) -> tuple[Family, dict[int, float]]:
         """Return the generator that the rates of a file without ``find`` or ``steady`` describe, all rates given."""
