@@ -185,9 +185,8 @@ class Evaluator:
 
     def patterns_at(self, values: Mapping[str, float]) -> tuple[Pattern, ...]:
         """Return the pattern of a point; none if it has a problem."""
-        path = self.path
         at = {name: np.array([x]) for name, x in values.items()}
-        if path is not None and not path.covers(at).all():
+        if self.path is not None and not self.path.covers(at).all():
             return ()
         found = _Work(self, at, lambda done: None).pattern(0)
         return () if found is None else (found,)
@@ -287,7 +286,7 @@ class _Work:
         good = np.sort(np.concatenate([part.index for part in self.found])) if self.found else np.arange(0)
         sample = good[np.unique(np.linspace(0, len(good) - 1, number).round().astype(int))] if len(good) else good
         ends = self._ends()
-        compared = {i: self._grounds(i) for known in ends for i in ends[known]}
+        compared = {i: self._grounds_beside(known, i) for known in ends for i in ends[known]}
         doubts = {int(i): self._doubt(int(i)) for i in sample if int(i) not in compared}
         if any(doubts.values()) or None in compared.values():
             doubts |= {int(i): self._doubt(int(i)) for i in good if int(i) not in doubts and int(i) not in compared}
@@ -296,6 +295,11 @@ class _Work:
                     self.problems.setdefault(i, doubt)
         for known, members in ends.items():
             self._compare(known, {i: grounds for i in members if (grounds := compared[i]) is not None})
+
+    def _grounds_beside(self, known: Known, i: int) -> Grounds | None:
+        """Return the facts about a point, which may be the one of a pattern itself."""
+        there = known.grounds.system.scene.parameters
+        return known.grounds if all(there[name] == x[i] for name, x in self.values.items()) else self._grounds(i)
 
     def _ends(self) -> dict[Known, list[int]]:
         """Return the first and last point of each pattern."""
@@ -521,19 +525,20 @@ class _Work:
             family = Family(
                 linear.system, linear.generator.axis, np.zeros(3), directions, spinning_columns(linear.system)
             )
-        balance = self._balance(linear.system, i)
+        balance = None if self.path is None else self.motion(linear.system, i)[1]
         return Pattern(linear, self.found[-1].known, family, linear.motion.sizes, balance)
-
-    def _balance(self, system: System, i: int) -> Balance | None:
-        return None if self.path is None else self.motion(system, i)[1]
 
     def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
         """Return the motion at a point, and its equations if it was solved for."""
         if self.path is None:
             return reference_motion(system, massless=True), None
         q, c = self.path.predicted({name: x[i : i + 1] for name, x in self.values.items()})
-        motion, search, _, _ = Problem(system, massless=True).solved(q[0], c[0])
-        return motion, search.balance
+
+        def solved() -> tuple[Motion, Balance]:
+            motion, search, _, _ = Problem(system, massless=True).solved(q[0], c[0])
+            return motion, search.balance
+
+        return system.remember("followed motion", (q.tobytes(), c.tobytes()), solved)
 
     # --- many points ------------------------------------------------------------------------------------------------
 

@@ -146,9 +146,9 @@ def followed(found: Spectra) -> Block:
 
 
 def home_of(values: Mapping[str, Array]) -> dict[str, float]:
-    """Return the point whose pattern is tried first at all points of a sweep; nothing where they are few."""
+    """Return the point whose pattern is tried first at all points of a sweep; nothing where there is only one."""
     points = len(next(iter(values.values())))
-    if points <= TOLERANCES.points_of_lonely_pattern:
+    if points < 2:
         return {}
     # Special values often stand in the middle or at an end.
     return {name: float(x[int(TOLERANCES.place_of_home * points)]) for name, x in values.items()}
