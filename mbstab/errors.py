@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-import unicodedata
 from collections.abc import Iterable, Sequence
 from itertools import islice
 from typing import Any
@@ -20,7 +19,11 @@ _UNSEEN = re.compile(r"[^\n\t -~]")
 
 def unseen(c: str) -> bool:
     """Whether a character cannot be seen, and is no blank: a control character, a mark of direction and the like."""
-    return not (c.isprintable() or unicodedata.category(c) == "Zs")
+    if c.isprintable():
+        return False
+    import unicodedata
+
+    return unicodedata.category(c) != "Zs"
 
 
 def visible(text: str, lines: bool = True) -> str:

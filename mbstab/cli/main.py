@@ -108,7 +108,7 @@ def _exit_code(run: Callable[[], Any]) -> int:
     return 1
 
 
-YOUNG = 20_000
+YOUNG = 100_000
 """Objects after which cycles are looked for: most objects that a short command makes are its code."""
 
 
@@ -163,9 +163,10 @@ def main() -> None:
 def program() -> None:
     """Run the command as a process of its own, which ends without taking itself apart object by object.
 
-    That would take as long as many a model. What is registered for the end is run before; where other threads run,
-    or the process is traced or profiled, it ends as others do.
+    That would take as long as many a model, and so would a last look for cycles. What is registered for the end is run
+    before; where other threads run, or the process is traced or profiled, it ends as others do.
     """
+    gc.set_threshold(YOUNG, *gc.get_threshold()[1:])
     try:
         main(prog_name="mbstab")
     except SystemExit as stop:
