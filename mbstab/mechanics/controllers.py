@@ -113,7 +113,11 @@ _TARGETS = (
     Field("coordinate", "coordinate", "the coordinate it acts on, written body.x, instead of a joint"),
 )
 _LAG = Field(
-    "lag", "number", "time constant with which the actuator follows; without it, at once", "s", sign="positive"
+    "lag",
+    "number",
+    "time constant with which the actuator follows; without it, the effort acts at once",
+    "s",
+    sign="positive",
 )
 _SIGNAL = Field("signal", "signal", "what it takes in, an expression", required=True)
 _ON = Field("on", "loads", "the effort along what it acts on", made=True)

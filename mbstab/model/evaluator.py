@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -111,7 +112,9 @@ class Evaluator:
             return True
         rule, shown = broken
         got = f"{shown:g}{after_number(field.unit)}"
-        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {got}")
+        without = re.search(r"; (without it[^;]*)", field.doc)
+        hint = f"leave it out: {without[1]}" if without and not shown else ""
+        self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {got}", hint)
         return False
 
     def vector(self, components: Components, length: bool = False) -> Vector:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numbers
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from decimal import Decimal, localcontext
@@ -159,18 +159,36 @@ def _refused(name: str, setting: object) -> Iterator[None]:
         raise UsageError(f"{name}={setting}: {error.message}{hint}") from None
 
 
+def with_unit(text: str, names: Container[str]) -> tuple[Expression, str] | None:
+    """Return the number and the unit of a text such as ``2 kg``; None if the word after the number is no unit.
+
+    Parameters
+    ----------
+    names : container of str
+        Names that an expression may use, and that are then no units.
+
+    Raises
+    ------
+    ExpressionError
+        If the number is not decimal.
+    """
+    match = _WITH_UNIT.fullmatch(text)
+    if match is None or (match["unit"] not in UNITS and (match["unit"] in names or match["unit"] in CONSTANTS)):
+        return None
+    if _NOT_DECIMAL.fullmatch(text):
+        raise ExpressionError("numbers are decimal, such as 16 or 1.6e1")
+    return parse(match["value"]), match["unit"].strip()
+
+
 def _end(model: Model, name: str, text: str) -> tuple[Expression, str | None]:
     """Return the value that a text such as ``2*pi`` or ``2 kg`` gives a parameter, and the unit in which it counts."""
     own = model.parameters[name].unit
     try:
         expression = parse_finite(text, model.parameters)
     except ExpressionError:
-        match = _WITH_UNIT.fullmatch(text)
-        if match is None or match["unit"] in {*model.parameters, *CONSTANTS} - {*UNITS}:
+        if (parts := with_unit(text, model.parameters)) is None:
             raise
-        if _NOT_DECIMAL.fullmatch(text):
-            raise ExpressionError("numbers are decimal, such as 16 or 1.6e1") from None
-        expression, unit = parse(match["value"]), match["unit"].strip()
+        expression, unit = parts
     else:
         _check_names(model, expression)
         return expression, own if expression.literal else None

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO, NoReturn
 
 import yaml
 
-from mbstab.errors import Location, ModelFileError, Problem, UsageError, unseen
+from mbstab.errors import Location, ModelFileError, Problem, UsageError, counted, unseen
 from mbstab.records import dataclass
 
 MAX_BYTES = 1_000_000
@@ -296,7 +296,9 @@ class _Composer:
                 hint = "indent with blanks only: YAML forbids tabs there"
                 self.document.complain(place, "", "the line is indented with a tab", hint)
                 return self.root
-            self.document.complain(place, "", f"not valid YAML: {reason}")
+            self.document.complain(
+                place, "", f"not valid YAML: {reason}", self._mended(place, reason, error.context or "")
+            )
         except yaml.YAMLError as error:
             self.document.complain(self._at(None), "", f"not valid YAML: {error}")
         return self.root
@@ -307,6 +309,18 @@ class _Composer:
         if line > len(lines):  # the parser counts the end of the text as a line of its own
             line, column = len(lines), len(lines[-1]) + 1
         return Location(self.document.name, line, column)
+
+    def _mended(self, place: Location, reason: str, context: str) -> str:
+        """Return a hint if the indentation of a line is likely to be what makes the text no YAML."""
+        line = self.document.lines[place.line - 1]
+        indent = len(line) - len(line.lstrip())
+        if "flow" in context:
+            return "a bracket [ or { that is open here lacks a comma, a colon or its end"
+        if "mapping values are not allowed" in reason:
+            return "indent a key as the keys beside it, and put a text with ': ' in quotes"
+        if place.column == indent + 1:
+            return f"the line is indented by {counted(indent, 'blank')}: keys that belong together start in one column"
+        return ""
 
     def _node(self, event: yaml.NodeEvent) -> None:
         location = self._at(event.start_mark)

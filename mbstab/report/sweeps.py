@@ -97,8 +97,9 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
         lines += ["signs of a collision: energies of the two modes that meet (Krein signatures)", ""]
     lines += _ranges(result, factor)
     if result.meetings:
-        shown = [f"{what} at {number(_rounded(value, result) / factor, 6)}" for value, what in result.meetings]
-        lines += ["", *wrap("branches " + ", ".join(shown[:12]) + (" …" if len(shown) > 12 else ""), width=WIDTH)]
+        shown = [f"{number(_rounded(value, result) / factor, 6)} ({what})" for value, what in result.meetings]
+        said = ", ".join(shown[:12]) + (" …" if len(shown) > 12 else "")
+        lines += ["", *wrap(f"branches meet at {label}: {said}", width=WIDTH)]
     if result.problems:
         lines += ["", f"{counted(len(result.problems), 'point')} without an answer:"]
         for text in _refused(result, factor):

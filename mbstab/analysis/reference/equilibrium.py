@@ -33,7 +33,7 @@ from mbstab.analysis.reference.newton import Search, Stalled, newton_step
 from mbstab.analysis.reference.reactions import Reaction, reactions
 from mbstab.analysis.reference.refusals import inertias_too_far_apart
 from mbstab.analysis.reference.rotation import orientation
-from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected
+from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected, not_round
 from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
@@ -394,8 +394,7 @@ class Problem:
         M = self.system.bodily.dynamics(state.q, 0.0 * state.q, self.scene.time).M
         if apart := inertias_too_far_apart(self.system, M, search.sizes):
             return EquilibriumError("\n".join([*lines, apart]))
-        pulled = self._nothing_holds(state)
-        if pulled:
+        if pulled := self._nothing_holds(state):
             lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
             hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
         return EquilibriumError("\n".join([*lines, f"hint: {hint}"]))
@@ -415,14 +414,15 @@ class Problem:
     def _wrong_rate(self, search: Search, state: State) -> tuple[str, str] | None:
         """Return the given rate or the constraint that does not fit the motion where a search ended, and a hint."""
         n, n_h = self.system.n_q, search.balance.n_h
-        count = len(search.balance.rows) if search.balance.with_speeds else 0
-        speeds, rates = np.split(np.abs(state.residual[n + n_h :]), [count])
+        speeds, rates = np.split(np.abs(state.residual[n + n_h :]), [len(search.balance.rows) * search.balance.with_speeds])
         largest = max((float(np.max(x, initial=0.0)) for x in (speeds, rates)), default=0.0)
         if largest <= max(1e-6, float(np.max(np.abs(state.residual[:n])))):
             return None
         if len(rates) and float(np.max(rates)) == largest:
-            name = self.system.names[search.balance.given[int(np.argmax(rates))]]
-            said = f"the given rate of {name} does not belong to the motion ({state.steady})"
+            i = search.balance.given[int(np.argmax(rates))]
+            said = f"the given rate of {self.system.names[i]} does not belong to the motion ({state.steady})"
+            if hint := not_round(self.system, i):
+                return said, hint
         else:
             row = self.system.rows[search.balance.rows[int(np.argmax(speeds))]]
             said = f"the motion ({state.steady}) does not satisfy {row}: it drives, blocks or slips"

@@ -26,7 +26,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.imbalance import carrying, state_rounding, unbalance_at
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration
 from mbstab.analysis.reference.state_units import balanced_states
-from mbstab.analysis.reference.steady import Family, Generator
+from mbstab.analysis.reference.steady import Family, Generator, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
@@ -358,7 +358,8 @@ class Finder:
                 unit = unit_of_rate(self.system.names[i])
                 message = f"the rate of {system.names[i]} is given as {rate:.6g} {unit}, "
                 message += f"the steady motion ({generator}) has {u[i]:.6g} {unit}"
-                problems.append(self._at_reference(message, "leave it out, or correct reference.steady"))
+                hint = not_round(system, i) or "leave it out, or correct reference.steady"
+                problems.append(self._at_reference(message, hint))
         self._fail(problems)
         state = system.dynamics(q, u, scene.time)
         self._check_rates(q, u, state)

@@ -257,6 +257,20 @@ def spinning_columns(system: System) -> tuple[int, ...]:
     return tuple(found)
 
 
+def not_round(system: System, column: int) -> str:
+    """Return a hint if a coordinate is the last angle of a body whose mass is not symmetric about that axis."""
+    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+        if body.orientation and part.stop - 1 == column and not np.all(_symmetric(body, system.scene.dimension)):
+            name = body.name
+            if system.scene.dimension == 2:
+                return f"{name!r} turns steadily by itself only about its centre of mass: correct center_of_mass"
+            return (
+                f"{name!r} spins in a steady motion only with equal moments of inertia xx and yy and its centre of "
+                "mass on z: correct them, or turn all that turns by reference.steady (rate)"
+            )
+    return ""
+
+
 def spins_freely(system: System, columns: Sequence[int]) -> Flags:
     """Return at which points of a sweep all given coordinates turn a body about its own axis of symmetry."""
     good: Flags = np.ones(1, dtype=bool)

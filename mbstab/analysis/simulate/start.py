@@ -27,7 +27,9 @@ from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, ModelFileError, UsageError, amount, suggestion
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
+from mbstab.model.parameters import with_unit
 from mbstab.model.schema import parse_finite, unit_of
+from mbstab.model.units import parse_unit
 from mbstab.records import dataclass
 
 _MODE = re.compile(r"mode:\s*([0-9]{1,6})")
@@ -156,13 +158,14 @@ def _reference(system: System) -> tuple[Array, Array, Motion]:
 
 def _disturb(system: System, motion: Motion, wanted: _Wanted, name: str, value: float | str) -> None:
     """Add a disturbance to a state."""
-    size = _value(system, name, value)
     if mode := _MODE.fullmatch(name):
+        size = _value(system, name, value)
         dq, du = mode_shape(system, motion, int(mode[1]))
         wanted.q += size * dq
         wanted.u += size * du
         return
     quantity, rate = read_name(system, motion.sizes, name)
+    size = _value(system, name, value, f"{quantity.unit}/s" if rate else quantity.unit)
     if quantity.joint is not None:
         (wanted.joint_rates if rate else wanted.joints).append((quantity, size))
         return
@@ -172,7 +175,8 @@ def _disturb(system: System, motion: Motion, wanted: _Wanted, name: str, value: 
     held[quantity.number] = True
 
 
-def _value(system: System, name: str, value: float | str) -> float:
+def _value(system: System, name: str, value: float | str, unit: str = "") -> float:
+    """Return the size of a disturbance in SI, whose unit is given; "" for one that has none."""
     parameters = system.scene.parameters
     try:
         if not isinstance(value, str):
@@ -180,17 +184,31 @@ def _value(system: System, name: str, value: float | str) -> float:
                 raise ExpressionError("a disturbance is one number", 0, "a number, or a text with an expression")
             found = float(value)
         else:
-            expression = parse_finite(value, parameters)
-            for used in (*expression.names(), *expression.rates()):
-                if used not in parameters:
-                    raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, parameters))
-            found = float(expression.evaluate(parameters, FLOAT))
+            found = _expression(value, unit, parameters)
     except ExpressionError as error:
         hint = f"\nhint: {error.hint}" if error.hint else ""
         raise UsageError(f"--perturb {name}={value}: {error.message}{hint}") from None
     if not np.isfinite(found):
         raise UsageError(f"--perturb {name}={value}: the value is not finite")
     return found
+
+
+def _expression(text: str, unit: str, parameters: Mapping[str, Any]) -> float:
+    """Return what an expression in SI, or a number with a unit of its own such as ``10 deg``, amounts to in SI."""
+    try:
+        expression = parse_finite(text, parameters)
+    except ExpressionError:
+        if not unit or (parts := with_unit(text, parameters)) is None:
+            raise
+        number, own = parts
+        factor, dimension = parse_unit(own)
+        if dimension != parse_unit(unit)[1]:
+            raise ExpressionError(f"{own} is not a unit of it", 0, f"give it in {unit}") from None
+        return float(number.evaluate({}, FLOAT)) * factor
+    for used in (*expression.names(), *expression.rates()):
+        if used not in parameters:
+            raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, parameters))
+    return float(expression.evaluate(parameters, FLOAT))
 
 
 def mode_shape(system: System, motion: Motion, number: int) -> tuple[Array, Array]:

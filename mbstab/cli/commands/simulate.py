@@ -83,7 +83,8 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     "disturbances",
     metavar="NAME=VALUE",
     multiple=True,
-    help="Add to the reference motion: rod.theta=0.01, angle(pivot)=0.01 or displacement(…) of a joint, "
+    help='Add to the reference motion, in SI or with a unit: rod.theta=0.01, "rod.theta=10 deg", '
+    "angle(pivot)=0.01 or displacement(…) of a joint, "
     "rate(rod.theta)=0.1, rate(angle(pivot))=0.1, or mode:1=0.01, a mode of mbstab eig. What else is free stays as it "
     "is. May be repeated.",
 )

@@ -281,7 +281,12 @@ class EntryReader:
         other = any(kind_name == name for kind_name, _ in kinds)
         scene = "planar" if dimension == 2 else "spatial"
         message = f"the type {name!r} does not exist in a {scene} scene" if other else f"unknown type {name!r}"
+        elsewhere = [x for x in KINDS if any(kind_name == name for kind_name, _ in KINDS[x])]
         hint = suggestion(name, here) or "known types: " + ", ".join(here)
+        if elsewhere and not other:
+            hint = (
+                f"{name!r} is a type of {' and '.join(elsewhere)}: is the line '{elsewhere[0]}:' missing or indented?"
+            )
         self.nodes.complain(type_node, f"{path}.type", message, hint)
         return None
 
@@ -290,7 +295,7 @@ class EntryReader:
         fields = [field for field in kind.fields if self.names.dimension in field.dimensions and not field.made]
         typed = [] if kind is STATE_KIND else ["type"]
         self.nodes.known_keys(node, path, [*typed, *[field.name for field in fields]])
-        reading = Reading(self.quantities, node, path)
+        reading, told = Reading(self.quantities, node, path), len(self.nodes.document.problems)
         for field in fields:
             item = node.entries.get(field.name)
             if item is None and field.required:
@@ -305,7 +310,8 @@ class EntryReader:
         if kind.part is not None and name in self.parts:
             from mbstab.model.sections.parts import write_effort
 
-            part = write_effort(reading, kind, name, node)
+            sound = len(self.nodes.document.problems) == told  # else what its states would complain about is told
+            part = write_effort(reading, kind, name, node) if sound else None
             self.parts[name] = part or Part(dict.fromkeys(self.parts[name].states, "0"), "0")
         places = {field.name: node.entries[field.name].location for field in fields if field.name in node.entries}
         return Entry(section, name, kind, reading.values, node.location, places)

@@ -1,0 +1,65 @@
+"""What is wrong with a file is told with what mends it."""
+
+import pytest
+from click.testing import CliRunner
+
+import mbstab
+from mbstab.cli import main
+from mbstab.errors import MbstabError
+
+HEAD = "mbstab: 1\ntitle: x\n"
+ROD = "bodies: {rod: {type: planar, mass: 1, inertia: 1}}\n"
+HELD = ROD + "joints: {pivot: {type: revolute, between: [rod, ground]}}\n"
+CONTROLLED = HELD + "forces: {c: {type: state_feedback, joint: pivot, gains: {angle(GIVEN): 20}LAG}}\n"
+ROTOR = (
+    "bodies: {disk: {type: spatial, mass: 1, inertia: INERTIA}}\n"
+    "forces: {b: {type: bushing, between: [disk, ground], stiffness: [1e4, 1e4, 1e4], damping: [1, 1, 1]}}\n"
+    "reference: {find: steady, steady: {axis: z, rate: 0}, rates: {disk: {psi: 100}}}\n"
+)
+
+CASES = {
+    "bodies:\n  rod: {type: planar}\n   b: {type: planar}\n": ("5:4", "indented by 3 blanks"),
+    "bodies: {rod: {type: planar mass: 1}}\n": ("3:", "lacks a comma"),
+    "source: a: b\n" + ROD: ("3:10", "in quotes"),
+    "bodies:\n  rod: {type: planar, mass: 1, inertia: 1}\n  pivot: {type: revolute, between: [rod, ground]}\n": (
+        "5:17", "'revolute' is a type of joints: is the line 'joints:' missing or indented?"
+    ),
+    CONTROLLED.replace("GIVEN", "pivt").replace("LAG", ""): ("5:", "did you mean 'pivot'?"),
+    CONTROLLED.replace("GIVEN", "pivot").replace("LAG", ", lag: 0"): ("5:", "leave it out: without it"),
+    ROTOR.replace("INERTIA", "[0.01, 0.012, 0.02]"): ("5:", "only with equal moments of inertia xx and yy"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", CASES)
+def test_what_is_wrong_is_told_with_what_mends_it(text):
+    place, hint = CASES[text]
+    with pytest.raises(MbstabError) as error:
+        mbstab.loads(HEAD + text).eig()
+    told = str(error.value)
+    assert f":{place}" in told
+    assert hint in told
+    assert told.count("hint:") == 1  # nothing that follows from it is told beside it
+
+
+def test_a_round_rotor_spins():
+    answer = mbstab.loads(HEAD + ROTOR.replace("INERTIA", "[0.01, 0.01, 0.02]")).eig()
+    assert len(answer.eigenvalues) == 12
+
+
+@pytest.mark.parametrize("given", ["rod.theta=10 deg", "rod.theta=10*deg", "rod.theta=10000*deg/1000"])
+def test_disturbances_take_units(given):
+    answer = CliRunner().invoke(main, ["simulate", "pendulum.yaml", "--perturb", given, "--to", "0.1", "--once"])
+    assert answer.exit_code == 0, answer.stderr
+    assert "0.034729636" in answer.stdout  # 0.2 m * sin(10 deg)
+
+
+@pytest.mark.parametrize(("given", "hint"), [("rod.theta=1 kg", "in rad"), ("rate(rod.theta)=1 deg", "in rad/s")])
+def test_units_of_disturbances_must_fit(given, hint):
+    answer = CliRunner().invoke(main, ["simulate", "pendulum.yaml", "--perturb", given])
+    assert answer.exit_code == 2
+    assert f"hint: give it {hint}" in answer.stderr
+
+
+def test_where_branches_meet_is_told_with_parameter_and_unit():
+    answer = CliRunner().invoke(main, ["sweep", "ziegler_column.yaml", "--param", "P", "--plot", "none"])
+    assert "branches meet at P (N): " in answer.stdout
