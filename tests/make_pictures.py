@@ -29,7 +29,7 @@ CHARTS = (
     "rolling_disk.yaml --param omega --param R --from 0,0.1 --to 8,0.6 --points 31,31",
     "ziegler_column.yaml --param P --param b_2 --from 0,0 --to 6,1 --points 41,41",
     "rotor_table.yaml --param n --param q --points 31,31",
-    "von_mises_truss.yaml --param P --param h --points 41,41",
+    "von_mises_truss.yaml --param P --param h --from -10,0.5 --to 10,1.5 --points 41,41",
     "car_trailer.yaml --param u --param h --from 10,-0.5 --to 45,1 --points 31,31",
 )
 """Sweeps of two parameters."""

@@ -413,8 +413,8 @@ class Problem:
 
     def _wrong_rate(self, search: Search, state: State) -> tuple[str, str] | None:
         """Return the given rate or the constraint that does not fit the motion where a search ended, and a hint."""
-        n, n_h = self.system.n_q, search.balance.n_h
-        speeds, rates = np.split(np.abs(state.residual[n + n_h :]), [len(search.balance.rows) * search.balance.with_speeds])
+        n, n_h, balance = self.system.n_q, search.balance.n_h, search.balance
+        speeds, rates = np.split(np.abs(state.residual[n + n_h :]), [len(balance.rows) * balance.with_speeds])
         largest = max((float(np.max(x, initial=0.0)) for x in (speeds, rates)), default=0.0)
         if largest <= max(1e-6, float(np.max(np.abs(state.residual[:n])))):
             return None
