@@ -89,7 +89,7 @@ def unbalance_picture(result: UnbalanceResponse, title: str, unit: str, factor: 
         for k, (name, own, values) in enumerate(zip(result.outputs, result.units, result.values, strict=True)):
             style, angle = _style(k), phase(values)
             spread = max(spread, float(angle.max() - angle.min()))
-            handles.append(Line2D([], [], label=name + (f" ({own})" if own else ""), **style))
+            handles.append(Line2D([], [], label=name + (f" ({typeset(own)})" if own else ""), **style))
             panels[0].semilogy(speeds, np.abs(values), **style)
             panels[1].plot(speeds, angle, **style)
         for axes in panels:

@@ -16,6 +16,7 @@ from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_st
 from mbstab.report.pictures.over_parameter import branch_entries, legend_entries
 from mbstab.report.pictures.point_labels import LABELS, PointLabels
 from mbstab.report.pictures.scales import Axis, axis_range, set_real_scale, typeset
+from mbstab.report.pictures.spectrum import equal_damping
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
 
@@ -43,10 +44,12 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
                 side = "left" if x < 0.5 else "right"
                 axes.text(x, 1.015, text, transform=axes.transAxes, ha=side, va="bottom", style="italic")
         handles = _draw_ends(axes, curves)
+        oscillating = bool(np.nanmax(np.abs(curves.imag), initial=0.0) > 0.0)
+        lines = equal_damping(axes) if oscillating and axes.get_xlim()[0] < 0.0 else []
         labels = _draw_critical_points(axes, curves)
         if curves.marked:
             handles.append(legend_marker("D", 7.0, "critical value"))
-        draw_legend(figure, handles + branch_entries(curves) + legend_entries(curves))
+        draw_legend(figure, handles + branch_entries(curves) + legend_entries(curves) + lines)
         labels.draw()
         return figure
 
@@ -54,7 +57,7 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
 def _draw_ends(axes: Axes, curves: SweepCurves) -> list[Artist]:
     """Mark the eigenvalues at the first and the last value of the parameter; return the legend entries."""
     known = np.flatnonzero(np.isfinite(curves.real).all(axis=1) & (curves.real.shape[1] > 0))
-    ends = [(known[0], "o", 7.5, "none"), (known[-1], "s", 5.0, "k")] if len(known) else []
+    ends = [(known[0], "x", 6.5, "k"), (known[-1], "s", 5.0, "k")] if len(known) else []
     handles: list[Artist] = []
     for row, marker, size, face in ends:
         style: dict[str, Any] = {"linestyle": "", "color": "k", "markersize": size, "markerfacecolor": face}

@@ -110,8 +110,11 @@ def _plane(axes: Axes, values: Complex, pairs: list[Eigenvalue]) -> list[Artist]
     for at, text in ((0.01, "stable side"), (0.99, "unstable side")):
         axes.text(at, 1.015, text, transform=axes.transAxes, ha="left" if at < 0.5 else "right", va="bottom",
                   style="italic")  # fmt: skip
-    if not pairs:
-        return []
+    return equal_damping(axes) if pairs else []
+
+
+def equal_damping(axes: Axes) -> list[Artist]:
+    """Draw lines of equal damping ratio and frequency, with the ratios; return the legend entries."""
     reach = 2.0 * math.hypot(axes.get_ylim()[1], axes.get_xlim()[0])
     out = np.concatenate([[0.0], np.geomspace(1e-9 * reach, reach, 600)])
     labelled: list[Any] = []
@@ -120,7 +123,10 @@ def _plane(axes: Axes, values: Complex, pairs: list[Eigenvalue]) -> list[Artist]
         for sign in (1.0, -1.0):
             axes.plot(x, sign * y, **FAINT, scalex=False, scaley=False)
         here = axes.transData.transform(np.column_stack([x, -y]))  # below, where no names are
-        place = here[(axes.transAxes.inverted().transform(here) > (0.06, 0.035)).all(axis=1)][-1]
+        inside = here[(axes.transAxes.inverted().transform(here) > (0.06, 0.035)).all(axis=1)]
+        if not len(inside):
+            continue
+        place = inside[-1]
         if any(np.hypot(*(place - other)) < 0.35 * axes.figure.dpi for other in labelled):
             continue
         labelled.append(place)
