@@ -18,6 +18,7 @@ from mbstab.report.pictures.drawing import save
 from mbstab.report.pictures.regions import regions
 from mbstab.report.pictures.root_locus import root_locus
 from mbstab.report.pictures.scales import Axis, number_text
+from mbstab.report.pictures.spectrum import FAINT
 from mbstab.report.pictures.stability_chart import REGIONS, chart
 from mbstab.report.pictures.stability_map import stability_map
 from mbstab.report.pictures.sweep_curves import SweepCurves
@@ -48,8 +49,9 @@ def texts(figure):
 
 
 def curves(axes):
-    """The lines of branches: those with more than two points."""
-    return [line for line in axes.get_lines() if len(line.get_xdata()) > 2 and line.get_linestyle() != "None"]
+    """The lines of branches: those with more than two points that are not of the grid of equal damping."""
+    lines = [line for line in axes.get_lines() if line.get_zorder() != FAINT["zorder"]]
+    return [line for line in lines if len(line.get_xdata()) > 2 and line.get_linestyle() != "None"]
 
 
 def verticals(axes):
