@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from chains import straight_chain
 from sampling import sample
 
 import mbstab
@@ -387,3 +388,13 @@ def test_compiling_is_told_step_by_step_and_that_of_others_is_not(monkeypatch):
         second(1)
     second(1.0)
     assert told == [0.0, 0.5, 1.0]
+
+
+def test_runs_that_show_other_motions_are_no_estimate():
+    # This double pendulum is chaotic: runs with larger tolerances differ from each other by as much as it moves.
+    chain, start = mbstab.loads(straight_chain(2)), {"rod_0.theta": 1.3}
+    exact = chain.simulate(40.0, perturb=start, tol=1e-12, once=True, points=51, compiled=True)
+    sim = chain.simulate(40.0, perturb=start, tol=1e-3, points=51, compiled=True)
+    assert sim.warnings == ()
+    error = np.max(np.abs(sim.positions - exact.positions)) / np.max(exact.sizes)
+    assert max(error, np.max(np.abs(sim.rotations - exact.rotations))) <= 1e-3

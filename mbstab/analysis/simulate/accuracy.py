@@ -96,7 +96,7 @@ class Work:
             if following <= least or (self.estimate <= self.tol and k + 1 >= TOLERANCES.runs_least):
                 break
             wanted = TOLERANCES.step_tolerance_reduction * following
-            if self.estimate > self.tol:
+            if self.estimate > self.tol and (k == 1 or self.estimate < TOLERANCES.difference_of_motions):
                 order = TOLERANCES.order_counted_on * self.method.power
                 wanted = following * (TOLERANCES.repeated_run_aim * self.tol / self.estimate) ** (1.0 / order)
             earlier.append((following, run))
@@ -119,12 +119,19 @@ class Work:
         return run
 
     def _estimated(self, run: Run, tol: float, earlier: list[tuple[float, Run]], fast: float) -> float:
-        """Return the error of a run: the largest estimate from its differences to earlier ones."""
-        found = 0.0
-        for larger, other in earlier:
-            order = TOLERANCES.order_counted_on * self.method.power
+        """Return the error of a run: the largest estimate from its differences to earlier ones.
+
+        A difference as large as the motion does not shrink with any power yet: it says nothing beside smaller ones, and
+        alone that nothing is known.
+        """
+        away = [(larger, difference(run, other, self.follower.motion.sizes, fast)) for larger, other in earlier]
+        near = [(larger, off) for larger, off in away if off < TOLERANCES.difference_of_motions]
+        if not near:
+            return max(off for _, off in away)
+        found, order = 0.0, TOLERANCES.order_counted_on * self.method.power
+        for larger, off in near:
             ratio = min(tol / larger, TOLERANCES.step_tolerance_ratio) ** order
-            found = max(found, difference(run, other, self.follower.motion.sizes, fast) * ratio / (1.0 - ratio))
+            found = max(found, off * ratio / (1.0 - ratio))
         return found
 
     def _share(self, low: float, high: float) -> Callable[[float], object]:

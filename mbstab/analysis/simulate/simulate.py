@@ -5,8 +5,8 @@ orientations (of entries of the rotation matrices) and of speeds (relative to th
 motion; where nothing moves, to the part `TOLERANCES.resting_speed` of the natural rate of the scene) at
 any output time. It is estimated from at least three runs with different tolerances per step, to which
 power the error is proportional (`TOLERANCES.order_counted_on` times `Method.power` is assumed), and runs
-are repeated with smaller ones until the estimate is below the tolerance: the largest estimate from all earlier
-runs, as the errors of two runs may agree by chance.
+are repeated with smaller ones until the estimate is below the tolerance: the largest estimate from the two runs before,
+as the errors of two may agree by chance, without those that differ by `TOLERANCES.difference_of_motions` or more.
 The true error may exceed the estimate by the factor `TOLERANCES.error_factor`.
 """
 

@@ -105,6 +105,8 @@ class Tolerances:
     """A run whose estimate is above this fraction of the previous one has not improved the result."""
     order_counted_on: Final = 0.75
     """Fraction of `Method.power` that is assumed: errors of single runs may shrink less than in theory."""
+    difference_of_motions: Final = 0.5
+    """From this difference on, in sizes of the scene or rad, two runs show different motions."""
     repeated_run_aim: Final = 0.3
     """A repeated run aims at this fraction of the tolerance."""
     looks_at_given_functions: Final = 8
