@@ -273,6 +273,42 @@ def test_a_drive_holds_one_of_two_levers(compiled):
     assert run.q[:, place] == pytest.approx(found.y[:2].T, abs=1e-6)
 
 
+@pytest.mark.parametrize("lift", ["0", "0.2"])
+def test_a_lever_in_space_has_the_frequency_of_one_in_the_plane(lift):
+    """Rounding along angles that the hinge holds must not scale them."""
+    found = mbstab.loads(SPATIAL_LEVER.replace("damping: 20", "damping: 0").replace("0.2]", f"{lift}]")).eig()
+    assert np.sort(found.values().imag) == pytest.approx([-4.64505663185974978, 4.64505663185974978], rel=1e-12)
+    assert np.max(np.abs(found.values().real)) < 1e-12
+
+
+WHIRLED = """\
+mbstab: 1
+bodies: {p: {type: planar_point, mass: 0}, m: {type: planar_point, mass: 1}}
+joints: {rod: {type: distance, between: [p, ground], length: 1}}
+forces:
+  a: {type: spring, between: [p, m], stiffness: 50, length: 0}
+  b: {type: spring, between: [m, ground], stiffness: 50, length: 3}
+reference: {coordinates: {p: {x: 1, y: 0}, m: {x: 2, y: 0}}}
+"""
+
+
+def test_a_point_on_a_rod_follows_all_around():
+    """The rod points at the mass, at every angle: as a spring of length 1 at the pivot, of the same stiffness.
+
+    At the reference the rod does not see y of the point: what a row contains counts, not its slopes there.
+    """
+    alone = WHIRLED.replace("p: {type: planar_point, mass: 0}, ", "").replace("p: {x: 1, y: 0}, ", "")
+    alone = alone.replace("joints: {rod: {type: distance, between: [p, ground], length: 1}}\n", "")
+    alone = alone.replace("between: [p, m], stiffness: 50, length: 0", "between: [ground, m], stiffness: 50, length: 1")
+    settings = {"to": 4.0, "points": 9, "perturb": {"rate(m.y)": 4.0}, "tol": 1e-8}
+    run, other = (mbstab.loads(text).simulate(**settings) for text in (WHIRLED, alone))
+    place = run.q[:, [run.names.index(name) for name in ("m.x", "m.y")]]
+    assert place == pytest.approx(other.q, abs=1e-6)
+    assert np.unwrap(np.arctan2(*place.T[::-1]))[-1] > 2.0 * np.pi
+    point = run.q[:, [run.names.index(name) for name in ("p.x", "p.y")]]
+    assert np.linalg.norm(place, axis=1)[:, None] * point == pytest.approx(place, abs=1e-9)
+
+
 def test_a_lever_about_its_reference_point_swings():
     """Small vibrations have the frequency that eig gives; the spring of the stay is part of the balance."""
     lever = mbstab.loads(LEVER.replace("AT", "0").replace("D}", "0}"))

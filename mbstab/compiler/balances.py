@@ -91,16 +91,20 @@ class Tie:
         The order in which its rows are eliminated; None: not needed, as others say the same.
     parameters : tuple of int
         Its numbers among those of the balance.
+    signals : tuple of int
+        Its given functions, their rates and their second derivatives among those of the balance.
     """
 
     kernel: Any
     columns: tuple[int, ...]
     rows: tuple[int | None, ...]
     parameters: tuple[int, ...]
+    signals: tuple[int, ...]
 
-    def slopes(self, f: Arithmetic, q: Any, u: Any, p: Any) -> Iterator[tuple[int, int, Any]]:
+    def slopes(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Iterator[tuple[int, int, Any]]:
         """Yield row, coordinate and entry of J."""
-        own = [q[i] for i in self.columns], [u[i] for i in self.columns], [p[i] for i in self.parameters], ()
+        groups = (q, self.columns), (u, self.columns), (p, self.parameters), (s, self.signals)
+        own = [[x[i] for i in places] for x, places in groups]
         values = iter(self.kernel.dynamics(f, *own))
         for key, entries in self.kernel.DYNAMICS.items():
             for index in entries:
@@ -126,13 +130,13 @@ class Tied:
     given: tuple[tuple[int, float], ...]
     dependent: tuple[int, ...]
 
-    def direction(self, f: Arithmetic, q: Any, u: Any, p: Any) -> dict[int, Any]:
+    def direction(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> dict[int, Any]:
         """Return the components of the direction by places of coordinates: by Gaussian elimination in a fixed order."""
         n, given = len(self.dependent), dict(self.given)
         place = {column: k for k, column in enumerate(self.dependent)}
         A, b = [[0.0] * n for _ in range(n)], [0.0] * n
         for tie in self.ties:
-            for i, column, value in tie.slopes(f, q, u, p):
+            for i, column, value in tie.slopes(f, q, u, p, s):
                 if column in place:
                     A[i][place[column]] = A[i][place[column]] + value
                 elif column in given:
@@ -202,7 +206,7 @@ class Balance:
         """Return the force along the direction."""
         if self.tied is None:
             return _sum(share.force(f, q, u, p, s) for share in self.shares)
-        direction = self.tied.direction(f, q, u, p)
+        direction = self.tied.direction(f, q, u, p, s)
         return _sum(share.along(direction, f, q, u, p, s) for share in self.shares)
 
     def _acceleration(self, f: Arithmetic, q: Any, u: Any, a: Any, p: Any, s: Any) -> Any:
@@ -272,18 +276,17 @@ def balance_of(
         elif not e.takes_acceleration and not moving.isdisjoint(e.columns):
             acting.append(e)
     columns = tuple(dict.fromkeys(i for e in (*acting, *tying) for i in e.columns))
-    laws = tuple(law for e in acting for law in e.laws)
+    laws = tuple(law for e in (*acting, *tying) for law in e.laws)
     shares, ties, numbers, known = list[Share](), list[Tie](), 0, 0
     for e in (*acting, *tying):
         own, places = tuple(range(numbers, numbers + len(e.parameters))), tuple(map(columns.index, e.columns))
-        numbers += len(e.parameters)
+        ranges = [range(k * len(laws) + known, k * len(laws) + known + len(e.laws)) for k in range(3)]
+        numbers, known, signals = numbers + len(e.parameters), known + len(e.laws), tuple(chain.from_iterable(ranges))
         if e.rows:
-            ties.append(Tie(e.kernel, places, tuple(map(order.get, e.rows)), own))
-            continue
-        signals = [range(k * len(laws) + known, k * len(laws) + known + len(e.laws)) for k in range(3)]
-        weights = tuple(direction.get(i, 0.0) for i in e.columns)
-        shares.append(Share(e.kernel, places, weights, own, tuple(chain.from_iterable(signals))))
-        known += len(e.laws)
+            ties.append(Tie(e.kernel, places, tuple(map(order.get, e.rows)), own, signals))
+        else:
+            weights = tuple(direction.get(i, 0.0) for i in e.columns)
+            shares.append(Share(e.kernel, places, weights, own, signals))
     following = None
     if tied:
         given = tuple((columns.index(i), x) for i, x in direction.items() if i in columns)

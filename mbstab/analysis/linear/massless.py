@@ -168,7 +168,7 @@ class _Decision:
 
     def __init__(self, system: System, motion: Motion, matrices: Matrices, terms: Matrices) -> None:
         assert motion.massless is not None
-        self.system, self.motion, self.matrices = system, motion, matrices
+        self.system, self.motion, self.matrices, self.terms = system, motion, matrices, terms
         scale, N = motion.spaces.scale, motion.spaces.N
         alone = [
             i
@@ -194,7 +194,7 @@ class _Decision:
         a, f = (self._in_coordinates(x) for x in (algebraic, first))
         all_ = _extended(m, n_h, a, f)
         rows = (*system.rows[:n_h], *map(self._row, a), *system.rows[n_h:], *map(self._row, f))
-        sizes = _extended(Matrices(*map(np.abs, m)), n_h, np.abs(a), np.abs(f)).J
+        sizes = _extended(self.terms, n_h, np.abs(a), np.abs(f)).J
         # What is rounding of a sum must not scale a coordinate.
         J = np.where(np.abs(all_.J) > TOLERANCES.row_rounding * sizes, all_.J, 0.0)
         scale = coordinate_scale(m.M, motion.sizes, J[n_h:])

@@ -14,13 +14,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import qr
 
+from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, NumericalError, amount
 from mbstab.model.scene import BalanceValues
-from mbstab.model.schema import is_length
+from mbstab.model.schema import is_length, is_state
 
 
 def balanced(system: System, motion: Motion) -> tuple[System, Motion]:
@@ -57,7 +58,8 @@ def _tied(system: System, motion: Motion, further: int) -> dict[int, int]:
     """
     assert motion.massless is not None
     J = motion.dynamics.J * motion.sizes
-    moving = np.flatnonzero(np.max(np.abs(motion.massless), axis=1) > TOLERANCES.component_without_mass)
+    moving = np.max(np.abs(motion.massless), axis=1) > TOLERANCES.component_without_mass
+    moving = np.flatnonzero(_with_tied(system, motion, moving))
     rows = np.flatnonzero(np.any(J[:, moving], axis=1))
     count = len(moving) - motion.massless.shape[1]
     if not count:
@@ -79,6 +81,26 @@ def _tied(system: System, motion: Motion, further: int) -> dict[int, int]:
     following = rows[chosen[:count]][order]
     following = np.where(following >= system.n_h, following + further, following)
     return dict(zip(moving[columns].tolist(), following.tolist(), strict=True))
+
+
+def _with_tied(system: System, motion: Motion, moving: Flags) -> Flags:
+    """Return the coordinates that move, and all without mass that holonomic rows may tie to them.
+
+    What a row contains counts, not the slopes at the reference, which may vanish there alone.
+    """
+    contained = np.zeros((system.n_h, system.n_q + 1), dtype=bool)
+    for e in system._elements:
+        if e.rows and max(e.rows) < system.n_h:
+            for i, j in e.kernel.DYNAMICS["J"]:
+                contained[e.rows[i], e.columns[j]] = True
+    contained = contained[:, :-1]
+    light = ~np.any(motion.dynamics.M, axis=1) & ~np.array([is_state(name) for name in system.names])
+    found = moving
+    while True:
+        grown = found | (light & np.any(contained[np.any(contained[:, found], axis=1)], axis=0))
+        if np.all(grown == found):
+            return found
+        found = grown
 
 
 def _refused(system: System, names: list[str]) -> MassError:
