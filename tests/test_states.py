@@ -550,3 +550,20 @@ def test_units_of_mass_length_time_and_current_change_no_answer(name, number):
     assert (after.verdict, after.counts) == (before.verdict, before.counts)
     values, others = (np.array([e.value for e in x.eigenvalues if e.kind != "neutral"]) for x in (before, after))
     assert np.all(matched(units[2] * others, values) <= 1e-11 * np.max(np.abs(values)))
+
+
+@pytest.mark.parametrize("gain", ["1e-8", "1", "1e8"])
+@pytest.mark.parametrize("mass", ["1e-9", "1", "1e9"])
+def test_integrals_of_any_size_are_found(gain, mass):
+    """The mass rests at 0.1 m, where the integral has taken over the load of 1 N per kg: up to 1e8 m s."""
+    found = on_a_line(
+        f"m: {mass}, i: {gain}",
+        "z: {rate: b.x - 0.1}",
+        "m*(1 - 9*b.x - 2*rate(b.x) - i*z)",
+        "reference: {find: equilibrium, guess: {b: {x: 0}}}",
+    ).eig()
+    with mp.workdps(30):
+        roots = mp.polyroots([1, 2, 9, mp.mpf(gain)], maxsteps=200, extraprec=200)
+    expected = np.array([complex(x) for x in roots])
+    distance = matched(np.array([e.value for e in found.eigenvalues]), expected)
+    assert np.all(distance <= 1e-13 * np.max(np.abs(expected)))

@@ -29,7 +29,7 @@ from mbstab.analysis.reference.state_units import balanced_states
 from mbstab.analysis.reference.steady import Family, Generator, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
+from mbstab.errors import ConstraintError, MassError, MbstabError, ModelFileError, Problem, amount
 from mbstab.model.schema import is_length, is_state, unit_of_rate
 from mbstab.model.units import parse_unit
 from mbstab.records import dataclass
@@ -124,12 +124,24 @@ class Finder:
         given = [abs(v) for n, v in self.scene.coordinates.items() if is_length(n)]
         length = max([*self.scene.lengths, *given], default=0.0) or _longest_parameter(system) or 1.0
         self.sizes = np.where(self.is_length, length, 1.0)
+        self.sizes = system.remember("sizes", None, self._sizes) if len(system.states[0]) else self.sizes
         self.solved: list[str] = []
         self.warnings: list[str] = [
             f"the Euler angles that are given for {name!r} are singular: phi, theta and psi count from the orientation "
             "that they give, as if it were written as axes: [phi, theta, psi]"
             for name in self.scene.turned
         ]
+
+    def _sizes(self) -> Array:
+        """Return the characteristic sizes with those of first-order states where the search starts."""
+        system, at = self.system, (self.start()[0], np.zeros(self.system.n_q), self.scene.time)
+        try:
+            state = system.dynamics(*at)
+            spaces = subspaces(state.M, state.J, system.n_h, system.rows, self.sizes)
+            units = balanced_states(system, spaces, state, at, self.sizes)
+        except (MbstabError, ArithmeticError, ValueError):
+            return self.sizes
+        return self.sizes if units is None else units[0]
 
     def _fail(self, problems: list[Problem]) -> None:
         if problems:

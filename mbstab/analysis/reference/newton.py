@@ -195,6 +195,16 @@ class Search:
                 break  # the others follow a motion, of which these inertias leave no digits
         raise Stalled(self.best)
 
+    def _rate_of_states(self, q: Array) -> float:
+        """Return how fast first-order states change where everything is off by its size (1/s)."""
+        (states, rows), still = self.system.states, np.zeros_like(q)
+        if not len(states):
+            return 0.0
+        _, _, D_q = self.system.linearize(q, still, still, np.zeros(self.system.n_c))
+        lengths = np.abs(self.system.dynamics(q, still).J[rows]) @ self.sizes
+        rates = np.abs(D_q[rows - self.system.n_h]) @ self.sizes / lengths
+        return float(np.max(rates, where=np.isfinite(rates), initial=0.0))
+
     def _measure(self, q: Array, c: Array) -> None:
         """Set the scales of energy and speed by which residuals are judged."""
         scene = self.system.scene
@@ -203,7 +213,8 @@ class Search:
         energy = max(float(body.mass) for body in scene.bodies) * gravity * float(np.max(lengths, initial=0.0))
         full = self.balance.coefficients(c)
         u = self.balance.family.generator(full).field(q)
-        self.balance.speed = max(float(np.max(np.abs(u / self.sizes))), float(np.max(np.abs(full), initial=0.0))) or 1.0
+        speed = max(float(np.max(np.abs(u / self.sizes))), float(np.max(np.abs(full), initial=0.0)))
+        self.balance.speed = speed or self._rate_of_states(q) or 1.0
         a = self.balance.family.generator(full).acceleration(q)
         # Forces, not their slopes, which may have any size near a singular point.
         energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
