@@ -25,13 +25,12 @@ from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancie
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.imbalance import carrying, state_rounding, unbalance_at
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration
-from mbstab.analysis.reference.state_units import balanced_states
+from mbstab.analysis.reference.state_units import balanced_states, characteristic_sizes
 from mbstab.analysis.reference.steady import Family, Generator, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.errors import ConstraintError, MassError, MbstabError, ModelFileError, Problem, amount
+from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
 from mbstab.model.schema import is_length, is_state, unit_of_rate
-from mbstab.model.units import parse_unit
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -121,27 +120,13 @@ class Finder:
         self.scene = system.scene
         self.document = system.scene.model.document
         self.is_length: npt.NDArray[np.bool_] = np.array([is_length(name) for name in system.names])
-        given = [abs(v) for n, v in self.scene.coordinates.items() if is_length(n)]
-        length = max([*self.scene.lengths, *given], default=0.0) or _longest_parameter(system) or 1.0
-        self.sizes = np.where(self.is_length, length, 1.0)
-        self.sizes = system.remember("sizes", None, self._sizes) if len(system.states[0]) else self.sizes
+        self.sizes: Array = system.remember("sizes", None, lambda: characteristic_sizes(system, self.start()[0]))
         self.solved: list[str] = []
         self.warnings: list[str] = [
             f"the Euler angles that are given for {name!r} are singular: phi, theta and psi count from the orientation "
             "that they give, as if it were written as axes: [phi, theta, psi]"
             for name in self.scene.turned
         ]
-
-    def _sizes(self) -> Array:
-        """Return the characteristic sizes with those of first-order states where the search starts."""
-        system, at = self.system, (self.start()[0], np.zeros(self.system.n_q), self.scene.time)
-        try:
-            state = system.dynamics(*at)
-            spaces = subspaces(state.M, state.J, system.n_h, system.rows, self.sizes)
-            units = balanced_states(system, spaces, state, at, self.sizes)
-        except (MbstabError, ArithmeticError, ValueError):
-            return self.sizes
-        return self.sizes if units is None else units[0]
 
     def _fail(self, problems: list[Problem]) -> None:
         if problems:
@@ -586,13 +571,6 @@ class Finder:
                 weights = np.abs(combination)
                 names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
                 raise ConstraintError(singular_configuration(total / single, names))
-
-
-def _longest_parameter(system: System) -> float:
-    """Return the largest parameter that is a length, for scenes whose size only equations determine; or 0."""
-    values, metre = system.scene.parameters, parse_unit("m")[1]
-    lengths = [n for n, p in system.scene.model.parameters.items() if p.unit and parse_unit(p.unit)[1] == metre]
-    return max((abs(float(values[n])) for n in lengths if not hasattr(values[n], "shape")), default=0.0)
 
 
 def unbalance(system: System, motion: Motion) -> float:

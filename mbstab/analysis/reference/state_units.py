@@ -8,14 +8,40 @@ effect of a state on all others is as large as theirs on it, with speeds in the 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 
 from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.sparse import is_sparse, scaled
-from mbstab.analysis.algebra.subspaces import Subspaces
+from mbstab.analysis.algebra.subspaces import Subspaces, subspaces
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.errors import MbstabError
+from mbstab.model.schema import is_length
+from mbstab.model.units import parse_unit
+
+
+def characteristic_sizes(system: System, start: Array) -> Array:
+    """Return the characteristic size of each coordinate, (n_q,); those of first-order states where a search starts."""
+    is_a_length, scene = np.array([is_length(name) for name in system.names]), system.scene
+    given = [abs(v) for n, v in scene.coordinates.items() if is_length(n)]
+    length = max([*scene.lengths, *given], default=0.0) or _longest_parameter(system) or 1.0
+    sizes, units = np.where(is_a_length, length, 1.0), None
+    if len(system.states[0]):
+        with suppress(MbstabError, ArithmeticError, ValueError):
+            at = start, np.zeros(system.n_q), scene.time
+            state = system.dynamics(*at)
+            spaces = subspaces(state.M, state.J, system.n_h, system.rows, sizes)
+            units = balanced_states(system, spaces, state, at, sizes)
+    return sizes if units is None else units[0]
+
+
+def _longest_parameter(system: System) -> float:
+    """Return the largest parameter that is a length, for scenes whose size only equations determine; or 0."""
+    values, metre = system.scene.parameters, parse_unit("m")[1]
+    lengths = [n for n, p in system.scene.model.parameters.items() if p.unit and parse_unit(p.unit)[1] == metre]
+    return max((abs(float(values[n])) for n in lengths if not hasattr(values[n], "shape")), default=0.0)
 
 
 def balanced_states(
