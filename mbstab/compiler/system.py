@@ -172,10 +172,10 @@ class System:
 
     @property
     def closing(self) -> System:
-        """A system with only holonomic rows: what closes a mechanism has a value without its speeds."""
+        """A system with only inertia and holonomic rows: what closes a mechanism has a value without its speeds."""
 
         def closes(element: Placed) -> bool:
-            return bool(element.rows and max(element.rows) < self.n_h)
+            return element.takes_acceleration or bool(element.rows and max(element.rows) < self.n_h)
 
         return self.remember("closing", None, lambda: self._with([e for e in self._elements if closes(e)]))
 
