@@ -31,7 +31,7 @@ from mbstab.model.arguments import Progress, parted, series, untold, whole
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.library import find_model
 from mbstab.model.parameters import Latest, bound, evaluate_parameters
-from mbstab.model.reader import read_model, read_model_text
+from mbstab.model.reader import read_model, read_model_text, with_counts
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
@@ -81,14 +81,14 @@ class Mechanism:
     _latest: Latest[System] = field(default_factory=Latest, init=False, repr=False, compare=False)
 
     def at(self, **parameters: Setting) -> Mechanism:
-        """Return the mechanism at parameter values; what is asked of it is asked there.
+        """Return the mechanism at values of parameters and counts; what is asked of it is asked there.
 
         Raises
         ------
         UsageError
             If a parameter is unknown or its value no number.
         """
-        return replace(self, model=bound(self.model, parameters)) if parameters else self
+        return replace(self, model=bound(*with_counts(self.model, parameters))) if parameters else self
 
     def _affordable(self, task: Task, parameters: Mapping[str, Setting]) -> System:
         """Return the equations of motion if a task about them is within the limits of memory and time."""

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 
 import mbstab
 from mbstab.cli.main import main
-from mbstab.errors import MbstabError, ModelFileError
+from mbstab.errors import MbstabError, ModelFileError, UsageError
 from mbstab.model.expansion import MAX_NODES
 from mbstab.model.library import installed_models
 
@@ -242,3 +242,24 @@ def test_work_that_is_taken_up_again_knows_the_parts(car):
     (car.parent / "wheel.yaml").write_text(WHEEL.replace("m: 3", "m: 5"))
     again = CliRunner().invoke(main, [*call, "--resume"])
     assert again.exit_code == 2 or out.read_text() != first
+
+
+def test_a_count_is_set_like_a_parameter(tmp_path):
+    written = mbstab.loads(CHAIN.replace("COUNT", "5")).eig(m=3).values()
+    model = mbstab.loads(CHAIN.replace("COUNT", "2"))
+    for chain in (model.at(N=5, m=3), model.at(m="3").at(N="5"), model.at(N=5).at(m=3)):
+        assert np.array_equal(chain.eig().values(), written)
+    file = tmp_path / "chain.yaml"
+    file.write_text(CHAIN.replace("COUNT", "2"))
+    ran = CliRunner().invoke(main, ["eig", str(file), "--set", "N=5", "--set", "m=3", "--format", "json"])
+    assert json.loads(ran.output)["counts"]["expected"] == 10
+    values = np.linspace(50.0, 150.0, 300)
+    sweeps = [mbstab.load(file).at(N=4).sweep("k", values, jobs=jobs).branches for jobs in (1, 2)]
+    assert np.array_equal(*sweeps)
+    assert sweeps[0].shape[1] == 8
+
+
+@pytest.mark.parametrize("value", ["2.5", "-1", "m", "", "1e1"])
+def test_a_count_that_is_no_whole_number_is_refused(value):
+    with pytest.raises(UsageError, match="N is a count of the file: expected a whole number"):
+        mbstab.loads(CHAIN.replace("COUNT", "2")).eig(N=value)

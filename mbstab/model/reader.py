@@ -6,8 +6,10 @@ import gc
 from collections.abc import Iterator
 from collections.abc import Mapping as MappingType
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+from mbstab.errors import UsageError
 from mbstab.model.expansion import EXPANDED, expanded
 from mbstab.model.names import Names
 from mbstab.model.nodes import NodeReader
@@ -42,6 +44,7 @@ def read_model_text(text: str | bytes, name: str = "<text>", beside: MappingType
     with _uncollected():
         document, root = parse_yaml(text, name)
         document.beside.update(beside or {})
+        document.sections = tuple(root.entries)
         model = _read(document, expanded(document, root))
     document.raise_problems()
     return model
@@ -52,6 +55,48 @@ def expanded_text(model: Model) -> str:
     document, root = parse_yaml("\n".join(model.document.lines), model.document.name)
     document.beside.update(model.document.beside)
     return yaml_text(expanded(document, root))
+
+
+def with_counts(model: Model, settings: MappingType[str, object]) -> tuple[Model, dict[str, object]]:
+    """Return a model with the counts among some settings, read again, and the settings that are left.
+
+    Raises
+    ------
+    ModelFileError
+        If the file does not fit these counts.
+    UsageError
+        If a count is no whole number.
+    """
+    if "counts" not in model.document.sections:
+        return model, dict(settings)
+    document, root = parse_yaml("\n".join(model.document.lines), model.document.name)
+    counts = NodeReader(document).optional_pairs(root.entries.get("counts"), "counts")
+    chosen = {name: _whole(name, x) for name, x in settings.items() if name in counts and name not in model.parameters}
+    if not chosen:
+        return model, dict(settings)
+    lines = list(model.document.lines)
+    # From the last to the first, so that places stay.
+    for name in sorted(chosen, key=lambda x: (counts[x].location.line, counts[x].location.column), reverse=True):
+        node = counts[name]
+        assert isinstance(node, Scalar)
+        row, begin = node.location.line - 1, node.location.column - 1
+        at = lines[row].index(node.text, begin)  # behind a quotation mark
+        lines[row] = lines[row][:at] + str(chosen[name]) + lines[row][at + len(node.text) :]
+    found = read_model_text("\n".join(lines), model.document.name, model.document.beside)
+    given = {name: x.given for name, x in model.parameters.items() if x.given is not None and name in found.parameters}
+    changed = {name: replace(found.parameters[name], given=x) for name, x in given.items()}
+    left = {name: x for name, x in settings.items() if name not in chosen}
+    return replace(found, parameters={**found.parameters, **changed}), left
+
+
+def _whole(name: str, value: object) -> int:
+    """Return a count that is given as a number or a text."""
+    text = str(value).strip()
+    if not text.isdecimal():
+        raise UsageError(
+            f"{name} is a count of the file: expected a whole number, not {text!r}\nhint: such as {name}=10"
+        )
+    return int(text)
 
 
 @contextmanager
