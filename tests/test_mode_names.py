@@ -217,6 +217,7 @@ def test_names_are_printed(capsys):
     assert [e["name"] for e in data["eigenvalues"]][:4] == ["capsize", "weave", "weave", "castering"]
     rows = list(csv.DictReader(io.StringIO(printed(capsys, "eig", BICYCLE, "--format", "csv"))))
     assert [row["mode"] for row in rows][:4] == ["capsize", "weave", "weave", "castering"]
+    assert rows[0]["magnitude of rear_wheel.y (m; largest coordinate 1)"] == "1.0"
 
 
 def test_names_of_branches_are_printed(capsys):

@@ -64,7 +64,7 @@ def test_the_command_writes_and_draws_it(tmp_path):
     r = 3600 / (4500 - 5 * 3600 + 480j)
     np.testing.assert_allclose([output["real"][1], output["imag"][1]], [(-1j * r).real, (-1j * r).imag], rtol=1e-12)
     lines = run(*arguments, "--points", "2", "--format", "csv").stdout.splitlines()
-    assert lines[0].startswith("n (rad/s),u real,u imag")
+    assert lines[0].startswith("n (rad/s),u real (m/(kg*m)),u imag (m/(kg*m))")
     assert len(lines) == 3
 
 
@@ -89,7 +89,9 @@ def test_speeds_count_in_the_unit_of_the_parameter_and_unstable_ones_are_marked(
     np.testing.assert_allclose(data["speed"], np.array([500, 550, 600]) * np.pi / 30)
     assert data["verdicts"][:2] == [data["verdicts"][0]] * 2
     assert data["verdicts"][2] == "unstable"
-    line = run(*arguments, "--format", "csv").stdout.splitlines()[-1]
+    head, *_, line = run(*arguments, "--format", "csv").stdout.splitlines()
+    assert head.startswith("n (rpm),")
+    assert line.startswith("600.0,")
     assert line.endswith(",unstable")
     # The whirl stands still in the disk, where the inner damping has nothing to do.
     speed = data["speed"][2]

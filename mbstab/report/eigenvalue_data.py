@@ -119,7 +119,11 @@ def verdict_data(judged: Verdict) -> dict[str, Any]:
 
 
 def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
-    """Return heads and rows of a CSV file: one eigenvalue per row, with magnitude and phase of every coordinate."""
+    """Return heads and rows of a CSV file: one eigenvalue per row, with magnitude and phase of every coordinate.
+
+    Shapes have the scale of `mbstab.report.modes.shapes_text`: the coordinate that moves most has 1 and phase 0. (Modes
+    in words also tell angles of joints, and are relative to the largest motion that they tell.)
+    """
     heads = [
         "real (1/s)",
         "imag (1/s)",
@@ -131,7 +135,7 @@ def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
         "mode",
     ]
     for name in result.coordinates:
-        heads += [f"magnitude of {name} ({unit_of(name)})", f"phase of {name} (rad)"]
+        heads += [f"magnitude of {name} ({unit_of(name)}; largest coordinate 1)", f"phase of {name} (rad)"]
     rows = []
     for e in result.eigenvalues:
         shape: list[Any] = [""] * (2 * len(result.coordinates))

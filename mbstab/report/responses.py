@@ -10,7 +10,7 @@ import numpy as np
 from mbstab.errors import counted
 from mbstab.model.words import UNSTABLE
 from mbstab.report import WIDTH
-from mbstab.report.export import to_csv
+from mbstab.report.export import in_unit, to_csv
 from mbstab.report.tables import eigenvalue, table
 
 if TYPE_CHECKING:
@@ -242,11 +242,13 @@ def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[st
     return head | {"speed": result.speeds, "outputs": found, "verdicts": list(result.verdicts)}
 
 
-def unbalance_csv(result: UnbalanceResponse) -> str:
-    """Return one line for each speed, with all outputs."""
-    heads = [f"{result.parameter} (rad/s)", *(f"{name} {part}" for name in result.outputs for part in ("real", "imag"))]
+def unbalance_csv(result: UnbalanceResponse, unit: str, factor: float) -> str:
+    """Return one line for each speed, in `unit`, which is `factor` rad/s, with all outputs."""
+    heads = [f"{result.parameter} ({unit})"]
+    for name, own in zip(result.outputs, result.units, strict=True):
+        heads += [f"{name} {part}" + (f" ({own})" if own else "") for part in ("real", "imag")]
     columns = [part for values in result.values for part in (values.real, values.imag)]
-    lines = np.column_stack([result.speeds, *columns]).tolist()
+    lines = np.column_stack([in_unit(result.speeds, factor), *columns]).tolist()
     return to_csv([*heads, "verdict"], [[*line, verdict] for line, verdict in zip(lines, result.verdicts, strict=True)])
 
 

@@ -202,7 +202,7 @@ def _unbalance(
         {
             "table": lambda: responses.unbalance_text(found, model.title, unit, factor),
             "json": lambda: export.to_json(responses.unbalance_data(found, model.name, model.title)),
-            "csv": lambda: responses.unbalance_csv(found),
+            "csv": lambda: responses.unbalance_csv(found, unit, factor),
         }
     )
     for path in paths.values():
