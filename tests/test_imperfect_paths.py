@@ -148,3 +148,4 @@ def test_the_path_ends_where_branches_cannot_be_told_apart(monkeypatch):
     assert set(result.unstable[:7]) == {0}
     assert set(result.unstable[7:]) == {-1}
     assert all(continuation.UNSURE in message for message in result.problems.values())
+    assert [c.kind for c in result.critical] == ["unresolved"]

@@ -11,6 +11,8 @@ from blocks import blocks, read, run, sessions
 from click.testing import CliRunner
 
 from mbstab.analysis.linear.methods import METHODS
+from mbstab.analysis.proof.critical_values import LOCATED
+from mbstab.analysis.sweep.critical_slopes import WITHOUT
 from mbstab.cli import main
 from mbstab.cli.handbook.lookup import found_places, places
 from mbstab.cli.handbook.pages import FOLDER, TOPICS, WRITTEN, page
@@ -97,6 +99,12 @@ def options(command):
     return [option for parameter in command.params if isinstance(parameter, click.Option) for option in parameter.opts]
 
 
+def choices(command):
+    return [
+        x for parameter in command.params if isinstance(parameter.type, click.Choice) for x in parameter.type.choices
+    ]
+
+
 def every_word():
     """Yield what a search must find, with the beginning of a line of its answer."""
     for name in COMMANDS:
@@ -106,6 +114,8 @@ def every_word():
             yield path, f"commands: {path}"
             for option in options(inner):
                 yield f"{path} {option}", f"commands: {path}"
+            for choice in choices(inner):
+                yield f"{path} {choice}", f"commands: {path}"
     for name in SECTIONS:
         yield name, ""
     for fields in SECTION_FIELDS.values():
@@ -116,6 +126,7 @@ def every_word():
             yield from ((f"{section} {field.name}", f"keys: {section}") for field in kind.fields)
     yield from ((name, "keys: ") for name in FUNCTIONS)
     yield from ((word, "verdicts: ") for word in WORDS)
+    yield from ((kind, "theory: Critical values") for kind in (*LOCATED, *WITHOUT))
     yield from ((name, "how-to: ") for name in METHODS)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import root
-from mbstab.analysis.reference.continuation import AGAIN, BRANCHES, HIDDEN, LONG, TURNS
+from mbstab.analysis.reference.continuation import AGAIN, BRANCHES, HIDDEN, LONG, TURNS, UNSURE
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_verdict import (
     Sides,
@@ -241,7 +241,7 @@ class CriticalValues(Branches):
 
     def ended(self, value: float, reason: str) -> Critical:
         """Return the end of a path of equilibria as a critical value."""
-        kinds = {TURNS: "fold", BRANCHES: "branch point", **dict.fromkeys((AGAIN, LONG, HIDDEN), "unresolved")}
+        kinds = {TURNS: "fold", BRANCHES: "branch point", **dict.fromkeys((AGAIN, LONG, UNSURE, HIDDEN), "unresolved")}
         kind = kinds.get(reason, "loss of equilibrium")
         sides, words = self._beside(value)
         return Critical(value, kind, (), 0.0, sides, verdicts=words)
