@@ -6,7 +6,7 @@ import re
 import shutil
 import subprocess
 
-WIDTHS = (375, 1280)
+WIDTHS = (360, 1280)
 """Widths of a telephone and of a screen (CSS pixels)."""
 
 MEASURE = """
