@@ -151,7 +151,7 @@ def test_creep_acts_at_the_rails_where_the_wheelset_may_roll(rolls):
 
 
 def test_creep_in_space_has_no_value_at_rest():
-    with pytest.raises(NumericalError, match=r"<text>:\d+:\d+: forces.front_creep .*\n.*give the body a speed along"):
+    with pytest.raises(NumericalError, match=r"<text>:\d+:\d+: forces.creep1 .*\n.*give the body a speed along"):
         bogie().eig(V=0)
 
 
@@ -159,11 +159,11 @@ def test_creep_in_space_has_no_value_at_rest():
     ("old", "new", "message"),
     [
         ("half_gauge: a", "half_gauge: -a", "half gauge must be positive, got -0.716 m"),
-        ("at: front, half", "at: front, rails: [1, 0], half", "expected 3 numbers, got 2"),
-        ("at: front, half", "at: front, rails: [1, 0, 1e-3], half", "rails must lie across normal"),
-        ("at: front, half", "at: front, normal: [0, 0, 0], half", "a direction must have a length"),
+        ("at: axle<i>, half", "at: axle<i>, rails: [1, 0], half", "expected 3 numbers, got 2"),
+        ("at: axle<i>, half", "at: axle<i>, rails: [1, 0, 1e-3], half", "rails must lie across normal"),
+        ("at: axle<i>, half", "at: axle<i>, normal: [0, 0, 0], half", "a direction must have a length"),
     ],
 )
 def test_bad_creep_is_refused(old, new, message):
-    with pytest.raises(ModelFileError, match=rf"<text>:\d+:\d+: forces\.front_creep.*{re.escape(message)}"):
+    with pytest.raises(ModelFileError, match=rf"<text>:\d+:\d+: forces\.creep1.*{re.escape(message)}"):
         mbstab.loads(BOGIE.replace(old, new, 1)).eig()

@@ -34,6 +34,15 @@ def test_the_model_says_what_it_is_and_where_it_comes_from(name):
     assert all(parameter.description and parameter.unit for parameter in model.parameters.values())
 
 
+@pytest.mark.parametrize("name", ["bogie", "car", "rigid_rotor", "robot_arm"])
+def test_vehicles_rotors_and_controlled_arms_are_short(name):
+    text = MODELS[name].read_text(encoding="utf-8")
+    lines = text.splitlines()
+    assert len(lines) <= 60
+    assert max(map(len, lines)) <= 120
+    assert "type: expression" not in text
+
+
 @pytest.mark.parametrize("name", MODELS)
 def test_the_scene_needs_what_it_declares(name):
     model = mbstab.load(MODELS[name])
