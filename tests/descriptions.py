@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 
 import mbstab
+from mbstab.model.reader import expanded_text
 
 PLANAR_ANGLE = 0.7331
 SPATIAL_ANGLES = (0.5, -0.8, 1.1)
@@ -79,7 +80,7 @@ def angles_of(rotation):
 
 
 def read(text):
-    model = yaml.safe_load(text)
+    model = yaml.safe_load(expanded_text(mbstab.loads(text).model))
     for section in ("expect", "sweep", "title", "source", "initial", "inputs", "outputs", "modes"):
         model.pop(section, None)
     model["reference"].setdefault("guess", {})

@@ -200,7 +200,9 @@ def _check_options(
         raise UsageError("a sweep has one parameter, a chart two different ones")
     for name, values in given.items():
         if values and len(values) != len(parameters):
-            raise UsageError(f"{name} is given {len(values)} times for {len(parameters)} parameters: once for each")
+            times = "once" if len(values) == 1 else f"{len(values)} times"
+            several = "1 parameter" if len(parameters) == 1 else f"{len(parameters)} parameters"
+            raise UsageError(f"{name} is given {times} for {several}: once for each")
     if len(parameters) == 2 and listed:
         raise UsageError("--values goes with one parameter")
     if "none" in pictures and (len(pictures) > 1 or place is not None):
