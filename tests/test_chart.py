@@ -253,7 +253,7 @@ def test_missing_points_of_a_chart_give_exit_code_1(tmp_path):
     ("arguments", "message"),
     [
         (("--param", "W"), "two different ones"),
-        (("--from", 1), "once for each"),
+        (("--from", 1), "--from is given once for 2 parameters: once for each"),
         (("--values", "1,2"), "one parameter"),
     ],
 )

@@ -37,6 +37,13 @@ def test_the_modes_of_a_double_pendulum():
     assert "2.3972" in figure.axes[0].get_title()
 
 
+def test_neutral_modes_have_no_panel(tmp_path):
+    """They have a shape, but no number under which a mode is swung."""
+    result = run("eig", "cart_pendulum.yaml", "--plot", "modes", "--pictures", str(tmp_path / "a.svg"))
+    assert result.exit_code == 0, result.stderr
+    assert (tmp_path / "a-modes.svg").stat().st_size > 5000
+
+
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
 def test_the_command_draws_them(suffix, tmp_path):
     result = run("eig", "whipple_bicycle.yaml", "--plot", "modes", "--pictures", str(tmp_path / f"a.{suffix}"))

@@ -309,6 +309,14 @@ def run(
     return [blocks[number] for number in range(len(all_tasks))]
 
 
+def _cause_of_death() -> str:
+    """Return what may end worker processes: they import the main script again, and cannot where it is no file."""
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    if script is not None and not Path(script).exists():
+        return f"workers import the script again, and {script} is no file: save it as one; otherwise "
+    return "too little memory for so many jobs? "
+
+
 def _in_processes(
     all_tasks: list[Task], missing: list[int], jobs: int, progress: Progress
 ) -> Iterator[tuple[int, Block]]:
@@ -341,8 +349,8 @@ def _in_processes(
                 if tries > TOLERANCES.block_retries:
                     raise NumericalError(
                         f"a worker process died {tries} times; {len(waiting)} blocks are missing\n"
-                        "hint: too little memory for so many jobs? finished blocks are kept with --output, go on "
-                        "with --resume and fewer --jobs"
+                        f"hint: {_cause_of_death()}finished blocks are kept with --output, go on with --resume and "
+                        "fewer --jobs"
                     ) from None
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
