@@ -567,3 +567,29 @@ def test_integrals_of_any_size_are_found(gain, mass):
     expected = np.array([complex(x) for x in roots])
     distance = matched(np.array([e.value for e in found.eigenvalues]), expected)
     assert np.all(distance <= 1e-13 * np.max(np.abs(expected)))
+
+
+@pytest.mark.parametrize(
+    ("k", "verdict"),
+    [
+        ("-1e-10", "unstable"),
+        ("-1e-14", "unstable"),
+        ("1e-10", "asymptotically stable"),
+        ("0", "asymptotically stable up to symmetry"),
+    ],
+)
+@pytest.mark.parametrize("where", ["rate", "rate(b.x)"])
+def test_a_weak_part_of_a_strong_rate_is_no_symmetry(k, verdict, where):
+    """s²(s + 20) + 1000 s + k = 0 with k on the place, the speed beside 1000 or both at rest."""
+    weak = f"{k}*b.x" if where == "rate" else f"{k}*rate(b.x)"
+    found = on_a_line(
+        "m: 1", f"z: {{rate: -20*z - 1000*{'rate(b.x)' if where == 'rate' else 'b.x'} - {weak}}}", "z"
+    ).eig()
+    with mp.workdps(40):
+        last = [1000, mp.mpf(k)] if where == "rate" else [mp.mpf(k), 1000]
+        roots = [complex(x) for x in mp.polyroots([1, 20, *last], maxsteps=200, extraprec=300)]
+    for e in found.eigenvalues:
+        if e.kind != "neutral":
+            assert min(abs(e.value - x) for x in roots) <= 1.1 * e.error_bound + 1e-15 * abs(e.value)
+    if where == "rate":
+        assert found.verdict == verdict

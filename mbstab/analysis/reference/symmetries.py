@@ -24,6 +24,7 @@ from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.element_comparison import Digits, State, numbers, steps_are_exact, with_errors
 from mbstab.analysis.reference.fields import Combination, Field, Shift, Symmetry, Turn
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.state_rows import states_follow, states_unmoved
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetry_candidates import UNEVEN, SymmetryCandidates, echelon, in_whole_numbers, short
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -121,6 +122,7 @@ class Invariance(SymmetryCandidates):
                     return False
         touched = self._containing(shift)
         faithful = all(self.satisfies(state.q, state.u + faster, part=touched) for state in self.on_rows)
+        faithful = faithful and states_unmoved(self.system, self.on_rows, shift, self.motion.time)
         return faithful and self._horizontal(shift)
 
     def _containing(self, field: Shift) -> System:
@@ -359,6 +361,8 @@ class Invariance(SymmetryCandidates):
         """Return whether a group maps all motions to motions."""
         try:
             if not self._allowed(field) or not self._rows_carried(field):
+                return False
+            if not states_follow(self.system, self.on_rows, field, self.motion.time):
                 return False
             seen = [e for e in self.containing(field) if not self._unseen(e, field)]
             if not seen:

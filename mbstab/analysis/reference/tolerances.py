@@ -199,6 +199,8 @@ class Tolerances:
     """Expressions are compared with this many digits …"""
     comparison_exact: Final = 1e-32
     """… and are equal if they agree to this."""
+    row_change_of_state: Final = 1e-12
+    """Rates of first-order states agree to this, relative to the terms of their change, where steps are not exact."""
     row_residual: Final = 1e-12
     """Constraint rows hold to this at the states that are compared, relative to the sizes in the scene."""
     repeated_row_misfit: Final = 30.0
