@@ -22,6 +22,7 @@ import mbstab
 from mbstab.analysis.reference import continuation
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.sweep import batched_spectra, sweep
+from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP
 from mbstab.analysis.verdict.rule import STRENGTH
 from mbstab.cli import main
@@ -1258,3 +1259,11 @@ def test_branches_that_pass_the_axis_together_are_one_event():
     (critical,) = result.critical
     assert (critical.value, critical.kind, critical.unstable) == (0.0, "divergence", (2, 0))
     assert len(critical.branches) == 2
+
+
+def test_a_change_of_stability_is_found_whatever_the_search_for_branches_has_spent(monkeypatch):
+    """Without points for branches the weave speed is where the number of unstable eigenvalues changes."""
+    monkeypatch.setattr(Branches, "budget", 0)
+    found = mbstab.load("whipple_bicycle.yaml").sweep("v", np.linspace(3.9, 4.9, 4)).critical
+    assert [(c.kind, c.unstable) for c in found] == [("unresolved", (2, 0))]
+    assert found[0].value == pytest.approx(4.29238253634111, rel=1e-9)

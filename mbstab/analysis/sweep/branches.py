@@ -106,10 +106,10 @@ class Branches:
         self.between += [float(p) for p, v in zip(points, found.values, strict=True) if not np.any(np.isnan(v))]
         return found.values
 
-    def _spectra(self, points: Array, exact: bool = False) -> Spectra:
-        """Return the eigenvalues at further points; nan where there are none, or beyond the budget."""
+    def _spectra(self, points: Array, exact: bool = False, needed: bool = False) -> Spectra:
+        """Return the eigenvalues at further points; nan where there are none, or beyond the budget unless `needed`."""
         self.calls += 1 + TOLERANCES.branch_looks_of_judgement * len(points) * exact
-        if self.spent + len(points) > self.budget or self.calls > TOLERANCES.branch_looks:
+        if not needed and (self.spent + len(points) > self.budget or self.calls > TOLERANCES.branch_looks):
             for p in points[[0, -1]].tolist():
                 self._stop(p)
             return self._nothing(points)
@@ -134,9 +134,9 @@ class Branches:
             self.looked.setdefault(p, _Looked(empty.values[n], empty.sides[n], False, WORD[UNDECIDED]))
         return empty
 
-    def _counted(self, points: Array) -> Index:
+    def _counted(self, points: Array, needed: bool = False) -> Index:
         """Return the numbers of unstable eigenvalues at intermediate points, each judged as `mbstab eig` does."""
-        found = self._spectra(points, exact=True)
+        found = self._spectra(points, exact=True, needed=needed)
         counts = settled(found.sides, found.words, self.unplaced)
         counts[np.any(np.isnan(found.values), axis=1)] = -1
         return counts

@@ -140,10 +140,13 @@ class CriticalValues(Branches):
         return found
 
     def _halved(self, low: float, high: float, counts: tuple[int, int]) -> float:
-        """Return approximately where the number of unstable eigenvalues changes, judged as `mbstab eig` does."""
+        """Return approximately where the number of unstable eigenvalues changes, judged as `mbstab eig` does.
+
+        Whatever the search for branches has spent: the sides of a change are claimed to be stable and unstable.
+        """
         while high - low > TOLERANCES.crossing_interval * self.width:
             middle = 0.5 * (low + high)
-            count = int(self._counted(np.array([middle]))[0])
+            count = int(self._counted(np.array([middle]), needed=True)[0])
             if count not in counts:
                 break
             low, high = (middle, high) if count == counts[0] else (low, middle)
