@@ -12,6 +12,7 @@ from mbstab.cli.main import main
 from mbstab.errors import MbstabError, ModelFileError, UsageError
 from mbstab.model.expansion import MAX_NODES
 from mbstab.model.library import installed_models
+from mbstab.model.reader import expanded_text
 
 CHAIN = """\
 mbstab: 1
@@ -115,11 +116,14 @@ def test_the_expanded_file_has_bit_for_bit_the_same_answer(car, tmp_path):
         assert answers[0] == answers[1]
 
 
-def test_expansion_leaves_other_files_alone():
-    """No installed model is made of parts, so that one file can be copied, and its expansion changes nothing."""
+def test_each_installed_model_is_one_file():
+    """No installed model includes parts, so that one file can be copied; repetitions written out are the same model."""
     for path in installed_models():
-        model = mbstab.load(path)
-        assert not {"repeat", "include", "counts"} & {line.partition(":")[0] for line in model.model.document.lines}
+        model = mbstab.load(path).model
+        assert not {"include", "needs"} & set(model.document.sections)
+        if {"repeat", "counts"} & set(model.document.sections):
+            again = mbstab.loads(expanded_text(model)).model
+            assert (again.coordinates(), list(again.entries)) == (model.coordinates(), list(model.entries))
 
 
 def test_an_index_in_an_index_and_a_part_in_a_repetition(tmp_path):
