@@ -17,24 +17,26 @@ from itertools import chain
 from typing import Any
 
 from mbstab.compiler.placed import Placed
+from mbstab.compiler.scatter import by_entry
 from mbstab.mechanics.catalogue import Role
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.duals import Dual, dual_arithmetic
 from mbstab.model.scene import BalanceValues
 from mbstab.records import dataclass
 
+Given = tuple[tuple[int, float], ...]
+"""Components of a direction, by places of coordinates."""
+
 
 @dataclass(frozen=True)
-class Share:
-    """What an element contributes to a balance: its weights for the entries of its own force and coordinates.
+class Part:
+    """An element of the scene in a balance, by its places there.
 
     Attributes
     ----------
     kernel : kernel of the element
     columns : tuple of int
         Places of its coordinates among those of the balance.
-    weights : tuple of float
-        Component of the direction along each of its coordinates.
     parameters : tuple of int
         Its numbers among those of the balance.
     signals : tuple of int
@@ -43,74 +45,54 @@ class Share:
 
     kernel: Any
     columns: tuple[int, ...]
-    weights: tuple[float, ...]
     parameters: tuple[int, ...]
     signals: tuple[int, ...]
 
-    def of(self, x: Sequence[Any]) -> list[Any]:
-        """Return its coordinates, speeds or accelerations."""
-        return [x[i] for i in self.columns]
+    def entries(self, function: str, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Iterator[tuple[str, Any, Any]]:
+        """Yield the results of a function of the kernel with their names and indices."""
+        groups = (q, self.columns), (u, self.columns), (p, self.parameters), (s, self.signals)
+        own = ([x[i] for i in places] for x, places in groups)
+        return by_entry(self.kernel, function, getattr(self.kernel, function)(f, *own))
 
-    def force(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Any:
-        """Return its force along the direction."""
-        return _sum(self.weights[i] * x for i, x in self._forces(f, q, u, p, s) if self.weights[i])
 
-    def along(self, direction: Mapping[int, Any], f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Any:
+@dataclass(frozen=True)
+class Share(Part):
+    """What an element contributes to a balance: its force."""
+
+    def force(self, direction: Mapping[int, Any], f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Any:
         """Return its force along a direction, given by its components at coordinates of the balance."""
-        terms = ((direction.get(self.columns[i]), x) for i, x in self._forces(f, q, u, p, s))
-        return _sum(weight * x for weight, x in terms if weight is not None)
+        found = ((direction.get(self.columns[i]), x) for _, (i,), x in self.entries("dynamics", f, q, u, p, s))
+        return _sum(weight * x for weight, x in found if weight is not None)
 
-    def _forces(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Iterator[tuple[int, Any]]:
-        own = self.of(q), self.of(u), [p[i] for i in self.parameters], [s[i] for i in self.signals]
-        values = self.kernel.dynamics(f, *own)
-        return ((i, x) for (i,), x in zip(self.kernel.DYNAMICS["F"], values, strict=True))
-
-    def slopes(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> tuple[list[Any], list[Any]]:
+    def slopes(
+        self, direction: Mapping[int, Any], f: Arithmetic, q: Any, u: Any, p: Any, s: Any
+    ) -> tuple[list[Any], list[Any]]:
         """Return the slopes of this force by all coordinates and speeds of the balance."""
-        own = self.of(q), self.of(u), [p[i] for i in self.parameters], [s[i] for i in self.signals]
-        values = iter(self.kernel.linearize(f, *own))
         found: dict[str, list[Any]] = {key: [0.0] * len(q) for key in "KR"}
-        for key, entries in self.kernel.LINEARIZE.items():
-            for i, j in entries:
-                value = next(values)
-                if self.weights[i]:
-                    found[key][self.columns[j]] = found[key][self.columns[j]] + self.weights[i] * value
+        for key, (i, j), value in self.entries("linearize", f, q, u, p, s):
+            weight = direction.get(self.columns[i])
+            if weight is not None:
+                found[key][self.columns[j]] = found[key][self.columns[j]] + weight * value
         return found["K"], found["R"]
 
 
 @dataclass(frozen=True)
-class Tie:
+class Tie(Part):
     """Constraint rows that tie coordinates without mass to each other.
 
     Attributes
     ----------
-    kernel : kernel of the element
-    columns : tuple of int
-        Places of its coordinates among those of the balance.
     rows : tuple of int or None
         The order in which its rows are eliminated; None: not needed, as others say the same.
-    parameters : tuple of int
-        Its numbers among those of the balance.
-    signals : tuple of int
-        Its given functions, their rates and their second derivatives among those of the balance.
     """
 
-    kernel: Any
-    columns: tuple[int, ...]
     rows: tuple[int | None, ...]
-    parameters: tuple[int, ...]
-    signals: tuple[int, ...]
 
     def slopes(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Iterator[tuple[int, int, Any]]:
         """Yield row, coordinate and entry of J."""
-        groups = (q, self.columns), (u, self.columns), (p, self.parameters), (s, self.signals)
-        own = [[x[i] for i in places] for x, places in groups]
-        values = iter(self.kernel.dynamics(f, *own))
-        for key, entries in self.kernel.DYNAMICS.items():
-            for index in entries:
-                value = next(values)
-                if key == "J" and (row := self.rows[index[0]]) is not None:
-                    yield row, self.columns[index[1]], value
+        for key, index, value in self.entries("dynamics", f, q, u, p, s):
+            if key == "J" and (row := self.rows[index[0]]) is not None:
+                yield row, self.columns[index[1]], value
 
 
 @dataclass(frozen=True)
@@ -120,19 +102,16 @@ class Tied:
     Attributes
     ----------
     ties : tuple of Tie
-    given : dict
-        Components of the direction, by places of coordinates of the balance.
     dependent : tuple of int
         Places of the coordinates that follow, in the order in which they are eliminated.
     """
 
     ties: tuple[Tie, ...]
-    given: tuple[tuple[int, float], ...]
     dependent: tuple[int, ...]
 
-    def direction(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> dict[int, Any]:
-        """Return the components of the direction by places of coordinates: by Gaussian elimination in a fixed order."""
-        n, given = len(self.dependent), dict(self.given)
+    def direction(self, given: Mapping[int, float], f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Mapping[int, Any]:
+        """Return all components by places of coordinates: by Gaussian elimination in a fixed order."""
+        n = len(self.dependent)
         place = {column: k for k, column in enumerate(self.dependent)}
         A, b = [[0.0] * n for _ in range(n)], [0.0] * n
         for tie in self.ties:
@@ -151,7 +130,7 @@ class Tied:
         found: list[Any] = [0.0] * n
         for k in reversed(range(n)):
             found[k] = (b[k] - _sum(A[k][j] * found[j] for j in range(k + 1, n))) / A[k][k]
-        return dict(self.given) | dict(zip(self.dependent, found, strict=True))
+        return {**given, **dict(zip(self.dependent, found, strict=True))}
 
 
 class Balance:
@@ -160,18 +139,21 @@ class Balance:
     Parameters
     ----------
     shares : tuple of Share
+    given : tuple of (int, float)
+        Components of the direction, by places of coordinates of the balance.
     count : int
         Number of coordinates of the balance.
     role : str
         ``holonomic`` or ``nonholonomic``.
-    tied : Tied, optional
-        How the direction follows from constraints; None: it is the same everywhere.
+    tied : Tied or None
+        How its other components follow from constraints; None: there are none.
     """
 
     __name__ = "balance"
 
-    def __init__(self, shares: tuple[Share, ...], count: int, role: Role, tied: Tied | None = None) -> None:
-        self.shares, self.count, self.first_order, self.tied = shares, count, role == "nonholonomic", tied
+    def __init__(self, shares: tuple[Share, ...], given: Given, count: int, role: Role, tied: Tied | None) -> None:
+        self.shares, self.given, self.tied = shares, dict(given), tied
+        self.count, self.first_order = count, role == "nonholonomic"
         row = tuple((0, i) for i in range(count))
         self.DYNAMICS = {"E": ((0,),), "V": ((0,),), "J": row, "B": ((0,),)}
         self.LINEARIZE = {"D": row} if self.first_order else {}
@@ -204,10 +186,8 @@ class Balance:
 
     def _force(self, f: Arithmetic, q: Any, u: Any, p: Any, s: Any) -> Any:
         """Return the force along the direction."""
-        if self.tied is None:
-            return _sum(share.force(f, q, u, p, s) for share in self.shares)
-        direction = self.tied.direction(f, q, u, p, s)
-        return _sum(share.along(direction, f, q, u, p, s) for share in self.shares)
+        direction = self.given if self.tied is None else self.tied.direction(self.given, f, q, u, p, s)
+        return _sum(share.force(direction, f, q, u, p, s) for share in self.shares)
 
     def _acceleration(self, f: Arithmetic, q: Any, u: Any, a: Any, p: Any, s: Any) -> Any:
         """Return d²g/dt², or the rate of the balance of first order."""
@@ -244,7 +224,7 @@ class Balance:
                     )
                     found[which].append(Dual.of(self._force(duals, places, speeds, numbers, signals)).slope)
             return found[0], found[1]
-        parts = [share.slopes(f, q, u, p, s) for share in self.shares]
+        parts = [share.slopes(self.given, f, q, u, p, s) for share in self.shares]
         K, R = ([_sum(part[k][i] for part in parts) for i in range(self.count)] for k in (0, 1))
         return K, R
 
@@ -283,19 +263,17 @@ def balance_of(
         ranges = [range(k * len(laws) + known, k * len(laws) + known + len(e.laws)) for k in range(3)]
         numbers, known, signals = numbers + len(e.parameters), known + len(e.laws), tuple(chain.from_iterable(ranges))
         if e.rows:
-            ties.append(Tie(e.kernel, places, tuple(map(order.get, e.rows)), own, signals))
+            ties.append(Tie(e.kernel, places, own, signals, tuple(map(order.get, e.rows))))
         else:
-            weights = tuple(direction.get(i, 0.0) for i in e.columns)
-            shares.append(Share(e.kernel, places, weights, own, signals))
-    following = None
-    if tied:
-        given = tuple((columns.index(i), x) for i, x in direction.items() if i in columns)
-        following = Tied(tuple(ties), given, tuple(columns.index(i) for i, _ in tied))
+            shares.append(Share(e.kernel, places, own, signals))
+    given = tuple((columns.index(i), x) for i, x in direction.items() if i in columns)
+    following = Tied(tuple(ties), tuple(columns.index(i) for i, _ in tied)) if tied else None
+    kernel = _kernel(tuple(shares), given, len(columns), role, following)
     parameters = tuple(x for e in (*acting, *tying) for x in e.parameters)
-    return Placed(_kernel(tuple(shares), len(columns), role, following), columns, (row,), parameters, laws, False, path)
+    return Placed(kernel, columns, (row,), parameters, laws, False, path)
 
 
 @lru_cache(maxsize=64)
-def _kernel(shares: tuple[Share, ...], count: int, role: Role, tied: Tied | None) -> Balance:
+def _kernel(shares: tuple[Share, ...], given: Given, count: int, role: Role, tied: Tied | None) -> Balance:
     # The same kernel for the same contents: plans are kept by kernel.
-    return Balance(shares, count, role, tied)
+    return Balance(shares, given, count, role, tied)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
@@ -120,6 +121,12 @@ def plan_of(
                 position += 1
     places = {key: (np.array(take[key], dtype=np.intp), np.array(target[key], dtype=np.intp)) for key in take}
     return Plan(dict(shapes), places)
+
+
+def by_entry(kernel: Any, function: str, values: Iterable[Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Yield the results of a function of a kernel, each with its name and its index."""
+    entries = ((key, index) for key, own in getattr(kernel, function.upper()).items() for index in own)
+    return ((key, index, value) for (key, index), value in zip(entries, values, strict=True))
 
 
 class Time:

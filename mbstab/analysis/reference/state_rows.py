@@ -15,6 +15,7 @@ from mbstab.analysis.reference.element_comparison import State, numbers, steps_a
 from mbstab.analysis.reference.fields import Field, Shift
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.placed import Placed
+from mbstab.compiler.scatter import by_entry
 from mbstab.compiler.system import Array, System
 from mbstab.model.arithmetic import mpmath_arithmetic
 
@@ -32,7 +33,8 @@ def states_unmoved(system: System, states: Sequence[State], shift: Shift, time: 
 def _vanish(system: System, moves: list[tuple[State, Array, Array]], time: float, field: Field) -> bool:
     """Return whether V_q Y + V_u Ẏ vanishes in each row of a state, beside the sizes of its terms."""
     rows = set(system.states[1].tolist())
-    elements = [e for e in system._elements if not rows.isdisjoint(e.rows)]
+    moved = set(np.flatnonzero(np.any([x for _, *change in moves for x in change], axis=0)).tolist())
+    elements = [e for e in system._elements if not (rows.isdisjoint(e.rows) or moved.isdisjoint(e.columns))]
     if not elements:
         return True
     from mpmath import mp
@@ -53,14 +55,9 @@ def _changes(e: Placed, f: Any, q: Any, u: Any, along: list[Any], time: float) -
     """Return the change of each row of an element, and the sum of the sizes of its terms."""
     terms: list[list[Any]] = [[] for _ in e.rows]
     still = [f.number("0")] * len(q)
-    for function, key, table, Y in (
-        ("linearize_rows", "V_q", e.kernel.LINEARIZE_ROWS, along[0]),
-        ("dynamics", "J", e.kernel.DYNAMICS, along[1]),
-    ):
-        values = iter(getattr(e.kernel, function)(f, *e.arguments(function, q, u, still, still, time)))
-        for name, entries in table.items():
-            for index in entries:
-                value = next(values)
-                if name == key:
-                    terms[index[0]].append(value * Y[e.columns[index[1]]])
+    for function, key, Y in (("linearize_rows", "V_q", along[0]), ("dynamics", "J", along[1])):
+        values = getattr(e.kernel, function)(f, *e.arguments(function, q, u, still, still, time))
+        for name, index, value in by_entry(e.kernel, function, values):
+            if name == key:
+                terms[index[0]].append(value * Y[e.columns[index[1]]])
     return [(sum(row), sum(abs(x) for x in row)) for row in terms]
