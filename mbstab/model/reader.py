@@ -44,7 +44,8 @@ def read_model_text(text: str | bytes, name: str = "<text>", beside: MappingType
     with _uncollected():
         document, root = parse_yaml(text, name)
         document.beside.update(beside or {})
-        document.sections = tuple(root.entries)
+        if isinstance(counts := root.entries.get("counts"), Mapping):
+            document.counts = counts.entries
         model = _read(document, expanded(document, root))
     document.raise_problems()
     return model
@@ -67,10 +68,7 @@ def with_counts(model: Model, settings: MappingType[str, object]) -> tuple[Model
     UsageError
         If a count is no whole number.
     """
-    if "counts" not in model.document.sections:
-        return model, dict(settings)
-    document, root = parse_yaml("\n".join(model.document.lines), model.document.name)
-    counts = NodeReader(document).optional_pairs(root.entries.get("counts"), "counts")
+    counts = model.document.counts
     chosen = {name: _whole(name, x) for name, x in settings.items() if name in counts and name not in model.parameters}
     if not chosen:
         return model, dict(settings)

@@ -75,8 +75,8 @@ class Document:
     """Texts of other files that it names, by their names."""
     origins: dict[str, Location] = field(default_factory=dict)
     """Where parts are included first, by the names of their files."""
-    sections: tuple[str, ...] = ()
-    """Sections as they are written."""
+    counts: dict[str, YamlNode] = field(default_factory=dict)
+    """The values of ``counts:`` as they are written."""
 
     def problem(self, location: Location, path: str, message: str, hint: str = "") -> Problem:
         """Return a problem at a place, with its line of the file."""
