@@ -130,9 +130,8 @@ def _factors(couplings: Array) -> Array:
 
 def _around(size: Array, weights: Array, i: int) -> tuple[float, float]:
     """Return the lengths of a row and of a column in some units."""
-    return float(np.linalg.norm(size[i] * weights)) / weights[i], float(np.linalg.norm(size[:, i] / weights)) * weights[
-        i
-    ]
+    row, column = np.linalg.norm(size[i] * weights), np.linalg.norm(size[:, i] / weights)
+    return float(row / weights[i]), float(column * weights[i])
 
 
 def _power_of_two(x: float) -> float:

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import qr
 
 from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.linear.linearize import linearize
@@ -21,7 +20,7 @@ from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, NumericalError, amount
 from mbstab.model.scene import BalanceValues
-from mbstab.model.schema import is_length, is_state
+from mbstab.model.schema import is_length
 
 
 def balanced(system: System, motion: Motion) -> tuple[System, Motion]:
@@ -56,6 +55,8 @@ def _tied(system: System, motion: Motion, further: int) -> dict[int, int]:
     further : int
         So many holonomic rows stand before those on speeds afterwards.
     """
+    from scipy.linalg import lu_factor, qr
+
     assert motion.massless is not None
     J = motion.dynamics.J * motion.sizes
     moving = np.max(np.abs(motion.massless), axis=1) > TOLERANCES.component_without_mass
@@ -72,12 +73,9 @@ def _tied(system: System, motion: Motion, further: int) -> dict[int, int]:
     _, _, columns = qr(J[np.ix_(rows, moving)] * weights, mode="economic", pivoting=True)
     columns = columns[:count]
     _, _, chosen = qr(J[np.ix_(rows, moving[columns])].T, mode="economic", pivoting=True)
-    square = J[np.ix_(rows[chosen[:count]], moving[columns])]
     order = np.arange(count)
-    for k in range(count):  # partial pivoting
-        best = k + int(np.argmax(np.abs(square[k:, k])))
-        square[[k, best]], order[[k, best]] = square[[best, k]], order[[best, k]]
-        square[k + 1 :] -= np.outer(square[k + 1 :, k] / square[k, k], square[k])
+    for k, best in enumerate(lu_factor(J[np.ix_(rows[chosen[:count]], moving[columns])])[1].tolist()):
+        order[[k, best]] = order[[best, k]]
     following = rows[chosen[:count]][order]
     following = np.where(following >= system.n_h, following + further, following)
     return dict(zip(moving[columns].tolist(), following.tolist(), strict=True))
@@ -94,7 +92,8 @@ def _with_tied(system: System, motion: Motion, moving: Flags) -> Flags:
             for i, j in e.kernel.DYNAMICS["J"]:
                 contained[e.rows[i], e.columns[j]] = True
     contained = contained[:, :-1]
-    light = ~np.any(motion.dynamics.M, axis=1) & ~np.array([is_state(name) for name in system.names])
+    light = ~np.any(motion.dynamics.M, axis=1)
+    light[system.states[0]] = False
     found = moving
     while True:
         grown = found | (light & np.any(contained[np.any(contained[:, found], axis=1)], axis=0))

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.arrays import Flags, others
 from mbstab.analysis.algebra.augmented import augmented_matrix, least_multipliers
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.simulate.tolerances import TOLERANCES
@@ -100,9 +100,10 @@ class Constrained:
         self._factors, self._products = factors, factors * factors[:, None]
         self._program: Program | None = None
         # Rates of first-order states, however fast, carry no energy.
-        bodily = np.array([not is_state(name) for name in system.names])
+        bodily, u = others(self.n, system.states[0]), motion.u.copy()
+        u[system.states[0]] = 0.0
         pulled = np.abs(motion.dynamics.F0 * self.scale * self.scale / motion.sizes)[bodily]
-        natural = max(self.fastest(np.where(bodily, motion.u, 0.0)), float(np.sqrt(np.max(pulled, initial=0.0))))
+        natural = max(self.fastest(u), float(np.sqrt(np.max(pulled, initial=0.0))))
         self.slowest = TOLERANCES.resting_speed_of_forces * (natural or 1.0)
         self.least_energy = 0.5 * float(np.diag(motion.dynamics.M) @ (motion.sizes * self.slowest) ** 2)
         first_order = {name for x in system.scene.balances if x.first_order for name in x.direction}

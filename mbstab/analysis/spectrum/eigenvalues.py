@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.algebra.arrays import Complex, Index, others
 from mbstab.analysis.algebra.budget import Cost
 from mbstab.analysis.algebra.sparse import in_sparse, scaled
 from mbstab.analysis.bounds.discs import Placed
@@ -32,7 +32,6 @@ from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.rule import STABLE, STABLE_UP_TO, UNDECIDED, Disc, Verdict, judge, place, show
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, MbstabError, NumericalError, UsageError
-from mbstab.model.schema import is_state
 
 
 def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[], int] | None = None) -> EigenResult:
@@ -148,7 +147,7 @@ def with_energies(result: EigenResult, linear: Linearization) -> EigenResult:
 
     Those that cannot be told from zero have none, nor have modes of first-order states in which no body moves.
     """
-    bodily, sizes = np.array([not is_state(name) for name in linear.names]), linear.motion.sizes
+    bodily, sizes = others(len(linear.names), linear.system.states[0]), linear.motion.sizes
 
     def moves(vector: Complex) -> bool:
         return float(np.max(np.abs(vector / sizes)[bodily], initial=0.0)) > TOLERANCES.bodies_still

@@ -25,7 +25,6 @@ from mbstab.analysis.verdict.rule import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
-from mbstab.model.schema import is_state
 
 
 def family(structure: Structure, found: Separated, count: int) -> Neutral | None:
@@ -121,7 +120,6 @@ class _Search:
         self.motion, self.system = self.linear.motion, self.linear.system
         self.rate = structure.invariance.rate
         self.held = np.hstack([symmetries, null])
-        self.bodily = np.array([not is_state(name) for name in self.linear.names])
         self.sizes = self.motion.sizes
         self.free = complement(self.held)
 
@@ -198,9 +196,10 @@ class _Search:
         state = self._state(y)
         q, u = state.q, state.u
         a, _ = self.structure.balanced(q, u)
-        sizes, rate_ = self.sizes, self.rate
         # The accelerations of first-order states follow from what else is compared.
-        moves = np.concatenate([u / sizes / rate_, np.where(self.bodily, a, 0.0) / sizes / rate_**2])
+        a[self.system.states[0]] = 0.0
+        sizes, rate_ = self.sizes, self.rate
+        moves = np.concatenate([u / sizes / rate_, a / sizes / rate_**2])
         fields = [field for _, field in self.structure.invariance.fields]
         columns = [
             np.concatenate([Y / sizes, field.slope(q) @ u / sizes / rate_])
