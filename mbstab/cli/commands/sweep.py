@@ -25,7 +25,7 @@ from mbstab.cli.output import (
     save_picture,
     warn,
 )
-from mbstab.errors import NumericalError, OutputError, UsageError
+from mbstab.errors import NumericalError, OutputError, UsageError, counted
 from mbstab.model.units import is_angular_velocity
 
 if TYPE_CHECKING:
@@ -201,8 +201,7 @@ def _check_options(
     for name, values in given.items():
         if values and len(values) != len(parameters):
             times = "once" if len(values) == 1 else f"{len(values)} times"
-            several = "1 parameter" if len(parameters) == 1 else f"{len(parameters)} parameters"
-            raise UsageError(f"{name} is given {times} for {several}: once for each")
+            raise UsageError(f"{name} is given {times} for {counted(len(parameters), 'parameter')}: once for each")
     if len(parameters) == 2 and listed:
         raise UsageError("--values goes with one parameter")
     if "none" in pictures and (len(pictures) > 1 or place is not None):
