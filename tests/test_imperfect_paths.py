@@ -9,6 +9,7 @@ from sampling import sample
 
 import mbstab
 from mbstab.analysis.reference import continuation
+from mbstab.analysis.reference.paths import PathEnd
 
 RAIL = """\
 mbstab: 1
@@ -147,5 +148,5 @@ def test_the_path_ends_where_branches_cannot_be_told_apart(monkeypatch):
     result = rail(3, 0.0).sweep("q", np.linspace(-1.0, 1.0, 14))
     assert set(result.unstable[:7]) == {0}
     assert set(result.unstable[7:]) == {-1}
-    assert all(continuation.UNSURE in message for message in result.problems.values())
+    assert all(PathEnd.UNSURE in message for message in result.problems.values())
     assert [c.kind for c in result.critical] == ["unresolved"]

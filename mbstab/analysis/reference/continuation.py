@@ -25,7 +25,7 @@ from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.reference.curve_points import Point, Run, at_zero, joined, nearest_turn
 from mbstab.analysis.reference.equilibrium import Problem
-from mbstab.analysis.reference.paths import Path, Sheet, Surface
+from mbstab.analysis.reference.paths import Path, PathEnd, Sheet, Surface
 from mbstab.analysis.reference.smooth import SmoothSolutions
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
@@ -34,18 +34,6 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import bound, evaluate_parameters, settings_in_si
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
-
-ENDS, TURNS, BRANCHES = "it ends there", "it turns back", "it turns back where others branch off"
-
-AWAY = "positions grow beyond all bounds there"
-
-AGAIN = f"it turns back after {TOLERANCES.folds_of_path} folds and is not followed further"
-
-LONG = "it is not followed further: the equations were evaluated too often; a smaller range may lead on"
-
-UNSURE = "it is not followed further: another path is so near there that the two cannot be told apart"
-
-HIDDEN = "it is not followed further: positions grow so fast there that a turn cannot be told from rounding"
 
 
 def follow(
@@ -310,10 +298,10 @@ class _Curve:
             if fold is None:
                 return runs
             if len(runs) > TOLERANCES.folds_of_path:
-                runs[-1].ends.append((fold.p, AGAIN))
+                runs[-1].ends.append((fold.p, PathEnd.AGAIN))
                 return runs
             branches = self._branches(fold)
-            runs[-1].ends.append((fold.p, BRANCHES if branches else TURNS))
+            runs[-1].ends.append((fold.p, PathEnd.BRANCHES if branches else PathEnd.TURNS))
             self._close_in(runs, fold)
             # On a closed curve this part has been followed from the other side.
             if not further or any(self._same(fold, other) for other in self.folds):
@@ -340,7 +328,7 @@ class _Curve:
             if at.p == end:
                 return None
             if len(run.points) >= TOLERANCES.points_between_folds or self.spent:
-                run.ends.append((at.p, LONG))
+                run.ends.append((at.p, PathEnd.LONG))
                 return None
             step = length * at.tangent
             hold, room = at.tangent, (end - at.p) / self.width
@@ -351,7 +339,7 @@ class _Curve:
                 point, error = found
                 if point.rise * at.rise <= 0.0:
                     if abs(at.rise) <= TOLERANCES.path_turning_slope:
-                        run.ends.append((at.p, HIDDEN))
+                        run.ends.append((at.p, PathEnd.HIDDEN))
                         return None
                     fold = self._fold(at, float(np.linalg.norm(step)))
                     if fold is not None:
@@ -364,7 +352,7 @@ class _Curve:
                         run.points.append(point)
                         jumped, pole = False, self._pole(run.points, end)
                         if pole is not None:
-                            run.ends.append((pole, AWAY))
+                            run.ends.append((pole, PathEnd.AWAY))
                             return None
                         length *= 1.6 if error < 0.3 * TOLERANCES.path_prediction_error else 1.0
                         continue
@@ -396,7 +384,7 @@ class _Curve:
             return replace(at, p=end)
         beyond = None if jumped else self._beyond_a_kink(at, end)
         if beyond is None:
-            run.ends.append((at.p, LONG if self.spent else UNSURE if jumped else ENDS))
+            run.ends.append((at.p, PathEnd.LONG if self.spent else PathEnd.UNSURE if jumped else PathEnd.NONE))
         return beyond
 
     def _pole(self, points: list[Point], end: float) -> float | None:

@@ -6,6 +6,7 @@ from dataclasses import field
 
 import numpy as np
 
+from mbstab.analysis.reference.paths import PathEnd
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -65,7 +66,7 @@ class Run:
     """Points of a path between two folds, where and why it ends within the range, and where others cross."""
 
     points: list[Point]
-    ends: list[tuple[float, str]] = field(default_factory=list)
+    ends: list[tuple[float, PathEnd]] = field(default_factory=list)
     crossings: list[float] = field(default_factory=list)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +17,19 @@ from mbstab.records import dataclass
 
 Values = Mapping[str, Array]
 """Parameters that vary, arrays of shape (points,)."""
+
+
+class PathEnd(StrEnum):
+    """Why a path of equilibria is known no further, in the words that follow the place."""
+
+    NONE = "it ends there"
+    AWAY = "positions grow beyond all bounds there"
+    TURNS = "it turns back"
+    BRANCHES = "it turns back where others branch off"
+    AGAIN = f"it turns back after {TOLERANCES.folds_of_path} folds and is not followed further"
+    LONG = "it is not followed further: the equations were evaluated too often; a smaller range may lead on"
+    UNSURE = "it is not followed further: another path is so near there that the two cannot be told apart"
+    HIDDEN = "it is not followed further: positions grow so fast there that a turn cannot be told from rounding"
 
 
 @dataclass(frozen=True)
@@ -70,7 +84,7 @@ class Path:
     q : ndarray, shape (k, n_q)
     c : ndarray, shape (k, size of the family)
         Rates of the steady motion.
-    ends : tuple of (float, str)
+    ends : tuple of (float, PathEnd)
         Values at which the path ends within the range, and why.
     crossings : tuple of float
         Values at which another path crosses.
@@ -88,7 +102,7 @@ class Path:
     values: Array
     q: Array
     c: Array
-    ends: tuple[tuple[float, str], ...]
+    ends: tuple[tuple[float, PathEnd], ...]
     crossings: tuple[float, ...]
     start: float
     moved: str = ""

@@ -11,8 +11,8 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import root
-from mbstab.analysis.reference.continuation import AGAIN, BRANCHES, HIDDEN, LONG, TURNS, UNSURE
 from mbstab.analysis.reference.paths import Path as Solutions
+from mbstab.analysis.reference.paths import PathEnd
 from mbstab.analysis.sweep.batched_verdict import (
     Sides,
     settled,
@@ -242,12 +242,10 @@ class CriticalValues(Branches):
             return Critical(value, "branch point", (), 0.0, sides, branching=True, verdicts=words)
         return replace(self._described(value, "divergence", beside, sides, branches), branching=True, verdicts=words)
 
-    def ended(self, value: float, reason: str) -> Critical:
+    def ended(self, value: float, reason: PathEnd) -> Critical:
         """Return the end of a path of equilibria as a critical value."""
-        kinds = {TURNS: "fold", BRANCHES: "branch point", **dict.fromkeys((AGAIN, LONG, UNSURE, HIDDEN), "unresolved")}
-        kind = kinds.get(reason, "loss of equilibrium")
         sides, words = self._beside(value)
-        return Critical(value, kind, (), 0.0, sides, verdicts=words)
+        return Critical(value, _kind_of(reason), (), 0.0, sides, verdicts=words)
 
     def _beside(self, value: float) -> tuple[tuple[int, int], tuple[str, str]]:
         """Return the number of unstable eigenvalues and the verdict below and above a place on the path.
@@ -514,3 +512,16 @@ class _RealPart:
 
     def __call__(self, spectrum: Complex, size: float) -> float:
         return float(spectrum[self.number(spectrum)].real) / size
+
+
+def _kind_of(reason: PathEnd) -> str:
+    """Return the kind of the critical value at which a path of equilibria ends."""
+    match reason:
+        case PathEnd.TURNS:
+            return "fold"
+        case PathEnd.BRANCHES:
+            return "branch point"
+        case PathEnd.NONE | PathEnd.AWAY:
+            return "loss of equilibrium"
+        case PathEnd.AGAIN | PathEnd.LONG | PathEnd.UNSURE | PathEnd.HIDDEN:
+            return "unresolved"
