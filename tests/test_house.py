@@ -31,7 +31,6 @@ NUMBERS_BESIDE_TOLERANCES = {
 """Codes, coefficients of integrators, lengths of lists, values without a structure: what is no tolerance."""
 
 LONG_FILES = {
-    "mbstab/compiler/machine.py",
     "tests/test_certify.py",
     "tests/test_eigenvalues.py",
     "tests/test_equilibrium.py",
@@ -50,9 +49,8 @@ LONG_FUNCTIONS = {
     "mbstab/analysis/algebra/balls.py:ball_arithmetic",
     "mbstab/analysis/linear/symbolic.py:symbolic_blocks",
     "mbstab/analysis/simulate/run.py:_Leg.follow",
-    "mbstab/analysis/simulate/steppers/compiled.py:layout_of",
+    "mbstab/analysis/simulate/steppers/layout.py:layout_of",
     "mbstab/compiler/derive.py:differentiate",
-    "mbstab/compiler/machine.py:march",
     "tests/random_mechanisms.py:_joined",
     "tests/test_simulate.py:test_the_bicycle_accelerates_as_basu_mandal_chatterjee_and_papadopoulos_print",
 }
@@ -60,8 +58,7 @@ LONG_FUNCTIONS = {
 COMPLEX_FUNCTIONS = {
     "mbstab/analysis/verdict/critical.py:critical_zero",
     "mbstab/analysis/verdict/rule.py:judge",
-    "mbstab/analysis/simulate/steppers/compiled.py:layout_of",
-    "mbstab/compiler/machine.py:march",
+    "mbstab/analysis/simulate/steppers/layout.py:layout_of",
     "mbstab/report/certificate.py:certificate_text",
     "tests/linear_oracle.py:truth",
     "tests/random_mechanisms.py:_joined",

@@ -37,7 +37,7 @@ ONLY_IN = {
     "PIL": {"report/animation"},
     "rich": {"cli/handbook/terminal.py"},
     "markdown_it": {"cli/handbook/site.py"},
-    "numba": {"compiler/machine.py"},
+    "numba": {"compiler/machine"},
     "scipy": {"analysis", "report/export.py", "report/animation/solids.py", "report/pictures/stability_chart.py"},
     "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}
     | {f"analysis/reference/{x}.py" for x in ("element_comparison", "state_rows", "symmetries")}

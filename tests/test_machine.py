@@ -1,8 +1,11 @@
 """Compiled steps: every operation, the linear equations, and motions that are those of the steps taken one by one."""
 
+import importlib
 import math
 import re
+import shutil
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,39 +18,44 @@ from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy
 from mbstab.analysis.simulate.start import start_of
 from mbstab.analysis.simulate.steppers import compiled
-from mbstab.analysis.simulate.steppers.compiled import Elimination, Marching
+from mbstab.analysis.simulate.steppers.compiled import Marching
 from mbstab.analysis.simulate.steppers.interface import Options
+from mbstab.analysis.simulate.steppers.layout import Elimination
+from mbstab.compiler.machine import tables
 from mbstab.compiler.trace import OPERATIONS, Trace
 from mbstab.errors import SimulationError, UsageError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.functions import TABLE
 from mbstab.model.library import installed_models
 
-machine = pytest.importorskip("mbstab.compiler.machine")
 numba = pytest.importorskip("numba")
+explicit, interpreter, linear, native = (
+    importlib.import_module(f"mbstab.compiler.machine.{name}")
+    for name in ("explicit", "interpreter", "linear", "native")
+)
 MODELS = {path.stem: path for path in installed_models()}
 
 
-@machine.called
+@native.called
 def interpret(m, start, stop):
-    return machine.interpret(m, start, stop)
+    return interpreter.interpret(m, start, stop)
 
 
-@machine.called
+@native.called
 def slope(m, t, y, dy):
-    return machine.slope(m, t, y, dy)
+    return linear.slope(m, t, y, dy)
 
 
-@machine.called
+@native.called
 def power(m, y):
-    return machine.power(m, y)
+    return linear.power(m, y)
 
 
-@machine.called
+@native.called
 def factor_and_solve(m):
-    machine.factor(m)
-    machine.floats(m, machine.B)[:] = 1.0
-    return machine.solve(m)
+    linear.factor(m)
+    native.floats(m, tables.B)[:] = 1.0
+    return linear.solve(m)
 
 
 def compiled_steps(name, perturb=None, **parameters):
@@ -83,21 +91,28 @@ def test_an_operation_is_that_of_floats(operation):
     some = 0
     for x in [*VALUES, 800.0]:
         for y in VALUES:
-            tables = {name: np.zeros(0) for name in (*machine.INTEGERS, *machine.FLOATS)}
-            tables |= {"run_operation": [OPERATIONS.index(operation)], "run_start": [0, 1], "first": [0], "second": [1]}
+            arrays = {name: np.zeros(0) for name in (*tables.INTEGERS, *tables.FLOATS)}
+            arrays |= {"run_operation": [OPERATIONS.index(operation)], "run_start": [0, 1], "first": [0], "second": [1]}
             numbers = {name: getattr(ONE_BODY, name) for name in ONE_BODY._fields[2:]} | {"base": 2}
-            one = machine.machine(tables | {"w": [x, y, math.nan]}, **numbers)
+            one = tables.machine(arrays | {"w": [x, y, math.nan]}, **numbers)
             expected = of_floats(operation, x, y)
             assert interpret(one, 0, 1) == (expected is not None), (x, y)
             if expected is not None:
-                assert machine.table(one, "w")[2] == pytest.approx(expected, rel=4e-16, abs=0.0), (x, y)
+                assert tables.table(one, "w")[2] == pytest.approx(expected, rel=4e-16, abs=0.0), (x, y)
                 some += 1
     assert some > 20
 
 
-def test_machine_code_that_is_kept_belongs_to_these_operations():
-    # Numba keeps it by the name and the file of a function, and does not see that the table of functions has changed.
-    assert machine.march.py_func.__qualname__ == f"march_{machine.VERSION}"
+def test_machine_code_that_is_kept_belongs_to_these_operations_and_modules(tmp_path, monkeypatch):
+    # Numba keeps it by the name and the file of a function, and does not see what has changed elsewhere.
+    folder = Path(native.__file__).parent
+    copied = [Path(shutil.copy(path, tmp_path)) for path in folder.glob("*.py")]
+    assert native.version(tmp_path) == native.version(folder) == native.VERSION
+    copied[0].write_text("x = 1", encoding="utf-8")
+    assert native.version(tmp_path) != native.VERSION
+    monkeypatch.setitem(native.TEXTS, "abs", "x")
+    assert native.version(folder) != native.VERSION
+    assert explicit.march.py_func.__qualname__ == f"march_{native.VERSION}"
 
 
 def test_a_program_is_that_of_the_text():
@@ -214,7 +229,7 @@ reference:
     one, other = (model.simulate(0.5, compiled=x, **options) for x in (False, True))
     assert np.max(np.abs(one.q - other.q)) < 1e-7
     m = compiled_steps("pendulum")[0].machine
-    machine.table(m, "w")[:] = 0.0  # a matrix of zeros
+    tables.table(m, "w")[:] = 0.0  # a matrix of zeros
     assert not factor_and_solve(m)
 
 
@@ -371,16 +386,16 @@ def test_other_methods_have_no_compiled_steps(options, message):
 
 
 def test_compiled_steps_need_numba(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mbstab.compiler.machine", None)
+    monkeypatch.setitem(sys.modules, "mbstab.compiler.machine.native", None)
     with pytest.raises(UsageError, match=r"mbstab\[fast\]"):
         mbstab.load("pendulum.yaml").simulate(1.0, compiled=True)
 
 
 def test_compiling_is_told_step_by_step_and_that_of_others_is_not(monkeypatch):
     first, second = numba.njit(lambda x: x + 1), numba.njit(lambda x: x + 2)
-    monkeypatch.setattr(machine, "MADE", {first.py_func, second.py_func})
+    monkeypatch.setattr(native, "MADE", {first.py_func, second.py_func})
     told = []
-    with machine.telling(told.append):
+    with native.telling(told.append):
         numba.njit(lambda x: x + 3)(1)  # none of ours
         assert told == []
         first(1)

@@ -11,8 +11,9 @@ from chains import straight_chain
 import mbstab
 from mbstab.analysis.simulate import start
 from mbstab.analysis.simulate.constrained import Constrained
-from mbstab.analysis.simulate.steppers import compiled
+from mbstab.analysis.simulate.steppers import layout
 from mbstab.analysis.simulate.tolerances import TOLERANCES
+from mbstab.compiler.machine.tables import RUN_START
 from mbstab.compiler.trace import OPERATIONS, Trace
 
 SWING = {"rod.theta": math.pi / 4}
@@ -41,7 +42,7 @@ def test_a_mechanism_that_is_simulated_again_is_not_worked_out_again(monkeypatch
 
 def test_the_equations_for_machine_code_are_written_once(monkeypatch):
     pytest.importorskip("numba")
-    model, written = mbstab.load("pendulum.yaml"), counted(monkeypatch, compiled, "layout_of")
+    model, written = mbstab.load("pendulum.yaml"), counted(monkeypatch, layout, "layout_of")
     first, _, again = (
         model.simulate(0.2, perturb={"rod.theta": angle}, points=3, compiled=True) for angle in (0.3, 1.0, 0.3)
     )
@@ -133,15 +134,12 @@ def test_operations_stand_in_long_runs_each_after_those_it_uses():
 
 
 def test_a_chain_is_a_few_runs_of_operations():
-    pytest.importorskip("numba")
     begin = start.start_of(mbstab.loads(straight_chain(20)).system())
     equations = Constrained(begin.system, begin.motion)
     from mbstab.analysis.reference.attitude import Attitudes
     from mbstab.analysis.simulate.energy import Energy
 
-    machine = compiled.machine_of(equations, [], Attitudes.of(begin.system), Energy.of(begin.system))
-    table = compiled.machine_code()
-    place = table.RUN_START
-    starts = machine.integers[machine.integers[place] : machine.integers[place + 1]]
+    machine = layout.machine_of(equations, [], Attitudes.of(begin.system), Energy.of(begin.system))
+    starts = machine.integers[machine.integers[RUN_START] : machine.integers[RUN_START + 1]]
     assert len(starts) < 16
     assert starts[-1] > 400

@@ -43,7 +43,8 @@ def seconds(function, repeat=7, least=0.01):
 
 def compiled(equations, motion):
     """Return a function that finds the accelerations by the machine, and the seconds until it is there."""
-    from mbstab.compiler import machine
+    from mbstab.compiler.machine.linear import slope
+    from mbstab.compiler.machine.native import called
 
     system, attitudes = equations.system, Attitudes.of(equations.system)
     start = time.perf_counter()
@@ -53,10 +54,10 @@ def compiled(equations, motion):
     ready = time.perf_counter() - start
     y, dy = np.concatenate([motion.q, motion.u]), np.zeros(2 * system.n_q)
 
-    @machine.compiled
+    @called
     def many(m, t, y, dy, count):  # a call from Python costs as much as the work
         for _ in range(count):
-            machine.slope(m, t, y, dy)
+            slope(m, t, y, dy)
 
     many(marching.machine, motion.time, y, dy, 1)
     return lambda: many(marching.machine, motion.time, y, dy, 100), ready

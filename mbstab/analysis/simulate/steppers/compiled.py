@@ -7,232 +7,25 @@ Where something unusual happens, a march stops before it and the caller continue
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbstab.analysis.reference.attitude import Attitudes
-from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy
 from mbstab.analysis.simulate.steppers.interface import Options
+from mbstab.analysis.simulate.steppers.layout import machine_of
 from mbstab.analysis.simulate.tolerances import TOLERANCES
-from mbstab.compiler.fused import Fused
+from mbstab.compiler.machine import march as at
+from mbstab.compiler.machine.tables import table
 from mbstab.compiler.system import Array, System
-from mbstab.compiler.trace import Traced
 from mbstab.errors import UsageError
-from mbstab.records import dataclass
 
 if TYPE_CHECKING:
-    from mbstab.compiler.machine import Machine, March, Tableau
-
-
-@dataclass(frozen=True)
-class Elimination:
-    """The order in which the unknowns of a symmetric matrix are eliminated, and the fill-in.
-
-    Attributes
-    ----------
-    place : list of int
-        Position of each unknown in the order.
-    columns : list of list of int
-        Nonzero places below the diagonal in each column of L, ascending.
-    """
-
-    place: list[int]
-    columns: list[list[int]]
-
-    @classmethod
-    def of(cls, neighbours: list[set[int]], first: int) -> Elimination:
-        """Choose the unknown with the fewest neighbours each time; those from `first` on follow all their neighbours.
-
-        Parameters
-        ----------
-        neighbours : list of set of int
-            Unknowns that share an equation with each.
-        first : int
-            Number of the first unknown whose diagonal entry is zero.
-        """
-        present = [set(x) for x in neighbours]
-        left, order = set(range(len(present))), []
-        columns: list[set[int]] = []
-        while left:
-            ready = (i for i in left if i < first or all(j >= first or j not in left for j in neighbours[i]))
-            k = min(ready, key=lambda i: (len(present[i]), i))
-            left.remove(k)
-            order.append(k)
-            columns.append(present[k])
-            for i in present[k]:
-                present[i] = (present[i] | present[k]) - {i, k}
-        place = [0] * len(order)
-        for position, unknown in enumerate(order):
-            place[unknown] = position
-        return cls(place, [sorted(place[i] for i in column) for column in columns])
-
-
-def _entries(matrix: Any) -> list[tuple[int, int, Any]]:
-    """Return row, column and value of the nonzero entries of a matrix of traced numbers."""
-    rows = np.asarray(matrix).tolist()
-    return [(i, j, x) for i, row in enumerate(rows) for j, x in enumerate(row) if isinstance(x, Traced) or x != 0.0]
-
-
-def _integers(values: Any) -> Any:
-    return np.array(list(values), dtype=np.int64)
-
-
-def _floats(values: Any) -> Array:
-    return np.array(list(values), dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class Layout:
-    """A scene as arrays, but for what depends on where a motion starts.
-
-    Attributes
-    ----------
-    machine : Machine
-        With signs for factors, without scales; its working memory is not to be used.
-    entries : ndarray of int, shape (2, n)
-        Unknowns to which the entries of the matrix belong, the coordinates and then the rows kept.
-    order : ndarray of int, shape (N,)
-        The unknowns by place.
-    """
-
-    machine: Machine
-    entries: Any
-    order: Any
-
-
-def layout_of(system: System, kept: Sequence[int], free: Sequence[int], attitudes: Attitudes, energy: Energy) -> Layout:
-    """Write the equations of a scene with the rows kept; the base rotations of some bodies are set later."""
-    from mbstab.compiler.machine import DELTA
-
-    fused = Fused(system, free=free)
-    n, traced = system.n_q, fused.traced
-    rank, rows = len(kept), system.n_c
-    mass, jacobian = _entries(traced.M), _entries(traced.J)
-    unknown = {row: n + k for k, row in enumerate(kept)}
-    matrix = [(i, j, x) for i, j, x in mass if i >= j]
-    matrix += [(unknown[i], j, x) for i, j, x in jacobian if i in unknown]
-    neighbours: list[set[int]] = [set() for _ in range(n + rank)]
-    for i, j, _ in matrix:
-        if i != j:
-            neighbours[i].add(j)
-            neighbours[j].add(i)
-    elimination = Elimination.of(neighbours, n)
-    place, columns = elimination.place, elimination.columns
-    start = np.cumsum([0, *map(len, columns)])
-    at = {(row, k): int(start[k]) + i for k, column in enumerate(columns) for i, row in enumerate(column)}
-    updates = [[at[j, i] for a, i in enumerate(column) for j in column[a + 1 :]] for column in columns]
-
-    working = not energy.conservative
-    power = [fused.traced_power(energy.working, energy.damped)] if working else []
-    right = [*traced.F0.tolist(), *traced.B[list(kept)].tolist()]
-    residuals = [*traced.E.tolist(), *traced.V.tolist()]
-    groups = [
-        [*(x for *_, x in matrix), *right, *power],
-        [*(x for *_, x in mass), *(x for *_, x in jacobian), *residuals],
-    ]
-    code = fused.code(groups)
-    results = iter(code.results)
-
-    def registers(count: int) -> tuple[Any, Array]:
-        found = [next(results) for _ in range(count)]
-        return _integers(r for r, _ in found), _floats(-1.0 if minus else 1.0 for _, minus in found)
-
-    entry, entry_sign = registers(len(matrix))
-    right_register, right_sign = registers(n + rank)
-    (power_register,), (power_sign,) = registers(1) if working else ([-1], [0.0])
-    mass_register, mass_sign = registers(len(mass))
-    jacobian_register, jacobian_sign = registers(len(jacobian))
-    residual_register, residual_sign = registers(2 * rows)
-
-    order = np.argsort(place)
-    shift = np.where(np.arange(n + rank) < n, DELTA, -DELTA)
-    places = [(place[i], place[j]) for i, j, _ in matrix]
-    base = code.inputs + len(code.constants)
-    w = np.zeros(base + len(code.operands))
-    w[code.inputs : base] = code.constants
-    tables = {
-        "run_operation": [operation for operation, _ in code.runs],
-        "run_start": [0, *(end for _, end in code.runs)],
-        "first": [x for x, _ in code.operands],
-        "second": [x for _, x in code.operands],
-        "ends": code.ends,
-        "w": w,
-        "entry_register": entry,
-        "entry_factor": entry_sign,
-        "entry_row": [max(pair) for pair in places],
-        "entry_column": [min(pair) for pair in places],
-        "entry_target": [-1 if i == j else at[max(i, j), min(i, j)] for i, j in places],
-        "entry_value": np.zeros(len(matrix)),
-        "right_register": right_register[order],
-        "right_factor": -right_sign[order],
-        "shift": shift[order],
-        "column_start": start,
-        "lower_row": [row for column in columns for row in column],
-        "lower": np.zeros(int(start[-1])),
-        "update_start": np.cumsum([0, *map(len, updates)]),
-        "update_target": [target for column in updates for target in column],
-        **{name: np.zeros(n + rank) for name in ("diagonal", "b", "x", "dx", "right")},
-        "place": place[:n],
-        "row_place": [place[unknown[i]] if i in unknown else -1 for i in range(rows)],
-        "jacobian_row": [i for i, _, _ in jacobian],
-        "jacobian_column": [j for _, j, _ in jacobian],
-        "jacobian_register": jacobian_register,
-        "jacobian_sign": jacobian_sign,
-        "mass_row": [i for i, _, _ in mass],
-        "mass_column": [j for _, j, _ in mass],
-        "mass_register": mass_register,
-        "mass_sign": mass_sign,
-        "residual_register": residual_register,
-        "residual_sign": residual_sign,
-        "left": np.where(shift[order] < 0.0, 1.0 / np.sqrt(max(rank, 1)), 0.0),
-        "reach": np.zeros(rows),
-        "best": np.zeros(2 * n),
-        "scale": np.zeros(n),
-        "row_scale": np.zeros(rows),
-        "sizes": np.zeros(n),
-        "angle": [part.start + 1 for _, part in attitudes.parts],
-        "least_cosine": [
-            REFERENCE.euler_cosine_pinned if i in attitudes.pinned else REFERENCE.euler_cosine_chart_left
-            for i, _ in attitudes.parts
-        ],
-        "pinned": [i in attitudes.pinned for i, _ in attitudes.parts],
-    }
-    numbers = {
-        "coordinates": n,
-        "rows": rows,
-        "holonomic": system.n_h,
-        "base": base,
-        "power_register": int(power_register),
-        "power_sign": float(power_sign),
-        "driven": int(energy.driven),
-        "projections": TOLERANCES.projection_steps,
-        "projected": TOLERANCES.projection_residual,
-        "accepted": TOLERANCES.projection_residual_failed,
-        "slowest": 0.0,
-    }
-    entries = np.array([(i, j) for i, j, _ in matrix], dtype=np.int64).reshape(-1, 2).T
-    return Layout(machine_code().machine(tables, **numbers), entries, order)
-
-
-def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes, energy: Energy) -> Machine:
-    """Return a scene as arrays; the base rotations of some bodies are set later."""
-    system, kept, table = equations.system, equations.kept, machine_code().table
-    key = (*kept, None, *free), energy
-    layout = system.remember("layout", key, lambda: layout_of(system, kept, free, attitudes, energy))
-    floats = layout.machine.floats.copy()
-    machine = layout.machine._replace(floats=floats, slowest=float(equations.slowest))
-    factors = np.concatenate([equations.scale, equations.row_scale[kept]])
-    table(machine, "entry_factor")[:] *= factors[layout.entries[0]] * factors[layout.entries[1]]
-    table(machine, "right_factor")[:] *= factors[layout.order]
-    for name in ("scale", "row_scale", "sizes"):
-        table(machine, name)[:] = getattr(equations, name)
-    return machine
+    from mbstab.compiler.machine.explicit import Tableau
 
 
 @cache
@@ -240,7 +33,7 @@ def tableau_of(solver: str) -> Tableau:
     """Return an explicit integrator of SciPy, DOP853 or RK45, as arrays."""
     import scipy.integrate
 
-    from mbstab.compiler.machine import Tableau
+    from mbstab.compiler.machine.explicit import Tableau
 
     method = getattr(scipy.integrate, solver)
     s, more = method.n_stages, getattr(method, "C_EXTRA", np.zeros(0))
@@ -280,14 +73,14 @@ class State:
         least: float,
         near: float,
     ) -> None:
-        self._code, self.n = machine_code(), len(q)
+        self.n = len(q)
         n = self.n
-        self.march: March = self._code.March(
+        self.march = at.March(
             y=np.concatenate([q, u]),
             before=np.concatenate([q, u]),
             k=np.zeros((stages, 2 * n)),
             power=np.zeros(stages),
-            t=np.array([t, options.step or options.first or 0.0, 0.0, 0.0, 0.0, 0.0, least]),
+            t=np.array([t, options.step or options.first or 0.0, 0.0, 0.0, 0.0, 0.0, least, 0.0]),
             counts=np.zeros(4, dtype=np.int64),
             absolute=options.tolerances(sizes),
             relative=TOLERANCES.step_tolerance_relative,
@@ -321,61 +114,61 @@ class State:
     @property
     def t(self) -> float:
         """The time reached (s)."""
-        return float(self.march.t[self._code.TIME])
+        return float(self.march.t[at.TIME])
 
     @property
     def following(self) -> float:
         """The step to try next (s)."""
-        return float(self.march.t[self._code.FOLLOWING])
+        return float(self.march.t[at.FOLLOWING])
 
     @property
     def taken(self) -> float:
         """The last step (s)."""
-        return float(self.march.t[self._code.TAKEN])
+        return float(self.march.t[at.TAKEN])
 
     @property
     def work(self) -> float:
         """The work since the start of the march (J)."""
-        return float(self.march.t[self._code.WORK])
+        return float(self.march.t[at.WORK])
 
     @property
     def peak(self) -> float:
         """The largest kinetic energy after a step (J)."""
-        return float(self.march.t[self._code.PEAK])
+        return float(self.march.t[at.PEAK])
 
     @property
     def drift(self) -> float:
         """The largest residual of a row after a step."""
-        return float(self.march.t[self._code.DRIFT])
+        return float(self.march.t[at.DRIFT])
 
     @property
     def least(self) -> float:
         """Square of the smallest singular value of the rows at the start, in the metric of M."""
-        return float(self.march.t[self._code.LEAST])
+        return float(self.march.t[at.LEAST])
 
     @property
     def steps(self) -> int:
         """Steps taken."""
-        return int(self.march.counts[self._code.STEPS])
+        return int(self.march.counts[at.STEPS])
 
     @property
     def rejected(self) -> int:
         """Number of rejected steps."""
-        return int(self.march.counts[self._code.REJECTED])
+        return int(self.march.counts[at.REJECTED])
 
     @property
     def evaluations(self) -> int:
         """Number of evaluations of the equations."""
-        return int(self.march.counts[self._code.EVALUATIONS])
+        return int(self.march.counts[at.EVALUATIONS])
 
     @property
     def done(self) -> int:
         """Number of output times that are done."""
-        return int(self.march.counts[self._code.COVERED])
+        return int(self.march.counts[at.COVERED])
 
 
 def machine_code() -> ModuleType:
-    """Return `mbstab.compiler.machine`.
+    """Return `mbstab.compiler.machine.native`.
 
     Raises
     ------
@@ -383,10 +176,10 @@ def machine_code() -> ModuleType:
         If Numba is not installed.
     """
     try:
-        import mbstab.compiler.machine as machine
+        import mbstab.compiler.machine.native as native
     except ImportError:
         raise UsageError("compiled steps need Numba\nhint: install it with pip install 'mbstab[fast]'") from None
-    return machine
+    return native
 
 
 class Marching:
@@ -403,7 +196,7 @@ class Marching:
     """
 
     def __init__(self, equations: Constrained, attitudes: Attitudes, energy: Energy, solver: str) -> None:
-        self._code = machine_code()
+        machine_code()
         self._free = [i for i, _ in attitudes.parts if i not in attitudes.pinned]
         self._sizes, self._fresh = equations.sizes, True
         self.machine = machine_of(equations, self._free, attitudes, energy)
@@ -439,12 +232,14 @@ class Marching:
             Fraction of that singular value below which no compiled steps are taken.
         """
         bases = [x for i in self._free for x in system.scene.bodies[i].base]
-        self._code.table(self.machine, "w")[2 * len(q) + 1 : 2 * len(q) + 1 + len(bases)] = bases
+        table(self.machine, "w")[2 * len(q) + 1 : 2 * len(q) + 1 + len(bases)] = bases
         self.state = State(t, q, u, times, end, len(self.tableau.C), self._sizes, options, least, near)
         self._fresh = True
 
     def go(self) -> str:
         """Take a limited number of steps; return why it stopped: ``done``, ``more``, ``chart`` or ``look``."""
-        code, fresh, self._fresh = self._code, self._fresh, False
-        reason = code.march(self.machine, self.tableau, self.state.march, TOLERANCES.compiled_steps, fresh)
-        return {code.DONE: "done", code.MORE: "more", code.CHART: "chart"}.get(reason, "look")
+        from mbstab.compiler.machine.explicit import march
+
+        fresh, self._fresh = self._fresh, False
+        reason = march(self.machine, self.tableau, self.state.march, TOLERANCES.compiled_steps, fresh)
+        return {at.DONE: "done", at.MORE: "more", at.CHART: "chart"}.get(reason, "look")

@@ -1,0 +1,158 @@
+"""Constraints of a state in machine code: residuals, projection, rank, and where a chart of Euler angles ends."""
+
+from __future__ import annotations
+
+import math
+
+from mbstab.compiler.machine import tables as at
+from mbstab.compiler.machine.interpreter import evaluate
+from mbstab.compiler.machine.linear import factor, solve
+from mbstab.compiler.machine.march import EVALUATIONS
+from mbstab.compiler.machine.native import compiled, copy, fill, floats, integers
+from mbstab.compiler.machine.tables import Floats, Integers, Machine
+
+
+@compiled
+def residual(m: Machine, y: Floats) -> tuple[float, float]:
+    """Return the largest residuals in position and in velocity, as `Constrained.residuals` does."""
+    jacobian_row = integers(m, at.JACOBIAN_ROW)
+    jacobian_register = integers(m, at.JACOBIAN_REGISTER)
+    jacobian_column = integers(m, at.JACOBIAN_COLUMN)
+    residual_register = integers(m, at.RESIDUAL_REGISTER)
+    reach = floats(m, at.REACH)
+    w = floats(m, at.W)
+    sizes = floats(m, at.SIZES)
+    rows = m.rows
+    fill(reach, 1e-300)
+    for e in range(len(jacobian_row)):
+        reach[jacobian_row[e]] += abs(w[jacobian_register[e]]) * sizes[jacobian_column[e]]
+    n, fast = m.coordinates, m.slowest
+    for i in range(n):
+        fast = max(fast, abs(y[n + i]) / sizes[i])
+    position, velocity = 0.0, 0.0
+    for i in range(rows):
+        if i < m.holonomic:
+            position = max(position, abs(w[residual_register[i]]) / reach[i])
+        velocity = max(velocity, abs(w[residual_register[rows + i]]) / (reach[i] * fast))
+    return position, velocity
+
+
+@compiled
+def correct(m: Machine, y: Floats, speeds: int) -> bool:
+    """Change coordinates, or speeds, by the least that makes their rows vanish, in the metric of M.
+
+    The rows that are not meant are left as they are.
+    """
+    row_place = integers(m, at.ROW_PLACE)
+    place = integers(m, at.PLACE)
+    residual_register = integers(m, at.RESIDUAL_REGISTER)
+    b = floats(m, at.B)
+    residual_sign = floats(m, at.RESIDUAL_SIGN)
+    w = floats(m, at.W)
+    row_scale = floats(m, at.ROW_SCALE)
+    x = floats(m, at.X)
+    scale = floats(m, at.SCALE)
+    rows, offset, start = m.holonomic, 0, 0
+    if speeds:
+        rows, offset, start = m.rows, m.coordinates, m.rows
+    factor(m)
+    fill(b, 0.0)
+    for i in range(rows):
+        if row_place[i] >= 0:
+            b[row_place[i]] = -residual_sign[start + i] * w[residual_register[start + i]] * row_scale[i]
+    if not solve(m):
+        return False
+    for i in range(m.coordinates):
+        y[offset + i] += x[place[i]] * scale[i]
+    return True
+
+
+@compiled
+def settle(m: Machine, t: float, y: Floats, counts: Integers) -> float:
+    """Move a state onto the constraints; return the residual that is left, and the registers at that state."""
+    best = floats(m, at.BEST)
+    least = math.inf
+    for _ in range(m.projections):
+        counts[EVALUATIONS] += 1
+        if not evaluate(m, t, y, 1):
+            return math.inf
+        position, velocity = residual(m, y)
+        size = max(position, velocity)
+        if size >= 0.5 * least:  # rounding is reached
+            if size > least:
+                copy(y, best)
+                evaluate(m, t, y, 1)
+            return min(size, least)
+        copy(best, y)
+        least = size
+        if size <= m.projected:
+            return size
+        for speeds in range(0 if position > m.projected else 1, 2):
+            if not correct(m, y, speeds):
+                return math.inf
+            if speeds == 0:
+                counts[EVALUATIONS] += 1
+                if not evaluate(m, t, y, 1):
+                    return math.inf
+    return least
+
+
+@compiled
+def watch(m: Machine) -> tuple[bool, float]:
+    """Whether the least singular value of the rows changed its sign, and its square; take its vectors along.
+
+    One step of inverse iteration with the factors of the present state, in the metric of M.
+    """
+    jacobian_row = integers(m, at.JACOBIAN_ROW)
+    row_place = integers(m, at.ROW_PLACE)
+    jacobian_column = integers(m, at.JACOBIAN_COLUMN)
+    jacobian_register = integers(m, at.JACOBIAN_REGISTER)
+    place = integers(m, at.PLACE)
+    jacobian_sign = floats(m, at.JACOBIAN_SIGN)
+    w = floats(m, at.W)
+    row_scale = floats(m, at.ROW_SCALE)
+    left = floats(m, at.LEFT)
+    scale = floats(m, at.SCALE)
+    right = floats(m, at.RIGHT)
+    b = floats(m, at.B)
+    shift = floats(m, at.SHIFT)
+    x = floats(m, at.X)
+    seen = 0.0
+    for e in range(len(jacobian_row)):
+        row = row_place[jacobian_row[e]]
+        if row >= 0:
+            column = jacobian_column[e]
+            entry = jacobian_sign[e] * w[jacobian_register[e]] * row_scale[jacobian_row[e]]
+            seen += left[row] * entry * scale[column] * right[place[column]]
+    copy(b, left)
+    if not solve(m):
+        return True, 0.0
+    size = 0.0
+    for i in range(len(left)):
+        if shift[i] < 0.0:
+            size += x[i] * x[i]
+    size = math.sqrt(size)
+    if size == 0.0:
+        return False, math.inf
+    for i in range(len(left)):
+        if shift[i] < 0.0:
+            left[i] = -x[i] / size
+            right[i] = 0.0
+        else:
+            right[i] = x[i]
+    return seen < 0.0, 1.0 / size
+
+
+@compiled
+def chart_ends(m: Machine, before: Floats, y: Floats) -> bool:
+    """Whether an angle has come to where Euler angles are replaced, or, of a body that keeps its own, are singular."""
+    angle = integers(m, at.ANGLE)
+    pinned = integers(m, at.PINNED)
+    least_cosine = floats(m, at.LEAST_COSINE)
+    for i in range(len(angle)):
+        cosine = math.cos(y[angle[i]])
+        if abs(cosine) < least_cosine[i]:
+            return True
+        if pinned[i] and cosine * math.cos(before[angle[i]]) < 0.0:
+            return True
+    return False

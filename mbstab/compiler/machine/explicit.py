@@ -1,0 +1,285 @@
+"""Explicit integrators in machine code: many steps at once."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mbstab.compiler.machine.constraints import chart_ends, residual, settle, watch
+from mbstab.compiler.machine.linear import accelerate, factor, kinetic, power, slope
+from mbstab.compiler.machine.march import (
+    CHART,
+    COVERED,
+    DONE,
+    DRIFT,
+    EVALUATIONS,
+    FOLLOWING,
+    LEAST,
+    LOOK,
+    MORE,
+    PEAK,
+    RATE,
+    REJECTED,
+    STEPS,
+    TAKEN,
+    TIME,
+    WORK,
+    March,
+)
+from mbstab.compiler.machine.native import called, compiled, copy, fill
+from mbstab.compiler.machine.tables import Floats, Machine
+
+SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 10.0
+"""Of a step to the next one, as in SciPy's integrators."""
+
+_nodes, _weights = np.polynomial.legendre.leggauss(4)
+NODES, WEIGHTS = tuple((0.5 * (_nodes + 1.0)).tolist()), tuple((0.5 * _weights).tolist())
+"""Gauss quadrature of the power over a step; its own weights, at stages of lower order, are ten times worse."""
+
+
+class Tableau(NamedTuple):
+    """An explicit Runge-Kutta method with s stages, and more for its dense output.
+
+    The dense output is y + h Σ_j g_j(x) Σ_i W_ji K_i at the part x of the step, with g = x, x(1-x), x²(1-x), … if
+    `nested`, and x, x², x³, … otherwise.
+    """
+
+    A: Floats
+    B: Floats
+    C: Floats
+    E: Floats  # one row, or two: of order 5 and 3, as in DOP853
+    W: Floats
+    first: int  # first stage whose slope is not known at the start of a step
+    stages: int
+    nested: int
+    exponent: float
+
+
+@compiled
+def stages(m: Machine, tableau: Tableau, s: March, h: float, start: int, stop: int, y: Floats) -> bool:
+    """Find the slopes at stages of a step."""
+    for i in range(start, stop):
+        fill(y, 0.0)
+        for j in range(i):
+            if tableau.A[i, j] != 0.0:
+                for c in range(len(y)):
+                    y[c] += tableau.A[i, j] * s.k[j, c]
+        for c in range(len(y)):
+            y[c] = s.y[c] + h * y[c]
+        s.counts[EVALUATIONS] += 1
+        if not slope(m, s.t[TIME] + tableau.C[i] * h, y, s.k[i]):
+            return False
+        s.power[i] = power(m, y)
+    return True
+
+
+@compiled
+def error_of(tableau: Tableau, s: March, h: float, y: Floats) -> float:
+    """Return the error of a step relative to the tolerances, as SciPy estimates it."""
+    first, second = 0.0, 0.0
+    for c in range(len(y)):
+        scale = s.absolute[c] + s.relative * max(abs(s.y[c]), abs(y[c]))
+        one, other = 0.0, 0.0
+        for i in range(tableau.E.shape[1]):
+            one += tableau.E[0, i] * s.k[i, c]
+            if len(tableau.E) == 2:
+                other += tableau.E[1, i] * s.k[i, c]
+        first += (one / scale) ** 2
+        second += (other / scale) ** 2
+    if first == 0.0 and second == 0.0:
+        return 0.0
+    if len(tableau.E) == 1:
+        return h * math.sqrt(first / len(y))
+    return h * first / math.sqrt((first + 0.01 * second) * len(y))
+
+
+@compiled
+def attempt(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> float:
+    """Make a step to y; return its error relative to the tolerances."""
+    last = tableau.stages
+    if not stages(m, tableau, s, h, tableau.first, last, y):
+        return math.nan
+    fill(y, 0.0)
+    for i in range(last):
+        if tableau.B[i] != 0.0:
+            for c in range(len(y)):
+                y[c] += tableau.B[i] * s.k[i, c]
+    for c in range(len(y)):
+        y[c] = s.y[c] + h * y[c]
+    s.counts[EVALUATIONS] += 1
+    if not slope(m, s.t[TIME] + h, y, s.k[last]):
+        return math.nan
+    s.power[last] = power(m, y)
+    return error_of(tableau, s, h, y)
+
+
+@compiled
+def interpolate(tableau: Tableau, s: March, h: float, x: float, y: Floats) -> float:
+    """Set y to the state at a part of the step, and return the work until there."""
+    n_k = tableau.W.shape[1]
+    copy(y, s.y)
+    work, g = 0.0, x
+    for j in range(len(tableau.W)):
+        for i in range(n_k):
+            weight = float(h * g * tableau.W[j, i])
+            if weight != 0.0:
+                for c in range(len(y)):
+                    y[c] += weight * s.k[i, c]
+                work += weight * s.power[i]
+        g *= (1.0 - x if j % 2 == 0 else x) if tableau.nested else x
+    return work
+
+
+@compiled
+def first_step(m: Machine, tableau: Tableau, s: March) -> float:
+    """Return the step to begin with, as SciPy chooses it (Hairer, Norsett and Wanner 1993, section II.4)."""
+    n, most = len(s.y), min(s.longest, s.end - s.t[TIME])
+    place, rate = 0.0, 0.0
+    for c in range(n):
+        scale = s.absolute[c] + s.relative * abs(s.y[c])
+        place += (s.y[c] / scale) ** 2
+        rate += (s.k[0, c] / scale) ** 2
+    place, rate = math.sqrt(place / n), math.sqrt(rate / n)
+    h = min(1e-6 if place < 1e-5 or rate < 1e-5 else 0.01 * place / rate, most)
+    for c in range(n):
+        s.inside[c] = s.y[c] + h * s.k[0, c]
+    s.counts[EVALUATIONS] += 1
+    if not slope(m, s.t[TIME] + h, s.inside, s.rates):
+        return float(h)
+    bend = 0.0
+    for c in range(n):
+        bend += ((s.rates[c] - s.k[0, c]) / (s.absolute[c] + s.relative * abs(s.y[c]))) ** 2
+    bend = math.sqrt(bend / n) / h
+    longer = max(1e-6, h * 1e-3)
+    if rate > 1e-15 or bend > 1e-15:
+        longer = (0.01 / max(rate, bend)) ** -tableau.exponent
+    return float(min(100.0 * h, longer, most))
+
+
+@compiled
+def begin(m: Machine, tableau: Tableau, s: March) -> bool:
+    """Start at the state of a march; False if nothing can be done there."""
+    s.counts[EVALUATIONS] += 1
+    if not slope(m, s.t[TIME], s.y, s.k[0]):
+        return False
+    s.power[0] = power(m, s.y)
+    if s.t[FOLLOWING] == 0.0:
+        s.t[FOLLOWING] = first_step(m, tableau, s)
+        if not slope(m, s.t[TIME], s.y, s.k[0]):
+            return False
+    if m.rows == 0:
+        return True
+    for _ in range(3):
+        watch(m)
+    _, value = watch(m)
+    if s.t[LEAST] == 0.0:
+        s.t[LEAST] = value
+    return not value <= s.near * s.t[LEAST]
+
+
+@compiled
+def accepted(m: Machine, tableau: Tableau, s: March, y: Floats) -> tuple[float, float]:
+    """Make a step to y whose error is within the tolerances; return its end, nan if none, and the next step."""
+    t, rejected = s.t[TIME], False
+    least = 10.0 * (np.nextafter(t, np.inf) - t)
+    h = min(max(s.t[FOLLOWING], least), s.longest)
+    while True:
+        if h < least:
+            return math.nan, h
+        following = min(t + h, s.end)
+        h = following - t
+        error = attempt(m, tableau, s, h, y)
+        if error < 1.0:
+            break
+        ratio = SAFETY * error**tableau.exponent
+        h *= ratio if ratio > LEAST_FACTOR else LEAST_FACTOR  # also where there is none
+        rejected = True
+        s.counts[REJECTED] += 1
+    ratio = min(LARGEST_FACTOR, SAFETY * error**tableau.exponent) if error > 0.0 else LARGEST_FACTOR
+    if rejected:
+        ratio = min(1.0, ratio)
+    return following, h * ratio
+
+
+@compiled
+def arrived(m: Machine, s: March, t: float, y: Floats, dy: Floats) -> bool:
+    """Move the end of a step onto the constraints, find its rates, and look at its rank; False if it is to be left."""
+    if not settle(m, t, y, s.counts) <= m.accepted:
+        return False
+    left_over = max(*residual(m, y))
+    factor(m)
+    if not accelerate(m, dy):
+        return False
+    s.t[RATE] = power(m, y)
+    if m.rows > 0:
+        flipped, value = watch(m)
+        if flipped or value <= s.near * s.t[LEAST]:
+            return False
+    s.t[PEAK] = max(s.t[PEAK], kinetic(m))
+    s.t[DRIFT] = max(s.t[DRIFT], left_over)
+    return True
+
+
+@compiled
+def cover(m: Machine, tableau: Tableau, s: March, following: float, y: Floats) -> bool:
+    """Find the work of a step to y and the states at the times of output within; False where there are none."""
+    t, n, z = s.t[TIME], m.coordinates, s.inside
+    h = following - t
+    done, extended, work, missed = s.counts[COVERED], False, 0.0, 0.0
+    if m.power_register >= 0:
+        if not stages(m, tableau, s, h, tableau.stages + 1, len(tableau.C), z):
+            return False
+        extended = True
+        for i in range(len(NODES)):
+            interpolate(tableau, s, h, NODES[i], z)
+            s.counts[EVALUATIONS] += 1
+            if not slope(m, t + h * NODES[i], z, s.other):
+                return False
+            work += h * WEIGHTS[i] * power(m, z)
+        missed = work - interpolate(tableau, s, h, 1.0, z)
+    while done < len(s.times) and s.times[done] <= following:
+        if s.times[done] == following:
+            copy(s.found[done, : 2 * n], y)
+            s.found[done, 2 * n] = s.t[WORK] + work
+        else:
+            if not extended and not stages(m, tableau, s, h, tableau.stages + 1, len(tableau.C), z):
+                return False
+            extended = True
+            part = (s.times[done] - t) / h
+            s.found[done, 2 * n] = s.t[WORK] + interpolate(tableau, s, h, part, z) + part * missed
+            if not settle(m, s.times[done], z, s.counts) <= m.accepted:
+                return False
+            copy(s.found[done, : 2 * n], z)
+        done += 1
+    s.counts[COVERED] = done
+    s.t[WORK] += work
+    return True
+
+
+@called
+def march(m: Machine, tableau: Tableau, s: March, most: int, fresh: bool) -> int:
+    """Take steps, at first those of a `fresh` start; return why it ended.
+
+    A step that somebody has to look at is not taken.
+    """
+    if fresh and not begin(m, tableau, s):
+        return LOOK
+    n, y, dy = m.coordinates, s.trial, s.rates
+    for _ in range(most):
+        t, next_step = accepted(m, tableau, s, y)
+        if math.isnan(t) or not arrived(m, s, t, y, dy) or not cover(m, tableau, s, t, y):
+            return LOOK
+        s.counts[STEPS] += 1
+        copy(s.before, s.y)
+        copy(s.y, y)
+        for i in range(n):
+            s.k[0, i], s.k[0, n + i] = y[n + i], dy[n + i]
+        s.power[0] = s.t[RATE]
+        s.t[TIME], s.t[FOLLOWING], s.t[TAKEN] = t, next_step, t - s.t[TIME]
+        if chart_ends(m, s.before, s.y):
+            return CHART
+        if t >= s.end:
+            return DONE
+    return MORE
