@@ -1187,7 +1187,7 @@ def test_every_value_without_an_answer_is_listed_with_others_of_its_cause():
 
 
 def test_a_search_that_is_too_long_ends_and_says_where(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_looks", 40)
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_looks", 4)
     result = mbstab.load("whipple_bicycle.yaml").sweep("v", np.linspace(0.0, 10.0, 11))
     assert len(result.values) == 11
     assert "the refinement between points ended" in result.warnings[0]
@@ -1261,9 +1261,35 @@ def test_branches_that_pass_the_axis_together_are_one_event():
     assert len(critical.branches) == 2
 
 
-def test_a_change_of_stability_is_found_whatever_the_search_for_branches_has_spent(monkeypatch):
-    """Without points for branches the weave speed is where the number of unstable eigenvalues changes."""
+@pytest.mark.parametrize(
+    ("name", "parameter", "ends", "kind", "unstable", "value"),
+    [
+        ("whipple_bicycle.yaml", "v", (3.9, 4.9), "flutter", (2, 0), 4.29238253634111),
+        ("whipple_bicycle.yaml", "v", (5.5, 6.5), "divergence", (0, 1), 6.02426201538837),
+        ("top.yaml", "omega", (5.2, 6.1), "collision", (2, 0), None),
+    ],
+)
+def test_a_change_of_stability_is_told_whatever_the_search_for_branches_has_spent(
+    monkeypatch, name, parameter, ends, kind, unstable, value
+):
+    model, grid = mbstab.load(name), np.linspace(*ends, 4)
+    (sure,) = model.sweep(parameter, grid).critical
     monkeypatch.setattr(Branches, "budget", 0)
-    found = mbstab.load("whipple_bicycle.yaml").sweep("v", np.linspace(3.9, 4.9, 4)).critical
-    assert [(c.kind, c.unstable) for c in found] == [("unresolved", (2, 0))]
-    assert found[0].value == pytest.approx(4.29238253634111, rel=1e-9)
+    (found,) = model.sweep(parameter, grid).critical
+    assert (found.kind, found.unstable, found.verdicts) == (kind, unstable, sure.verdicts)
+    assert found.value == pytest.approx(value or sure.value, rel=1e-12)
+    assert found.frequency == pytest.approx(sure.frequency, rel=1e-9, abs=1e-12)
+
+
+def test_a_critical_value_on_a_point_is_found_once():
+    """An integral that takes no part at zero gain: the zero there is explained, on both sides it has a side."""
+    text = (
+        "mbstab: 1\nparameters: {k: 1}\nbodies: {p: {type: planar_point, mass: 1}}\n"
+        "constraints: {rail: {holonomic: p.y}}\nstates: {z: {rate: p.x}}\n"
+        "forces: {spring: {type: expression, on: {p.x: -p.x - rate(p.x) - k*z}}}\n"
+        "reference: {coordinates: {p: {x: 0, y: 0}}}\n"
+    )
+    for points in (41, 40):
+        (found,) = mbstab.loads(text).sweep("k", np.linspace(-0.5, 0.5, points)).critical
+        assert (found.kind, found.unstable) == ("divergence", (1, 0))
+        assert abs(found.value) < 1e-12

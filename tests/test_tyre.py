@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import fsolve
 
 import mbstab
+from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.errors import ModelFileError, NumericalError
 
 CAR = """\
@@ -282,3 +283,20 @@ def test_bad_tyres_are_refused(old, new, message):
         mbstab.loads(RELAXED.replace(old, new)).eig()
     assert message in str(caught.value)
     assert "<text>:" in str(caught.value)
+
+
+def test_many_speeds_of_a_body_that_a_joint_moves_are_computed_together():
+    """Rates that a joint determines are solved before those of the states of tyres, which divide by them."""
+    text = RELAXED.replace("front: [a, 0]", "front: [a, 0], ball: [-2.5, 0]").replace(
+        "forces:\n",
+        "  van: {type: planar, mass: 900, inertia: 2000, points: {cup: [3, 0], axle: [-0.1, 0]}}\n"
+        "joints: {hitch: {type: revolute, between: [van.cup, car.ball]}}\n"
+        "forces:\n  axle: {type: tyre, at: van.axle, cornering_stiffness: C, relaxation_length: sigma}\n",
+    )
+    text = text.replace("theta: 0}}", "theta: 0}, van: {theta: 0}}").replace("{x: u}", "{x: u}, van: {theta: 0}")
+    model, x = mbstab.loads(text), np.linspace(5.0, 60.0, 40)
+    evaluator = Evaluator(model.model)
+    found = evaluator.near({"u": x}, 7)
+    assert evaluator.alone < 2
+    for k in (0, 17, 39):
+        assert close(moving(dict(enumerate(found.values[k]))), moving(model.eig(u=x[k])), 1e-11)

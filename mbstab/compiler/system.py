@@ -201,16 +201,16 @@ class System:
         return following(self._elements, *self.states)
 
     def with_state_rates(self, q: Array, u: Array, time: Any = None) -> Array:
-        """Return speeds in which the rates of the states follow from the others, shape (n_q,)."""
+        """Return speeds in which the rates of the states follow from the others, shape (n_q,) or (points, n_q)."""
         columns, rows = self.states
         # Affine in the rates of states, unless these stand in functions of each other.
         for _ in range(3 if len(rows) else 0):
             at = self.dynamics(q, u, time)
-            J, V = (at.J.toarray() if self.sparse else at.J)[np.ix_(rows, columns)], at.V[rows]
+            J, V = (at.J.toarray() if self.sparse else at.J)[..., rows[:, None], columns], at.V[..., rows]
             if not np.any(V):
                 break
             u = u.copy()
-            u[columns] -= np.linalg.solve(J, V)
+            u[..., columns] -= np.linalg.solve(J, V[..., None])[..., 0]
         return u
 
     @property

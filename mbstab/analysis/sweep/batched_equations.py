@@ -231,12 +231,15 @@ class Equations:
         if family is not None:
             return self._turning(q, u, missing, family)
         if missing.any() and system.n_c and not self._at_rest():
-            sizes = self.pattern.sizes
+            sizes, states, bodily = self.pattern.sizes, system.states[0], missing.copy()
+            bodily[states] = False
             for _ in range(2):
-                dynamics = system.dynamics(q, u)
-                step = np.linalg.pinv(dynamics.J[..., missing] * sizes[missing], rcond=1e-12) @ dynamics.V[..., None]
+                dynamics = system.bodily.dynamics(q, u)
+                step = np.linalg.pinv(dynamics.J[..., bodily] * sizes[bodily], rcond=1e-12) @ dynamics.V[..., None]
                 u = u.copy()
-                u[:, missing] -= step[..., 0] * sizes[missing]
+                u[:, bodily] -= step[..., 0] * sizes[bodily]
+            if missing[states].any():
+                u = system.with_state_rates(q, u)
             fast = np.max(np.abs(u / sizes), axis=1, keepdims=True)
             u[(np.abs(u / sizes) < 1e-14 * fast) & missing] = 0.0
         return None, u

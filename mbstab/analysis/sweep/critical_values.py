@@ -132,33 +132,42 @@ class CriticalValues(Branches):
             if np.any(np.isnan(between)):
                 inside: list[Critical] = []
             else:
-                inside = self._changes(self._stretch(more, (part, a), (part, b)), branches, depth + 1)
-            sides = int(part.counts[a]), int(part.counts[b])
-            if not inside and min(sides) >= 0 and sides[0] != sides[1]:
-                inside = [Critical(self._halved(float(x[a]), float(x[b]), sides), "unresolved", (), 0.0, sides)]
+                inside = self._changes(self._stretch(more), branches, depth + 1)
+            if not inside and min(int(part.counts[a]), int(part.counts[b])) >= 0 and part.counts[a] != part.counts[b]:
+                inside = [self._halved(part, a, b, branches)]
             found += inside
         return found
 
-    def _halved(self, low: float, high: float, counts: tuple[int, int]) -> float:
-        """Return approximately where the number of unstable eigenvalues changes, judged as `mbstab eig` does.
+    def _halved(self, part: _Stretch, a: int, b: int, branches: Complex) -> Critical:
+        """Return where the number of unstable eigenvalues changes, halving the interval.
 
-        Whatever the search for branches has spent: the sides of a change are claimed to be stable and unstable.
+        What passes there shows between two points so near to each other that only it moves from one side to the other.
         """
-        while high - low > TOLERANCES.crossing_interval * self.width:
-            middle = 0.5 * (low + high)
-            count = int(self._counted(np.array([middle]), needed=True)[0])
-            if count not in counts:
-                break
-            low, high = (middle, high) if count == counts[0] else (low, middle)
-        return 0.5 * (low + high)
+        counts = int(part.counts[a]), int(part.counts[b])
+        low, high, open_ = float(part.x[a]), float(part.x[b]), False
+        for width in (TOLERANCES.meeting_rounding, TOLERANCES.crossing_interval):
+            while high - low > width * self.width and not open_:
+                middle = 0.5 * (low + high)
+                count = int(self._counted(np.array([middle]), needed=True)[0])
+                open_ = count not in counts
+                if not open_:
+                    low, high = (middle, high) if count == counts[0] else (low, middle)
+            near = self._stretch(np.array([low, high]))
+            for bracket in (*self._passing(near), *self._meeting(near)):
+                critical = self._located(near, bracket, branches)
+                if critical is not None:
+                    return critical
+        return Critical(0.5 * (low + high), "unresolved", (), 0.0, counts)
 
     def _unexplained(
         self, part: _Stretch, found: list[Critical], doubtful: list[tuple[int, int]]
     ) -> list[tuple[int, int]]:
         """Return pairs of points between which the number of unstable eigenvalues changes without a value found."""
         x, missing = part.x, []
+        # A point may lie on the critical value itself.
+        near = TOLERANCES.meeting_rounding * self.width
         for a, b in pairwise(np.flatnonzero(part.counts >= 0).tolist()):
-            said = any(x[a] <= critical.value <= x[b] for critical in found)
+            said = any(x[a] - near <= critical.value <= x[b] + near for critical in found)
             asked = any(first < b and a < last for first, last in doubtful)
             if part.counts[a] != part.counts[b] and not said and not asked:
                 missing.append((a, b))
@@ -204,14 +213,8 @@ class CriticalValues(Branches):
         x = np.unique(np.concatenate([self.x[first : last + 1], inside]))
         return self._stretch(x)
 
-    def _stretch(self, x: Array, *ends: tuple[_Stretch, int]) -> _Stretch:
-        """Return points of the sweep and intermediate ones in continuous columns.
-
-        Parameters
-        ----------
-        ends : tuple of (_Stretch, int), optional
-            Stretches in which the first and the last of them are already known.
-        """
+    def _stretch(self, x: Array) -> _Stretch:
+        """Return points of the sweep and intermediate ones in continuous columns."""
         own = np.searchsorted(self.x, x)
         values, sides = (
             np.empty((len(x), self.values.shape[1]), dtype=complex),
@@ -377,14 +380,18 @@ class CriticalValues(Branches):
                 a, b = (float(points[max(best - 1, 0)]), float(points[min(best + 1, len(points) - 1)]))
 
     def _located(self, part: _Stretch, bracket: Bracket, branches: Complex) -> Critical | None:
-        """Return the stability change in a bracket; None unless both sides confirm it."""
+        """Return the stability change in a bracket; None unless both sides confirm it.
+
+        Where the number of unstable eigenvalues differs at its ends, whatever the search for branches has spent.
+        """
         i, j, kind, test = bracket
+        needed = bool(part.counts[i] != part.counts[j] and min(part.counts[[i, j]]) >= 0)
         a, b, before, after = float(part.x[i]), float(part.x[j]), part.values[i], part.values[j]
         if test is None:
             return None
 
         def spectrum(p: float) -> Complex:
-            found: Complex = self._spectra(np.array([p])).values[0]
+            found: Complex = self._spectra(np.array([p]), needed=needed).values[0]
             return found
 
         size = float(np.max(np.abs([before, after])))
@@ -398,7 +405,7 @@ class CriticalValues(Branches):
         # A test function that jumps has no zero.
         if not abs(test(spectrum(value), size)) <= TOLERANCES.test_function_zero * max(abs(ends[0]), abs(ends[1])):
             return None
-        counts, words = self._verified(part, i, j, value)
+        counts, words = self._verified(part, i, j, value, needed)
         # A passing pair changes the number by two.
         if min(counts) < 0 or counts[0] == counts[1] or (kind == "flutter" and (counts[1] - counts[0]) % 2):
             return None
@@ -411,7 +418,9 @@ class CriticalValues(Branches):
             found = replace(found, signatures=self._signatures(value, stable, found.frequency))
         return found
 
-    def _verified(self, part: _Stretch, i: int, j: int, value: float) -> tuple[tuple[int, int], tuple[str, str]]:
+    def _verified(
+        self, part: _Stretch, i: int, j: int, value: float, needed: bool
+    ) -> tuple[tuple[int, int], tuple[str, str]]:
         """Return the numbers of unstable eigenvalues and the verdicts on both sides of a value, (−1, −1) if in doubt.
 
         Both sides are judged as `mbstab eig` does, and must agree with the ends of the bracket where these are known.
@@ -421,7 +430,7 @@ class CriticalValues(Branches):
         for places in ((value - step, value + step), (a, b)):
             if step <= TOLERANCES.meeting_rounding * self.width and places[0] != a:
                 continue
-            found = self._counted(np.array(places))
+            found = self._counted(np.array(places), needed)
             ends = part.counts[[i, j]]
             if np.any((found >= 0) & (ends >= 0) & (found != ends)):
                 break
