@@ -156,7 +156,7 @@ class SymmetryCandidates(ElementComparison):
         system, sizes = self.system, self.motion.sizes
         rows, forces, held = [], [], []
         for state in self.on_rows:
-            dynamics = system.dynamics(state.q, state.u, self.motion.time)
+            dynamics = state.dynamics
             K, _, D_q = system.linearize(state.q, state.u, state.a, np.zeros(system.n_c), self.motion.time)
             rows.append(with_unit_rows(scaled(vstack([dynamics.J[: system.n_h], D_q], format="csr"), sizes)))
             force, strongest = scaled(K, sizes, sizes), largest(scaled(K, sizes, sizes))

@@ -25,7 +25,7 @@ from mbstab.analysis.bounds.location import enclosures, enclosures_of
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
-from mbstab.analysis.spectrum.named_motions import Telling, Whirl
+from mbstab.analysis.spectrum.named_motions import Telling, Told, Whirl
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
@@ -137,8 +137,8 @@ def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes) -> Eigenvalue:
     value = complex(0.0 if kind == "center" else s.real + 0.0, s.imag + 0.0)  # no −0
     bound = float(placed.bounds[i]) if np.isfinite(placed.bounds[i]) else math.inf
     condition, backward_error = float(placed.condition[i]), float(placed.backward_error[i])
-    shares, vector = modes.of(i)
-    motions, whirl = modes.telling.told(vector), modes.whirl.of(value, vector)
+    shares, vector, motions = modes.of(i)
+    whirl = modes.whirl.of(value, vector)
     return Eigenvalue(value, kind, bound, condition, backward_error, shares, None, vector, motions, whirl)
 
 
@@ -172,16 +172,21 @@ class Modes:
         motion = linear.motion
         self.telling = Telling.of(linear.system, motion.q, motion.sizes, lambda: scale[:, None] * linear.spaces.N)
         self.whirl = Whirl(linear.system, linear.motion, linear.generator)
+        self._told: dict[int, Told] = {}
         self._shares = participation(scaled(linear.M, scale, scale), linear.names, placed.vectors)
         self._shapes = mode_shapes(scale[:, None] * placed.vectors, linear.motion.sizes)
 
-    def of(self, i: int) -> tuple[dict[str, float], Complex | None]:
-        """Return the participation of the bodies and the shape of a mode."""
+    def of(self, i: int) -> tuple[dict[str, float], Complex | None, Told]:
+        """Return the participation of the bodies, the shape of a mode, and the motions by which it is told."""
         placed = self.placed
         j = i if placed.column is None else int(placed.column[i])
         shares, shape = self._shares[j], self._shapes[j]
-        mirrored = placed.column is not None and placed.values[i].imag < 0.0
-        return shares, shape.conj() if mirrored and shape is not None else shape
+        if j not in self._told:
+            self._told[j] = self.telling.told(shape)
+        told = self._told[j]
+        if placed.column is None or placed.values[i].imag >= 0.0 or shape is None:
+            return shares, shape, told
+        return shares, shape.conj(), tuple((name, x.conjugate() + 0.0) for name, x in told)
 
 
 def mode_shapes(dq: Any, sizes: Array) -> list[Complex | None]:
