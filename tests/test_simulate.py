@@ -21,7 +21,6 @@ from sampling import sample
 from scipy.special import ellipj, ellipk
 
 import mbstab
-from mbstab.analysis.reference.dependencies import uneven_in_time
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.rotation import euler_angles, rate_drift, rate_matrix
 from mbstab.analysis.simulate.accuracy import pulses
@@ -31,6 +30,7 @@ from mbstab.analysis.simulate.tolerances import TOLERANCES as SIMULATE
 from mbstab.cli import main
 from mbstab.compiler import form
 from mbstab.errors import MbstabError, ModelFileError, SimulationError, UsageError
+from mbstab.model.dependencies import uneven_in_time
 from mbstab.model.expressions import parse
 from mbstab.model.library import installed_models
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
+from functools import cached_property
 from typing import Any
 
 from mbstab.errors import Location
@@ -11,6 +12,7 @@ from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Kind, Marker, Number, Triad, Vector
 from mbstab.mechanics.measures import Pose
 from mbstab.model.arithmetic import Arithmetic
+from mbstab.model.dependencies import expressions_in
 from mbstab.model.evaluator import Evaluator
 from mbstab.model.fields.catalogue import given_fields, kind_of
 from mbstab.model.numbers import all_of
@@ -160,6 +162,11 @@ class Scene:
     def dimension(self) -> int:
         """2 for a planar scene, 3 for a spatial one."""
         return self.model.dimension
+
+    @cached_property
+    def timed(self) -> bool:
+        """Whether anything is a function of the time; a load that is written as numbers is not."""
+        return any("t" in expression.names() for item in self.items for expression in expressions_in(item.entry.values))
 
     def coordinate_names(self) -> list[str]:
         """Return the names of the coordinates in the order of q."""

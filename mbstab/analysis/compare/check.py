@@ -7,12 +7,12 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.linear.linearize import linearize
-from mbstab.analysis.reference.dependencies import names_in
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.rotation import rate_matrix
 from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.compiler.system import Array, System
+from mbstab.model.dependencies import names_in
 from mbstab.records import dataclass
 
 

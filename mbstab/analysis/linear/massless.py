@@ -27,7 +27,6 @@ from mbstab.analysis.algebra.subspaces import Subspaces, coordinate_scale, subsp
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
-from mbstab.analysis.reference.dependencies import timed
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import Array, Row, System
@@ -229,7 +228,7 @@ class _Decision:
     def _refuse_motion(self, steady: bool) -> None:
         """Refuse what is not known yet: functions of time, and references along which its balance changes."""
         system, motion, hint = self.system, self.motion, HINT.partition(",")[0]
-        if timed(system.scene):
+        if system.scene.timed:
             self._refuse(self.basis[0], "under functions of time its motion is not determined yet", hint)
         if motion.at_rest or steady:
             return

@@ -13,7 +13,7 @@ from typing import Any
 
 from mbstab.analysis.algebra.balls import Ball as BallType
 from mbstab.analysis.algebra.balls import NotProvable, at_part, ball, ball_arithmetic, parameters
-from mbstab.analysis.reference.dependencies import expressions_in
+from mbstab.model.dependencies import expressions_in
 from mbstab.model.expressions import OPERATIONS, Binary, Call, Expression, Name, Negative, Node, Number, Rate
 from mbstab.model.functions import CALLED, PIECED, Break
 from mbstab.model.schema import Model

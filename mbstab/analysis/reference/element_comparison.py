@@ -13,7 +13,6 @@ from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.algebra.sparse import is_sparse, largest, own_part, put, row_norms, rows_of, scaled
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift
 from mbstab.analysis.reference.imbalance import carrying
 from mbstab.analysis.reference.motion import Motion
@@ -24,6 +23,7 @@ from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import MbstabError
 from mbstab.mechanics.catalogue import ROWS
 from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
+from mbstab.model.dependencies import expressions_in
 from mbstab.records import dataclass
 
 

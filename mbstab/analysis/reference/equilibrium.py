@@ -22,7 +22,6 @@ from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.coefficients import matrices_in
-from mbstab.analysis.reference.dependencies import timed
 from mbstab.analysis.reference.efforts import Acted, Placement, efforts
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.fields import Symmetry
@@ -242,7 +241,7 @@ class Problem:
             motion, at.steady, loads, efforts(placement, motion.nu, motion.time), float(np.max(np.abs(at.residual))),
             (unbalanced[0], unbalanced[1]), search.iterations, strategy, tuple(s.name for s in known),
             tuple(_open_directions(search, at, known)),
-            not np.any(at.u) and timed(self.scene),
+            not np.any(at.u) and self.scene.timed,
         )  # fmt: skip
 
     def _closed(self, at: State) -> bool:

@@ -11,7 +11,6 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
-from mbstab.analysis.reference.dependencies import timed
 from mbstab.analysis.reference.motion import Motion, motion_at, unbalance
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -150,7 +149,7 @@ def _moved(system: System, motion: Motion) -> Iterator[Motion]:
 
 def _law_times(system: System, motion: Motion, matrices: Matrices) -> list[float]:
     """Return times at which given functions of time may have changed."""
-    if not timed(system.scene):
+    if not system.scene.timed:
         return []
     scale = motion.spaces.scale
     R, K = (float(np.max(np.abs(x * scale * scale[:, None]), initial=0.0)) for x in (matrices.R, matrices.K))

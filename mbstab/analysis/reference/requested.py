@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.sparse import large
-from mbstab.analysis.reference.dependencies import timed
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.steady import declared_family, detected
 from mbstab.compiler.system import System
@@ -59,4 +58,4 @@ def fits_sparse(system: System) -> bool:
     """Return whether a scene is large and sparse matrices can serve: its reference at rest, no rows on speeds."""
     scene = system.scene
     moving = scene.steady is not None or scene.period is not None or any(scene.rates.values())
-    return large(system) and not (moving or timed(scene) or system.n_n or scene.model.reference.find is not None)
+    return large(system) and not (moving or scene.timed or system.n_n or scene.model.reference.find is not None)

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from mbstab.analysis.reference.dependencies import expressions_in, uneven_in_time
 from mbstab.analysis.simulate.run import Follower, Run, difference, fastest
 from mbstab.analysis.simulate.steppers.interface import Method, Options
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.arithmetic import array_arithmetic
+from mbstab.model.dependencies import expressions_in, uneven_in_time
 
 
 class Work:

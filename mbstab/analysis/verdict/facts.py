@@ -17,7 +17,6 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import RandomNumbers, norms
 from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
-from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.element_comparison import OnRows
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
@@ -29,6 +28,7 @@ from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.written import with_state, with_time
 from mbstab.compiler.system import Array
 from mbstab.errors import percent
+from mbstab.model.dependencies import expressions_in
 from mbstab.model.expressions import Number
 from mbstab.model.schema import unit_of_rate
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from mbstab.analysis.reference.dependencies import expressions_in
 from mbstab.analysis.reference.efforts import effort_unit
 from mbstab.compiler.system import System
 from mbstab.mechanics.catalogue import ROWS
+from mbstab.model.dependencies import expressions_in
 from mbstab.model.expressions import Expression, Name, moves
 from mbstab.model.fields.catalogue import given_fields
 from mbstab.model.scene import ItemValues

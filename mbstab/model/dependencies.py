@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node
-from mbstab.model.scene import Scene
 
 PLAIN = (str, float, int, type(None))
 """What contains nothing."""
@@ -12,11 +11,6 @@ PLAIN = (str, float, int, type(None))
 def names_in(value: object) -> set[str]:
     """Return the names in anything that a model is made of: parameters, coordinates, the time ``t``."""
     return {name for expression in expressions_in(value) for name in expression.names()}
-
-
-def timed(scene: Scene) -> bool:
-    """Whether anything in a scene is a function of the time; a load that is written as numbers is not."""
-    return any("t" in expression.names() for item in scene.items for expression in expressions_in(item.entry.values))
 
 
 def expressions_in(value: object) -> list[Expression]:
