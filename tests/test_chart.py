@@ -204,6 +204,7 @@ def test_json_of_a_chart():
     data = json.loads(result.stdout)
     assert result.exit_code == 0
     keys = {"model", "title", "parameters", "units", "values", "unstable", "verdicts", "boundaries", "problems"}
+    keys |= {"warnings", "start"}
     assert set(data) == keys
     assert data["parameters"] == ["omega", "R"]
     assert data["units"] == ["rad/s", "m"]
@@ -286,3 +287,19 @@ def test_a_chart_of_equilibria_draws_nothing_between_paths_that_differ():
     result = mechanism.chart({"mu": np.linspace(-2.0, 2.0, 20), "e": np.linspace(-0.1, 0.1, 5)})
     assert [sorted(set(row.tolist())) for row in result.unstable] == [[0], [0], [0, 1], [0], [0]]
     assert all(np.allclose(points, 0.0, atol=1e-9) for points in result.boundaries)
+
+
+def test_a_parameter_of_the_guess_alone_changes_nothing_and_that_is_said():
+    truss = mbstab.load("von_mises_truss.yaml")
+    grid = {"y": np.linspace(0.025, 2.5, 5), "h": np.linspace(0.5, 2.5, 4)}
+    result = truss.chart(grid)
+    assert result.start == (0.025, 0.5)
+    (text,) = result.warnings
+    assert text.startswith("only the guess of the reference uses y: the equilibrium found at y = 0.025 m")
+    assert truss.sweep("y", grid["y"]).warnings == (text,)
+    assert not truss.chart({"P": np.linspace(0.0, 1.0, 3), "h": grid["h"]}).warnings
+    arguments = ["--param", "y", "--param", "h", "--from", "0.025,0.5", "--to", "2.5,2.5", "--points", "5,4"]
+    shown = CliRunner().invoke(main, ["sweep", "von_mises_truss.yaml", *arguments, "--plot", "none"])
+    assert "equilibria followed from y = 0.025, h = 0.5" in shown.stdout
+    assert f"warning: {text}" in shown.stderr
+    assert mbstab.load("bead_on_hoop.yaml").sweep("Omega", np.linspace(1.0, 5.0, 3)).warnings == ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node
+from mbstab.model.schema import Model
 
 PLAIN = (str, float, int, type(None))
 """What contains nothing."""
@@ -11,6 +12,21 @@ PLAIN = (str, float, int, type(None))
 def names_in(value: object) -> set[str]:
     """Return the names in anything that a model is made of: parameters, coordinates, the time ``t``."""
     return {name for expression in expressions_in(value) for name in expression.names()}
+
+
+def used_in(model: Model, parts: object) -> set[str]:
+    """Return the names in parts of a model, and those behind its parameters among them."""
+    found = names_in(parts)
+    for parameter in reversed(list(model.parameters.values())):
+        if parameter.name in found:
+            found |= names_in(parameter.expression)
+    return found
+
+
+def equations_of(model: Model) -> list[object]:
+    """Return the parts of a model that give the equations of motion."""
+    entries = [*model.bodies.values(), *(entry for group in model.entries.values() for entry in group.values())]
+    return [model.gravity, [entry.values for entry in entries]]
 
 
 def expressions_in(value: object) -> list[Expression]:

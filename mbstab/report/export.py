@@ -343,8 +343,10 @@ def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, t
 
     Keys: ``model``, ``title``, ``parameters``, ``units``, ``values`` (two lists, in these units),
     ``unstable`` (for each value of the second parameter a list over the first; null where the verdict
-    is open), ``verdicts`` (in the same way), ``boundaries`` (lists of points), ``problems``.
+    is open), ``verdicts`` (in the same way), ``boundaries`` (lists of points), ``problems``, ``warnings``, ``start``
+    (the two values from which equilibria were followed, null if they are given).
     """
+    begin = None if result.start is None else [x / factor for x, (_, factor) in zip(result.start, labels, strict=True)]
     return {
         "model": model,
         "title": title,
@@ -355,6 +357,8 @@ def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, t
         "verdicts": result.verdicts,
         "boundaries": [curve / [factor for _, factor in labels] for curve in result.boundaries],
         "problems": [{"point": i, "reason": reason} for i, reason in result.problems.items()],
+        "warnings": result.warnings,
+        "start": begin,
     }
 
 

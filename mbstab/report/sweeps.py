@@ -255,6 +255,12 @@ def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -
     for name, (unit, factor), along in zip(result.parameters, labels, (result.x, result.y), strict=True):
         first, last = number(float(along[0]) / factor), number(float(along[-1]) / factor)
         lines.append(f"{name}{f' ({unit})' if unit else ''} from {first} to {last}, {len(along)} values")
+    if result.start is not None:
+        begin = (
+            f"{name} = {number(value / factor)}"
+            for name, value, (_, factor) in zip(result.parameters, result.start, labels, strict=True)
+        )
+        lines.append(f"equilibria followed from {', '.join(begin)}")
     import numpy as np
 
     rows = []

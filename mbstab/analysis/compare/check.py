@@ -12,7 +12,7 @@ from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.rotation import rate_matrix
 from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.compiler.system import Array, System
-from mbstab.model.dependencies import names_in
+from mbstab.model.dependencies import equations_of, used_in
 from mbstab.records import dataclass
 
 
@@ -132,7 +132,9 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
                 f"instead of {system.n_q}"
             )
     model = scene.model
-    used = _used_parameters(system)
+    signals = [entry.values for entry in model.inputs.values()]
+    besides = [model.outputs, signals, model.reference, model.initial, model.expect]
+    used = used_in(model, [equations_of(model), besides])
     found += [f"parameter {name!r} is not used" for name in model.parameters if name not in used]
     return found
 
@@ -164,24 +166,3 @@ def _planar_axis(system: System, motion: Motion, allowed: Array) -> str:
         if fits:
             return axis
     return ""
-
-
-def _used_parameters(system: System) -> set[str]:
-    """Return the parameters that occur in the model, directly or through other parameters."""
-    model = system.scene.model
-    entries = [*model.bodies.values(), *(e for group in model.entries.values() for e in group.values())]
-    entries += model.inputs.values()
-    found = names_in(
-        [
-            model.gravity,
-            model.outputs,
-            [entry.values for entry in entries],
-            model.reference,
-            model.initial,
-            model.expect,
-        ]
-    )
-    for parameter in reversed(list(model.parameters.values())):
-        if parameter.name in found:
-            found |= names_in(parameter.expression)
-    return found

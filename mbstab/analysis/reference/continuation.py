@@ -106,7 +106,7 @@ def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) ->
                 at = bound(model, settings_in_si({other: float(value)}))
                 path = follow(at, one, float(x[0]), float(x[-1]), begin, (q[0], c[0]), further=False)
         paths.append(path)
-    return Sheet(model.parameters[other], y, tuple(paths), edge)
+    return Sheet(model.parameters[other], y, tuple(paths), edge, (begin, edge.start))
 
 
 def _surface(model: Model, axes: Mapping[str, Array]) -> Surface | None:

@@ -186,12 +186,15 @@ class Sheet:
         None where no solution is known.
     edge : Path
         The path over the second parameter from which the others start.
+    start : tuple of float
+        The values of both parameters (SI) from which all were followed.
     """
 
     parameter: Parameter
     values: Array
     paths: tuple[Path | None, ...]
     edge: Path
+    start: tuple[float, float]
 
     def _paths(self, values: Values) -> Iterator[tuple[Path | None, npt.NDArray[np.intp]]]:
         """Yield paths with the numbers of the points on them; all points are at values of the second parameter."""

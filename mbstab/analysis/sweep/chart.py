@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import others
 from mbstab.analysis.reference.continuation import follow_all
+from mbstab.analysis.reference.guesses import idle
 from mbstab.analysis.reference.paths import Sheet, Surface
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import RIGHT, WORD, settled
@@ -56,6 +58,9 @@ class Chart:
         By the number of a point, row by row, why it has no answer.
     words : ndarray of int8, shape (len(y), len(x))
         Numbers of the verdicts among `mbstab.analysis.verdict.rule.WORDS`; `verdicts` has them in words.
+    start : tuple of float or None
+        The values of both parameters from which equilibria were followed, if a file asks to find them.
+    warnings : tuple of str
     """
 
     parameters: tuple[str, str]
@@ -66,6 +71,8 @@ class Chart:
     boundaries: list[Array]
     problems: dict[int, str]
     words: npt.NDArray[np.int8]
+    start: tuple[float, float] | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def verdicts(self) -> list[list[str]]:
@@ -104,7 +111,11 @@ def chart(
     all_tasks = _rows(model, sheet, one, x) if isinstance(sheet, Sheet) else tasks(model, points, sheet, followed=False)
     with stored(all_tasks, settings) as store:
         blocks = run(all_tasks, store, settings, progress)
-        return _charted(model, (one, other), (x, y), points, sheet, blocks)
+        found = _charted(model, (one, other), (x, y), points, sheet, blocks)
+    if sheet is None:
+        return found
+    begin = sheet.start if isinstance(sheet, Sheet) else (float(x[0]), float(y[0]))
+    return replace(found, start=begin, warnings=idle(model, dict(zip((one, other), begin, strict=True))))
 
 
 def _charted(

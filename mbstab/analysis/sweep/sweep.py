@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.reference.continuation import follow as follow_path
+from mbstab.analysis.reference.guesses import idle
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import (
@@ -212,11 +213,12 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
         # The fold from which a further path starts is reported with the path that leads to it.
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
     critical.sort(key=lambda c: c.value)
+    warnings = tracker.warnings if path is None else (*tracker.warnings, *idle(model, {parameter: path.start}))
     return Sweep(
         parameter, x, branches, unstable_counts(raw.sides, words), raw.neutral, tuple(critical),
         tuple(sorted(set(tracker.meetings))), raw.problems, None if path is None else path.start,
         "" if path is None else path.moved, (), words,
-        tracker.warnings,
+        warnings,
     )  # fmt: skip
 
 

@@ -185,6 +185,7 @@ def _chart(
         output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
         for path in paths.values():
             _draw_chart(answer, path, model)
+    warn(answer.warnings)
     return answer.unstable.size, len(answer.problems)
 
 
