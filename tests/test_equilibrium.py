@@ -332,6 +332,19 @@ def test_free_fall_is_no_equilibrium_and_the_coordinate_is_named():
     assert f"{2 * G:.4g} N" in message
 
 
+def test_a_force_that_changes_elsewhere_is_not_said_to_stay():
+    """The force p - x² is flat where the search begins, and zero at two places."""
+    text = (
+        "mbstab: 1\nbodies: {b: {type: planar_point, mass: 1}}\nconstraints: {rail: {holonomic: b.y}}\n"
+        "forces: {f: {type: expression, on: {b.x: p - b.x**2}}}\nparameters: {p: 0.3}\nreference: {find: equilibrium}"
+    )
+    message = failure(text)
+    assert "nothing holds" not in message
+    assert "other starting values under reference.guess" in message
+    state, _ = only(text.replace("equilibrium}", "equilibrium, guess: {b: {x: 1}}}"))
+    assert abs(state["b.x"] - math.sqrt(0.3)) < 1e-14
+
+
 def test_a_mechanism_that_cannot_close_is_said_not_to():
     text = """
 mbstab: 1

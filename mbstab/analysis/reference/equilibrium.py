@@ -449,16 +449,15 @@ class Problem:
 
     def _nothing_holds(self, state: State) -> str:
         """Name a coordinate on which a force acts that depends on no position and that no constraint carries."""
-        K, _, _ = self.system.linearize(state.q, state.u, state.a, state.nu)
-        sizes = self.finder.sizes
-        load = state.residual[: self.system.n_q]
-        for i in np.argsort(-np.abs(load)):
-            if abs(load[i]) < 1e-6:
-                break
-            weights = np.abs(K * sizes * sizes[:, None])
-            if np.max(weights[:, i]) <= 1e-9 * np.max(weights) and not np.any(state.J[:, i]):
-                return self.system.names[int(i)]
-        return ""
+        sizes, load = self.finder.sizes, np.abs(state.residual[: self.system.n_q])
+        places = (state.q, state.q + TOLERANCES.other_position * sizes)
+        try:
+            changes = sum(np.abs(self.system.linearize(q, state.u, state.a, state.nu)[0]) for q in places)
+        except FAILURES:
+            return ""
+        weights = np.max(changes * np.outer(sizes, sizes), axis=0)
+        loose = (load >= 1e-6) & (weights <= 1e-9 * np.max(weights)) & ~np.any(state.J, axis=0)
+        return self.system.names[int(np.argmax(np.where(loose, load, 0.0)))] if np.any(loose) else ""
 
 
 def _tidied(search: Search, at: State) -> State:

@@ -89,6 +89,8 @@ class Tolerances:
     """Maximum number of steps in which given rates are raised from rest."""
     search_ran_off: Final = 10.0
     """A search has diverged if it ends more than this many sizes of the scene, or rad, from its start."""
+    other_position: Final = 0.1
+    """So many sizes of the scene from where a search ended it is seen whether a force changes with the position."""
     gap_of_constraints: Final = 1e-6
     """Constraints with residuals above this fraction of the size of the scene are not satisfied."""
     isolated_singular_value: Final = 1e-7
