@@ -90,9 +90,19 @@ class ElementChanges:
 
     def _closed(self, rough: Rough) -> State:
         """Return a state near a rough one that is proven to satisfy the constraints."""
-        reference, sizes = self.reference, self.invariance.motion.sizes
-        rows, r_h, start = reference.rows, reference.r_h, _exact(rough.q)
-        zero = [ball(0)] * len(start)
+        reference, motion, start = self.reference, self.invariance.motion, _exact(rough.q)
+        still, what = [ball(0)] * len(start), "a state on the constraints"
+        holonomic = reference.rows[: reference.r_h]
+        q = self._on(holonomic, start, lambda x: self.system.closing.dynamics(x, still, self.time), "E", what)
+        u = self._on(reference.rows, _exact(rough.u), lambda x: self.system.dynamics(q, x, self.time), "V", what)
+        rng = RandomNumbers(17)
+        a = _exact(self.invariance.rate**2 * motion.sizes * rng.uniform(-1.0, 1.0, len(start)))
+        return State(q, u, self._accelerated(q, u, a))
+
+    def _on(
+        self, rows: list[int], start: list[Ball], dynamics: Callable[[list[Ball]], Any], level: str, what: str
+    ) -> list[Ball]:
+        """Return coordinates or speeds near a start that satisfy rows, which may be nonlinear in them."""
 
         def put(x: Sequence[Ball]) -> list[Ball]:
             moved = start[:]
@@ -101,37 +111,30 @@ class ElementChanges:
             return moved
 
         def residual(x: Sequence[Ball]) -> list[Ball]:
-            E = ball_matrices.vector(self.system.closing.dynamics(put(x), zero, self.time).E)
-            return [E[i] for i in rows[:r_h]]
+            values = ball_matrices.vector(getattr(dynamics(put(x)), level))
+            return [values[i] for i in rows]
 
         def jacobian(x: Sequence[Ball]) -> Matrix:
-            J = ball_matrices.matrix(self.system.closing.dynamics(put(x), zero, self.time).J)
-            return [[J[i][j] for j in columns] for i in rows[:r_h]]
+            J = ball_matrices.matrix(dynamics(put(x)).J)
+            return [[J[i][j] for j in columns] for i in rows]
 
-        columns: list[int] = []
-        J = _middle(self.system.closing.dynamics(start, zero, self.time).J)[rows] * sizes
-        columns = independent_rows(J[:r_h].T, r_h)
-        q = put(krawczyk_boxes(residual, jacobian, [start[i] for i in columns], "a state on the constraints")[0])
-        u = self._fitted(q, zero, _exact(rough.u), lambda at: at.V)
-        rng = RandomNumbers(17)
-        a = _exact(self.invariance.rate**2 * sizes * rng.uniform(-1.0, 1.0, len(start)))
-        return State(q, u, self._fitted(q, u, a, lambda at: at.B))
+        columns = self._determined(dynamics(start).J, rows)
+        return put(krawczyk_boxes(residual, jacobian, [start[i] for i in columns], what)[0])
 
-    def _fitted(self, q: list[Ball], u: list[Ball], start: list[Ball], rest: Callable[[Any], Any]) -> list[Ball]:
-        """Return x near a start with J x + rest = 0, the rest taken at (q, u)."""
-        rows = self.reference.rows
+    def _accelerated(self, q: list[Ball], u: list[Ball], start: list[Ball]) -> list[Ball]:
+        """Return accelerations near a start that satisfy all rows."""
         at = self.system.dynamics(q, u, self.time)
-        J, b = ball_matrices.matrix(at.J), ball_matrices.vector(rest(at))
-        J, b = [J[i] for i in rows], [b[i] for i in rows]
-        middle = _middle(J).reshape(len(rows), len(q)) * self.invariance.motion.sizes
-        columns = independent_rows(middle.T, len(rows))
-        found = start[:]
-        for i in columns:
-            found[i] = ball(0)
-        slack = [[-x - y] for x, y in zip(ball_matrices.apply(J, found), b, strict=True)]
+        J, B = ([ball_matrices.matrix(at.J)[i] for i in self.reference.rows], ball_matrices.vector(at.B))
+        columns = self._determined(at.J, self.reference.rows)
+        found = [ball(0) if i in columns else x for i, x in enumerate(start)]
+        slack = [[-x - B[i]] for i, x in zip(self.reference.rows, ball_matrices.apply(J, found), strict=True)]
         for i, (x,) in zip(columns, ball_matrices.solve([[row[j] for j in columns] for row in J], slack), strict=True):
             found[i] = x
         return found
+
+    def _determined(self, J: Any, rows: list[int]) -> list[int]:
+        """Return coordinates that rows determine from the others."""
+        return independent_rows((_middle(J)[rows] * self.invariance.motion.sizes).T, len(rows))
 
     def field(self, name: str, group: Group, reference: Reference) -> Map:
         """Return Y(q) for jets of balls, with the numbers of the file in place of floats."""
