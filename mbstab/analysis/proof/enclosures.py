@@ -236,27 +236,32 @@ class Reference:
         return Field(self.system, axis, zero, rate, velocity, spins)
 
     def _turning(self, q: Sequence[Ball], generator: Generator) -> Field:
-        """Return the turn whose field gives the rates of the file, scaled by the rate that it changes most."""
+        """Return the turn whose field, with spins of its own, gives the rates of the file, scaled by the largest."""
         names, scene, motion = self.system.names, self.system.scene, self.rough.motion
         zero, known = [ball(0)] * 3, [*generator.axis.tolist(), *generator.point.tolist()]
-        if not all(x == round(x, 6) for x in known) or generator.velocity.any() or generator.spins.any():
+        if not all(x == round(x, 6) for x in known) or generator.velocity.any():
             raise NotProvable(
                 f"the motion ({generator}) is known in double precision only; declare it with reference.steady"
             )
         axis, point = ([ball(Fraction(str(x))) for x in part] for part in (known[:3], known[3:]))
-        unit = Field(self.system, axis, point, ball(1), zero, [ball(0)] * self.system.n_q)
-        Y = unit.at(q)[0]
-        given = [i for i, name in enumerate(names) if name in scene.rates and not zero_inside(Y[i])]
+        still, spinning = [ball(0)] * self.system.n_q, set(self._spinning())
+        Y = Field(self.system, axis, point, ball(1), zero, still).at(q)[0]
+        rates = {i: ball(scene.rates[name]) for i, name in enumerate(names) if name in scene.rates}
+        if not spinning <= set(rates):
+            own = Field(self.system, axis, zero, ball(0), zero, [rates.get(i, x) for i, x in enumerate(still)])
+            rates = dict(enumerate(self._with_rates(list(q), own).spins))
+        given = [i for i in rates if i not in spinning and not zero_inside(Y[i])]
         if not given:
             raise NotProvable(
                 f"the motion ({generator}) is steady in a turning frame; declare it with reference.steady"
             )
         k = max(given, key=lambda i: abs(float(motion.u[i])) / motion.sizes[i])
-        rate = ball(scene.rates[names[k]]) / Y[k]
-        field = Field(self.system, axis, point, rate, zero, [ball(0)] * self.system.n_q)
+        rate = rates[k] / Y[k]
+        spins = [rates[i] - rate * Y[i] if i in spinning else x for i, x in enumerate(still)]
+        field = Field(self.system, axis, point, rate, zero, spins)
         u = field.at(q)[0]
         self._vanish(
-            [u[i] - ball(scene.rates[name]) for i, name in enumerate(names) if name in scene.rates],
+            [u[i] - x for i, x in rates.items() if i not in spinning],
             f"the reference satisfies the motion ({generator})",
         )
         return field

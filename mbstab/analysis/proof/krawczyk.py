@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices, balls
 from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball
+from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.errors import MbstabError
 
 
@@ -36,7 +38,7 @@ def krawczyk_boxes(
     """Return balls that contain a zero of as many equations as unknowns, and wider ones that contain no other.
 
     With an approximate inverse Y and x near the zero, x − Y f(x) + (1 − Y f'(X))(X − x) inside X
-    proves it (Krawczyk 1969).
+    proves it (Krawczyk 1969). A zero at short fractions is returned without radius.
 
     Raises
     ------
@@ -62,9 +64,24 @@ def krawczyk_boxes(
         rest = [[ball(int(i == j)) - y for j, y in enumerate(row)] for i, row in enumerate(product)]
         moved = [-b + z for b, z in zip(base, ball_matrices.apply(rest, offset), strict=True)]
         if all(arb(0, r).contains_interior(balls.real(z)) for z, r in zip(moved, reach, strict=True)):
-            return [y + z for y, z in zip(x, moved, strict=True)], X
+            found = [y + z for y, z in zip(x, moved, strict=True)]
+            return _as_fractions(residual, found) or found, X
         reach = [2 * max(balls.real(abs(z)).abs_upper(), r, key=float) for z, r in zip(moved, reach, strict=True)]
     raise NotProvable(f"{what} is not proven to exist: the operator of Krawczyk does not contract")
+
+
+def _as_fractions(residual: Callable[[Sequence[Ball]], list[Ball]], found: Sequence[Ball]) -> list[Ball] | None:
+    """Return the one zero in some balls as short fractions, if it is one."""
+    from flint import fmpq
+
+    fractions = []
+    for x in map(balls.real, found):
+        mantissa, exponent = (int(part) for part in x.mid().man_exp())
+        nearest = (Fraction(mantissa) * Fraction(2) ** exponent).limit_denominator(TOLERANCES.fraction_denominator)
+        if not x.contains(fmpq(nearest.numerator, nearest.denominator)):
+            return None
+        fractions.append(ball(nearest))
+    return fractions if all(y.is_zero() for y in residual(fractions)) else None
 
 
 def _newton(
