@@ -828,6 +828,20 @@ def test_krawczyk_proves_a_root_and_refuses_where_there_is_none():
             krawczyk_boxes(lambda x: [x[0] * x[0]], lambda x: [[2 * x[0]]], [ball(1e-3)], "the root")
 
 
+@pytest.mark.parametrize("start", [0.4, 0.8])
+def test_a_root_at_a_short_fraction_is_exact(start):
+    def root(a):
+        a = ball(a)
+        rows = [lambda x: [(x[0] - a) * (x[0] * x[0] + 1)], lambda x: [[3 * x[0] * x[0] - 2 * a * x[0] + 1]]]
+        return krawczyk_boxes(*rows, [ball(start)], "the root")[0][0]
+
+    with digits(40):
+        assert root(Fraction(17, 41)) == ball(Fraction(17, 41))
+        assert not float(root(Fraction(17, 41)).rad())
+        near = root(Fraction(17, 41) + Fraction(1, 10**60))
+        assert float(near.rad()) > 0.0
+
+
 def test_decimal_strings_cover_their_rounding():
     with digits(50):
         x = arb(1) / 3

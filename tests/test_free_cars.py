@@ -1,14 +1,16 @@
-"""Random cars on tyres at extremes, against their linear equations in 40 digits.
+"""Random cars on tyres at extremes, against their linear equations in 40 digits, and proven.
 
 Place, heading and speed are neutral.
 """
 
 import random
+import re
 
 import mpmath
 import pytest
 
 import mbstab
+from mbstab.analysis.proof.characteristic import Proof
 
 
 def a_car(seed):
@@ -56,8 +58,22 @@ def test_a_free_car_is_judged_as_its_linear_equations_are(seed):
         found = mbstab.loads(text).eig()
         growing = any(x.real > 0 for x in expected)
         assert found.verdict == ("unstable" if growing else "asymptotically stable up to symmetry")
+        certificate = mbstab.loads(text).certify()
+        assert (certificate.status, certificate.verdict) == ("proven", found.verdict)
         left = [x for x in found.eigenvalues if x.kind != "neutral"]
         assert len(left) == len(expected)
         for x in left:
             distance = min(abs(mpmath.mpc(x.value) - y) for y in expected)
             assert distance <= x.error_bound + 4e-16 * abs(x.value)
+
+
+def test_a_car_that_a_force_brakes_is_not_proven_to_roll_at_any_speed():
+    """However weak the force is, which vanishes at the speed of the reference."""
+    text = re.sub(r"rates: {c: {x: [^}]*", "rates: {c: {x: 20", a_car(1)[0])
+    for drag, finding in (
+        ("", "structural"),
+        ("  drag: {type: expression, on: {c.x: -1e-30*(rate(c.x) - 20)**3}}\n", "refuted"),
+    ):
+        proof = Proof(mbstab.loads(text.replace("reference:", f"{drag}reference:")).model, {})
+        (along,) = (x for x in proof.identities.invariance.symmetries if x.name == "c.x")
+        assert proof.identities.at_any_speed(along) == finding

@@ -367,7 +367,9 @@ def test_a_free_planetary_train_spins_on(elastic, dimension):
     model = model.replace("find: equilibrium, guess: {planet: {x: 0.35}}", spinning)
     if elastic:
         model = model.replace("teeth: [20, 15]", "radii: [0.2, 0.15], stiffness: 1e5, damping: 3")
-    result = mbstab.loads(in_dimension(model, dimension)).eig()
+    model = in_dimension(model, dimension)
+    result, certificate = mbstab.loads(model).eig(), mbstab.loads(model).certify()
+    assert (certificate.status, certificate.verdict) == ("proven", result.verdict)
     values = [e.value for e in result.eigenvalues]
     assert values.count(0) == 2
     if not elastic:
@@ -470,6 +472,18 @@ def test_a_spinning_train_is_a_steady_motion():
     result = mbstab.loads(SPIN).eig()
     assert result.verdict == "stable up to symmetry"
     assert [e.value for e in result.eigenvalues] == [0, 0]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_spinning_train_is_proven_whatever_rates_the_file_leaves_out(dimension):
+    turning = SPIN if dimension == 3 else PAIR.replace("TRAIN", "type: gear, joints: [a, b], teeth: [17, 41]").replace(
+        "reference: {}", "reference: {rates: {one: {theta: 50}}}"
+    )  # fmt: skip
+    free = re.sub(r"forces:(.|\n)*reference", "reference", PLANETARY)
+    planets = free.replace("find: equilibrium,", "rates: {carrier: {theta: 3}},")
+    for model in (turning, in_dimension(planets, dimension)):
+        certificate = mbstab.loads(model).certify()
+        assert (certificate.status, certificate.verdict) == ("proven", "stable up to symmetry")
 
 
 @pytest.mark.parametrize("options", [{}, {"method": "radau"}])

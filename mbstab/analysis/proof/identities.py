@@ -30,6 +30,7 @@ from mbstab.analysis.proof.element_changes import (
     tiny,
 )
 from mbstab.analysis.proof.fields import short
+from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import Field as Group
 from mbstab.analysis.reference.fields import Shift, Symmetry
 from mbstab.compiler.placed import Acting
@@ -168,6 +169,28 @@ class Identities(ElementChanges):
             J = ball_matrices.matrix(self.system.dynamics(state.q, state.u, self.time).J)
             found += [is_zero(dot(J[i], Y), sum_of(J[i]) * sum_of(Y)) for i in self.reference.rows]
         return least(found)
+
+    def at_any_speed(self, item: Symmetry) -> Finding:
+        """Return whether the scene may move from the reference along a symmetry at any speed: no force deflects it."""
+        return self._once(f"speed of {item.name}", lambda: self._at_any_speed(item))
+
+    def _at_any_speed(self, item: Symmetry) -> Finding:
+        reference = self.reference
+        q, still = reference.state.q, [ball(0)] * self.system.n_q
+        at = self._local(self.field(item.name, item.of, reference), State(q, still, still))
+        turned, found = ball_matrices.apply(at.slope, at.Y), list[Finding](["structural"])
+        for speed in map(short, TOLERANCES.trial_speeds):
+            state = State(q, [speed * x for x in at.Y], [speed * speed * x for x in turned])
+            found.append(self._satisfied(state, state.u, reference.rows))
+            force, size = still[:], ball(0)
+            for element in self.elements:
+                own = ball_matrices.vector(element.force(q, state.u, state.a, self.time, self.f))
+                size = size + sum_of(own)
+                for i, x in zip(element.columns, own, strict=True):
+                    force[i] = force[i] + x
+            left = ball_matrices.apply(ball_matrices.transposed(self._allowed(state)), force)
+            found += [is_zero(x, size) for x in left]
+        return least([*found, "structural" if all(x.analytic for x in self.elements) else "open"])
 
     # --- work ---------------------------------------------------------------------------------------------------------
 

@@ -92,22 +92,30 @@ def _newton(
 ) -> tuple[Matrix, list[Any]]:
     """Return an approximate inverse of the derivative, and a point near the zero."""
     x = [balls.real(value).mid() for value in start]
-    slope = np.array([[float(y.mid()) for y in row] for row in jacobian(x)])
+    Y = _inverse(jacobian(x))
+    if Y is None:
+        raise NotProvable(f"{what} is not proven to exist: the equations are singular there")
+    last, stalled = np.inf, 0
+    for _ in range(60):
+        step = ball_matrices.apply(Y, residual(x))
+        x = [balls.real(y - z).mid() for y, z in zip(x, step, strict=True)]
+        change = max(float(abs(z).mid()) for z in step)
+        stalled += change > 0.5 * last
+        if change == 0.0 or stalled > 1:
+            break
+        if change > TOLERANCES.fast_convergence * last:
+            Y = _inverse(jacobian(x)) or Y
+        last = change
+    return Y, x
+
+
+def _inverse(jacobian: Matrix) -> Matrix | None:
+    """Return an approximate inverse, None of a matrix that is singular in double precision."""
+    slope = np.array([[float(balls.real(y).mid()) for y in row] for row in jacobian])
     rows = np.max(np.abs(slope), axis=1)
     with np.errstate(all="ignore"):
         try:
             inverse = np.linalg.inv(slope / rows[:, None]) / rows
         except np.linalg.LinAlgError:
-            inverse = np.full_like(slope, np.nan)
-    if not np.all(np.isfinite(inverse)):
-        raise NotProvable(f"{what} is not proven to exist: the equations are singular there")
-    Y = [[ball(float(y)) for y in row] for row in inverse]
-    last = np.inf
-    for _ in range(60):
-        step = ball_matrices.apply(Y, residual(x))
-        x = [balls.real(y - z).mid() for y, z in zip(x, step, strict=True)]
-        change = max(float(abs(z).mid()) for z in step)
-        if change == 0.0 or change > 0.5 * last:
-            break
-        last = change
-    return Y, x
+            return None
+    return [[ball(float(y)) for y in row] for row in inverse] if np.all(np.isfinite(inverse)) else None

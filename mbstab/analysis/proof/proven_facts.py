@@ -128,7 +128,9 @@ class Case:
         if self.grounds.plain.speeds:
             for item in self.symmetries:
                 name = f"speed of {item.name}"
-                if name in self.grounds.plain.neutral.family and self._accepts("open", f"motions at any {name} exist"):
+                if name in self.grounds.plain.neutral.family and self._accepts(
+                    self.identities.at_any_speed(item), f"motions at any {name} exist"
+                ):  # fmt: skip
                     direction, _ = self.identities.disturbance(item, self.proof)
                     found.append((name, False, self.proof.column([ball(0)] * len(direction), direction)))
         return found + [("position at rest", False, x) for x in self._rests()]
