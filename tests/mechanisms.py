@@ -1,4 +1,6 @@
-"""Texts of mechanisms that several tests use, with words in capitals for what differs."""
+"""Texts of mechanisms that several tests use, with words in capitals for what differs, and their frequencies."""
+
+import mbstab
 
 DOOR = """
 mbstab: 1
@@ -39,3 +41,12 @@ joints:
 drives: {motor: {type: coordinate, coordinate: crank.theta, LAW}}
 reference: {coordinates: {crank: {theta: 0.2}}, guess: {rod: {x: 1.3, y: 0.1, theta: -0.2}, slider: {x: 1.75}}}
 """
+
+
+def frequencies(model, **parameters):
+    """Return the imaginary parts above zero of the eigenvalues (rad/s), which must be all of them, in their order."""
+    values = [e.value for e in mbstab.loads(model).eig(**parameters).eigenvalues]
+    found = sorted(z.imag for z in values if z.imag > 1e-5)
+    size = max(abs(z) for z in values)
+    assert max(abs(z.real) for z in values) <= 1e-12 * size
+    return found
