@@ -21,6 +21,7 @@ from mbstab.analysis.simulate.steppers import compiled
 from mbstab.analysis.simulate.steppers.compiled import Marching
 from mbstab.analysis.simulate.steppers.interface import Options
 from mbstab.analysis.simulate.steppers.layout import Elimination
+from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.compiler.machine import tables
 from mbstab.compiler.trace import OPERATIONS, Trace
 from mbstab.errors import SimulationError, UsageError
@@ -61,7 +62,8 @@ def factor_and_solve(m):
 def compiled_steps(name, perturb=None, **parameters):
     start = start_of(mbstab.load(name).system(**parameters), perturb, None, False)
     equations, attitudes = Constrained(start.system, start.motion), Attitudes.of(start.system)
-    return Marching(equations, attitudes, Energy.of(start.system), "DOP853"), equations, start
+    method = METHODS["projection"]["DOP853"]
+    return Marching(equations, attitudes, Energy.of(start.system), method, "DOP853"), equations, start
 
 
 # --- operations -----------------------------------------------------------------------------------------------------
@@ -246,6 +248,9 @@ MOTIONS = {
     "bricard": ({}, {}),  # with a row that others imply
     "kapitza": ({"rod.theta": 0.1}, {}),
     "trailer": ({"mode:1": 0.05}, {}),
+    "zener": ({"mode:1": 0.1}, {}),  # with a first-order state
+    "car_relaxation": ({"mode:1": 0.05}, {}),
+    "dc_motor_arm": ({"mode:1": 0.05}, {}),
 }
 
 
@@ -265,6 +270,48 @@ def test_compiled_steps_are_the_same_steps(name):
     assert np.max(np.abs(one.work - other.work)) < 1e-6 * one.energy_scale
     assert other.max_constraint_residual < 1e-12
     assert other.energy_drift < 3.0 * one.energy_drift + 1e-7
+
+
+IMPLICIT = [name for name, solvers in METHODS.items() if any(x.compiled == name for x in solvers.values())]
+
+
+@pytest.mark.parametrize("method", IMPLICIT)
+@pytest.mark.parametrize("name", sample(MOTIONS, 6))
+@pytest.mark.parametrize("accuracy", [{"tol": 1e-5, "once": True}, {"step": 0.01}], ids=["tolerance", "step"])
+def test_compiled_implicit_steps_are_those_of_the_interpreted_method(method, name, accuracy):
+    perturb, parameters = MOTIONS[name]
+    model = mbstab.load(MODELS[name])
+    one, other = (
+        model.simulate(1.0, perturb=perturb, method=method, points=21, compiled=x, **accuracy, **parameters)
+        for x in (False, True)
+    )
+    assert (one.steps, one.rejected, one.charts) == (other.steps, other.rejected, other.charts)
+    size = np.max(np.abs(one.q - one.q[0])) + 1e-3
+    assert np.max(np.abs(one.q - other.q)) < 1e-7 * size
+    assert np.max(np.abs(one.u - other.u)) < 1e-6 * (np.max(np.abs(one.u)) + 1e-3)
+    assert np.max(np.abs(one.work - other.work)) < 1e-7 * one.energy_scale
+    assert other.max_constraint_residual < 1e-12
+    assert other.energy_drift == pytest.approx(one.energy_drift, rel=1e-3, abs=1e-12)
+
+
+@pytest.mark.parametrize("method", IMPLICIT)
+def test_the_work_of_a_drive_is_that_of_compiled_implicit_steps(method):
+    model = mbstab.loads("""
+mbstab: 1
+title: A driven body with a damper
+gravity: [0, -9.81]
+bodies: {a: {type: planar, mass: 1, inertia: 0.1, points: {O: [-0.3, 0]}}}
+joints: {h: {type: revolute, between: [a.O, ground]}}
+drives: {m: {type: joint, joint: h, velocity: 1 + sin(t)}}
+reference: {coordinates: {a: {x: 0.3, y: 0, theta: 0}}, rates: {a: {theta: 1}}}
+""")
+    sim = model.simulate(3.0, method=method, tol=1e-5, points=31, compiled=True)
+    angle = sim.times + 1.0 - np.cos(sim.times)
+    rate = 1.0 + np.sin(sim.times)
+    inertia = 0.1 + 0.3**2
+    exact = 0.5 * inertia * (rate**2 - 1.0) + 9.81 * 0.3 * np.sin(angle)
+    assert np.max(np.abs(sim.q[:, 2] - angle)) < 3e-5
+    assert np.max(np.abs(sim.work - exact)) < 1e-3
 
 
 @pytest.mark.parametrize(("solver", "step"), [("DOP853", 0.1), ("RK45", 0.05)])
@@ -378,7 +425,7 @@ def test_progress_is_told_and_a_stop_keeps_what_was_found():
 
 @pytest.mark.parametrize(
     ("options", "message"),
-    [({"method": "radau"}, "no compiled steps for radau"), ({"solver": "BDF"}, "projection RK45")],
+    [({"solver": "Radau"}, "no compiled steps for projection Radau"), ({"solver": "BDF"}, "projection RK45, alpha")],
 )
 def test_other_methods_have_no_compiled_steps(options, message):
     with pytest.raises(UsageError, match=message):

@@ -239,7 +239,7 @@ def test_keywords_that_are_nearly_settings_are_suggested(ask, said):
 
 def test_all_that_is_wrong_with_settings_is_said_at_once():
     with pytest.raises(UsageError) as caught:
-        MODEL.simulate("soon", method="alpha", tol=2.0, points=1, step=-1.0, compiled=True)
+        MODEL.simulate("soon", solver="BDF", tol=2.0, points=1, step=-1.0, compiled=True)
     for said in ("the last time", "no compiled steps", "the tolerance", "the step must", "two output times"):
         assert said in str(caught.value)
     with pytest.raises(UsageError, match=r"leave out one of them\n--resume goes with --output"):

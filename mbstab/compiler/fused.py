@@ -210,10 +210,21 @@ class Fused:
                     total = total - f * u
         return total
 
-    def code(self, groups: Sequence[Sequence[Any]]) -> Code:
-        """Return the program that finds groups of traced numbers; its first registers are q, u, t and free bases."""
+    @cached_property
+    def traced_derivatives(self) -> tuple[Any, Any, Any]:
+        """K, R and V_q, as traced numbers."""
         x = self._inputs
-        return self._trace.code([*x["q"], *x["u"], x["t"], *self._bases], groups)
+        K, R, _ = self._traced.linearize(*(x[k] for k in ("q", "u", "a", "nu", "t")))
+        return K, R, self._traced.linearize_rows(*(x[k] for k in "quat"))[0]
+
+    def code(self, groups: Sequence[Sequence[Any]], derivatives: bool = False) -> Code:
+        """Return the program that finds groups of traced numbers.
+
+        Its first registers are q, u, t and free bases, and a and ν if `derivatives` are among the groups.
+        """
+        x = self._inputs
+        more = [*x["a"], *x["nu"]] if derivatives else []
+        return self._trace.code([*x["q"], *x["u"], x["t"], *self._bases, *more], groups)
 
     @cached_property
     def _dynamics(self) -> Program:

@@ -17,6 +17,7 @@ from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy
 from mbstab.analysis.simulate.steppers.compiled import Marching
 from mbstab.analysis.simulate.steppers.interface import Options
+from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.compiler.form import FUSED_AFTER
 from mbstab.compiler.fused import Fused
 from mbstab.model.library import installed_models
@@ -49,7 +50,7 @@ def compiled(equations, motion):
     system, attitudes = equations.system, Attitudes.of(equations.system)
     start = time.perf_counter()
     options = Options(1e-8, None, 1e-3, 1.0)
-    marching = Marching(equations, attitudes, Energy.of(system), "DOP853")
+    marching = Marching(equations, attitudes, Energy.of(system), METHODS["projection"]["DOP853"], "DOP853")
     marching.start(system, motion.time, motion.q, motion.u, np.array([1.0]), 1.0, options, 0.0, 0.1)
     ready = time.perf_counter() - start
     y, dy = np.concatenate([motion.q, motion.u]), np.zeros(2 * system.n_q)

@@ -126,10 +126,10 @@ class Follower:
         self.budget: Budget | None = None
         self._marching: Marching | None = None
 
-    def marching(self, equations: Constrained, solver: str) -> Marching:
+    def marching(self, equations: Constrained, method: Method, solver: str) -> Marching:
         """Return compiled steps of the scene."""
         if self._marching is None:
-            self._marching = Marching(equations, self.attitudes, self.energy, solver)
+            self._marching = Marching(equations, self.attitudes, self.energy, method, solver)
         return self._marching
 
     def working_parts(self, system: System) -> dict[str, Form]:
@@ -205,10 +205,11 @@ class _Leg:
         q, u = self._change_chart(q, q, u, t)
         while t < end:
             if options.compiled and self.equations.independent:
-                t, q, u, before, options = self._march(t, q, u, limit, options, progress, pace)
+                t, q, u, before, options = self._march(t, q, u, limit, method, options, progress, pace)
                 if t >= end:
                     break
                 limit = limit if t < limit else end
+                q, u, _ = self.equations.project(t, q, u)  # as below
                 if self.attitudes.needs_change(self.system, before, q):
                     q, u = self._change_chart(before, q, u, t)
                     continue
@@ -287,13 +288,14 @@ class _Leg:
         q: Array,
         u: Array,
         limit: float,
+        method: Method,
         options: Options,
         progress: Callable[[float], object],
         pace: Pace,
     ) -> tuple[float, Array, Array, Array, Options]:
         """Take compiled steps as far as possible; return the state there, q before the last step, and the options."""
         run, n = self.run, len(q)
-        marching, base, covered = self.follower.marching(self.equations, options.solver), self.work, 0
+        marching, base, covered = self.follower.marching(self.equations, method, options.solver), self.work, 0
         times, steps = self.follower.times[self.done :], run.steps
         near = TOLERANCES.passage_tried_from if self.follower.through else TOLERANCES.singular_failure
         marching.start(self.system, t, q, u, times, limit, options, self.least, near)

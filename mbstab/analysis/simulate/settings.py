@@ -39,7 +39,7 @@ class SimulationSettings:
     once : bool
         Make one run in which `tol` is the error of each step; nothing is known about the global error.
     compiled : bool
-        Take the steps of DOP853 or RK45 in machine code (extra ``fast``); compiled once, for half a minute.
+        Take the steps of DOP853, RK45 or ``alpha`` in machine code (extra ``fast``); compiled once, in about ten s.
     through_singular : bool
         Continue through configurations where the constraints lose rank, along the smooth continuation of the motion,
         and say so in a warning. The tolerance holds there as well. Where there is no such continuation, or it cannot

@@ -93,7 +93,7 @@ class Pace:
         explicit = options.solver in BOUNDARIES and METHODS["projection"].get(options.solver) is method
         self.boundary = BOUNDARIES[options.solver] if explicit and options.step is None else None
         self.end, self.budget = end, budget
-        self.note, self._tell, self._machine = note, tell, method.compiled and not options.compiled
+        self.note, self._tell, self._machine = note, tell, bool(method.compiled) and not options.compiled
         self._next, self._steps, self._time = TOLERANCES.stiffness_first_test, 0, -np.inf
 
     def look(self, steps: int, stepper: Reached, equations: Constrained, options: Options) -> None:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from mbstab.compiler.machine import tables as at
 from mbstab.compiler.machine.interpreter import evaluate
-from mbstab.compiler.machine.linear import factor, solve
-from mbstab.compiler.machine.march import EVALUATIONS
+from mbstab.compiler.machine.linear import factor, kinetic, solve
+from mbstab.compiler.machine.march import DRIFT, EVALUATIONS, LEAST, PEAK, March
 from mbstab.compiler.machine.native import compiled, copy, fill, floats, integers
 from mbstab.compiler.machine.tables import Floats, Integers, Machine
+
+WHOLE, SPEEDS = np.int64(0), np.int64(1)
+"""What `settle` moves. Of a literal integer Numba would make two functions."""
 
 
 @compiled
@@ -68,8 +73,11 @@ def correct(m: Machine, y: Floats, speeds: int) -> bool:
 
 
 @compiled
-def settle(m: Machine, t: float, y: Floats, counts: Integers) -> float:
-    """Move a state onto the constraints; return the residual that is left, and the registers at that state."""
+def settle(m: Machine, t: float, y: Floats, counts: Integers, first: np.int64) -> float:
+    """Move a state onto the constraints; return the residual that is left, and the registers at that state.
+
+    With `first` = `SPEEDS` only its speeds.
+    """
     best = floats(m, at.BEST)
     least = math.inf
     for _ in range(m.projections):
@@ -77,7 +85,7 @@ def settle(m: Machine, t: float, y: Floats, counts: Integers) -> float:
         if not evaluate(m, t, y, 1):
             return math.inf
         position, velocity = residual(m, y)
-        size = max(position, velocity)
+        size = velocity if first else max(position, velocity)
         if size >= 0.5 * least:  # rounding is reached
             if size > least:
                 copy(y, best)
@@ -87,7 +95,7 @@ def settle(m: Machine, t: float, y: Floats, counts: Integers) -> float:
         least = size
         if size <= m.projected:
             return size
-        for speeds in range(0 if position > m.projected else 1, 2):
+        for speeds in range(first if position > m.projected else 1, 2):
             if not correct(m, y, speeds):
                 return math.inf
             if speeds == 0:
@@ -156,3 +164,32 @@ def chart_ends(m: Machine, before: Floats, y: Floats) -> bool:
         if pinned[i] and cosine * math.cos(before[angle[i]]) < 0.0:
             return True
     return False
+
+
+@compiled
+def watched(m: Machine, s: March) -> bool:
+    """Look at the rank at the start of a march, where the matrix is factored; False if nothing can be done there."""
+    if m.rows == 0:
+        return True
+    for _ in range(3):
+        watch(m)
+    _, value = watch(m)
+    if s.t[LEAST] == 0.0:
+        s.t[LEAST] = value
+    return not value <= s.near * s.t[LEAST]
+
+
+@compiled
+def passed(m: Machine, s: March) -> bool:
+    """Look at the residuals, the energy and the rank after a step; False if somebody has to look at it.
+
+    The matrix is factored at the state of the registers.
+    """
+    left_over = max(*residual(m, floats(m, at.TRIAL)))
+    if m.rows > 0:
+        flipped, value = watch(m)
+        if flipped or value <= s.near * s.t[LEAST]:
+            return False
+    s.t[PEAK] = max(s.t[PEAK], kinetic(m))
+    s.t[DRIFT] = max(s.t[DRIFT], left_over)
+    return True

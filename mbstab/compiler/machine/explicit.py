@@ -7,19 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbstab.compiler.machine.constraints import chart_ends, residual, settle, watch
-from mbstab.compiler.machine.linear import accelerate, factor, kinetic, power, slope
+from mbstab.compiler.machine import tables as at
+from mbstab.compiler.machine.constraints import WHOLE, chart_ends, passed, settle, watched
+from mbstab.compiler.machine.linear import accelerate, factor, power, slope
 from mbstab.compiler.machine.march import (
     CHART,
     COVERED,
     DONE,
-    DRIFT,
     EVALUATIONS,
     FOLLOWING,
-    LEAST,
     LOOK,
     MORE,
-    PEAK,
     RATE,
     REJECTED,
     STEPS,
@@ -28,7 +26,7 @@ from mbstab.compiler.machine.march import (
     WORK,
     March,
 )
-from mbstab.compiler.machine.native import called, compiled, copy, fill
+from mbstab.compiler.machine.native import called, compiled, copy, fill, floats, inlined
 from mbstab.compiler.machine.tables import Floats, Machine
 
 SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 10.0
@@ -60,6 +58,7 @@ class Tableau(NamedTuple):
 @compiled
 def stages(m: Machine, tableau: Tableau, s: March, h: float, start: int, stop: int, y: Floats) -> bool:
     """Find the slopes at stages of a step."""
+    begun = floats(m, at.Y)
     for i in range(start, stop):
         fill(y, 0.0)
         for j in range(i):
@@ -67,7 +66,7 @@ def stages(m: Machine, tableau: Tableau, s: March, h: float, start: int, stop: i
                 for c in range(len(y)):
                     y[c] += tableau.A[i, j] * s.k[j, c]
         for c in range(len(y)):
-            y[c] = s.y[c] + h * y[c]
+            y[c] = begun[c] + h * y[c]
         s.counts[EVALUATIONS] += 1
         if not slope(m, s.t[TIME] + tableau.C[i] * h, y, s.k[i]):
             return False
@@ -75,12 +74,13 @@ def stages(m: Machine, tableau: Tableau, s: March, h: float, start: int, stop: i
     return True
 
 
-@compiled
-def error_of(tableau: Tableau, s: March, h: float, y: Floats) -> float:
+@inlined
+def error_of(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> float:
     """Return the error of a step relative to the tolerances, as SciPy estimates it."""
+    begun = floats(m, at.Y)
     first, second = 0.0, 0.0
     for c in range(len(y)):
-        scale = s.absolute[c] + s.relative * max(abs(s.y[c]), abs(y[c]))
+        scale = s.absolute[c] + s.relative * max(abs(begun[c]), abs(y[c]))
         one, other = 0.0, 0.0
         for i in range(tableau.E.shape[1]):
             one += tableau.E[0, i] * s.k[i, c]
@@ -95,10 +95,10 @@ def error_of(tableau: Tableau, s: March, h: float, y: Floats) -> float:
     return h * first / math.sqrt((first + 0.01 * second) * len(y))
 
 
-@compiled
+@inlined
 def attempt(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> float:
     """Make a step to y; return its error relative to the tolerances."""
-    last = tableau.stages
+    last, begun = tableau.stages, floats(m, at.Y)
     if not stages(m, tableau, s, h, tableau.first, last, y):
         return math.nan
     fill(y, 0.0)
@@ -107,19 +107,19 @@ def attempt(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> floa
             for c in range(len(y)):
                 y[c] += tableau.B[i] * s.k[i, c]
     for c in range(len(y)):
-        y[c] = s.y[c] + h * y[c]
+        y[c] = begun[c] + h * y[c]
     s.counts[EVALUATIONS] += 1
     if not slope(m, s.t[TIME] + h, y, s.k[last]):
         return math.nan
     s.power[last] = power(m, y)
-    return error_of(tableau, s, h, y)
+    return error_of(m, tableau, s, h, y)
 
 
 @compiled
-def interpolate(tableau: Tableau, s: March, h: float, x: float, y: Floats) -> float:
+def interpolate(m: Machine, tableau: Tableau, s: March, h: float, x: float, y: Floats) -> float:
     """Set y to the state at a part of the step, and return the work until there."""
     n_k = tableau.W.shape[1]
-    copy(y, s.y)
+    copy(y, floats(m, at.Y))
     work, g = 0.0, x
     for j in range(len(tableau.W)):
         for i in range(n_k):
@@ -132,25 +132,26 @@ def interpolate(tableau: Tableau, s: March, h: float, x: float, y: Floats) -> fl
     return work
 
 
-@compiled
+@inlined
 def first_step(m: Machine, tableau: Tableau, s: March) -> float:
     """Return the step to begin with, as SciPy chooses it (Hairer, Norsett and Wanner 1993, section II.4)."""
-    n, most = len(s.y), min(s.longest, s.end - s.t[TIME])
+    y, inside, rates = floats(m, at.Y), floats(m, at.INSIDE), floats(m, at.RATES)
+    n, most = len(y), min(s.longest, s.end - s.t[TIME])
     place, rate = 0.0, 0.0
     for c in range(n):
-        scale = s.absolute[c] + s.relative * abs(s.y[c])
-        place += (s.y[c] / scale) ** 2
+        scale = s.absolute[c] + s.relative * abs(y[c])
+        place += (y[c] / scale) ** 2
         rate += (s.k[0, c] / scale) ** 2
     place, rate = math.sqrt(place / n), math.sqrt(rate / n)
     h = min(1e-6 if place < 1e-5 or rate < 1e-5 else 0.01 * place / rate, most)
     for c in range(n):
-        s.inside[c] = s.y[c] + h * s.k[0, c]
+        inside[c] = y[c] + h * s.k[0, c]
     s.counts[EVALUATIONS] += 1
-    if not slope(m, s.t[TIME] + h, s.inside, s.rates):
+    if not slope(m, s.t[TIME] + h, inside, rates):
         return float(h)
     bend = 0.0
     for c in range(n):
-        bend += ((s.rates[c] - s.k[0, c]) / (s.absolute[c] + s.relative * abs(s.y[c]))) ** 2
+        bend += ((rates[c] - s.k[0, c]) / (s.absolute[c] + s.relative * abs(y[c]))) ** 2
     bend = math.sqrt(bend / n) / h
     longer = max(1e-6, h * 1e-3)
     if rate > 1e-15 or bend > 1e-15:
@@ -158,28 +159,22 @@ def first_step(m: Machine, tableau: Tableau, s: March) -> float:
     return float(min(100.0 * h, longer, most))
 
 
-@compiled
+@inlined
 def begin(m: Machine, tableau: Tableau, s: March) -> bool:
     """Start at the state of a march; False if nothing can be done there."""
+    y = floats(m, at.Y)
     s.counts[EVALUATIONS] += 1
-    if not slope(m, s.t[TIME], s.y, s.k[0]):
+    if not slope(m, s.t[TIME], y, s.k[0]):
         return False
-    s.power[0] = power(m, s.y)
+    s.power[0] = power(m, y)
     if s.t[FOLLOWING] == 0.0:
         s.t[FOLLOWING] = first_step(m, tableau, s)
-        if not slope(m, s.t[TIME], s.y, s.k[0]):
+        if not slope(m, s.t[TIME], y, s.k[0]):
             return False
-    if m.rows == 0:
-        return True
-    for _ in range(3):
-        watch(m)
-    _, value = watch(m)
-    if s.t[LEAST] == 0.0:
-        s.t[LEAST] = value
-    return not value <= s.near * s.t[LEAST]
+    return watched(m, s)
 
 
-@compiled
+@inlined
 def accepted(m: Machine, tableau: Tableau, s: March, y: Floats) -> tuple[float, float]:
     """Make a step to y whose error is within the tolerances; return its end, nan if none, and the next step."""
     t, rejected = s.t[TIME], False
@@ -203,29 +198,22 @@ def accepted(m: Machine, tableau: Tableau, s: March, y: Floats) -> tuple[float, 
     return following, h * ratio
 
 
-@compiled
+@inlined
 def arrived(m: Machine, s: March, t: float, y: Floats, dy: Floats) -> bool:
-    """Move the end of a step onto the constraints, find its rates, and look at its rank; False if it is to be left."""
-    if not settle(m, t, y, s.counts) <= m.accepted:
+    """Move the end of a step onto the constraints, find its rates, and look at it; False if it is to be left."""
+    if not settle(m, t, y, s.counts, WHOLE) <= m.accepted:
         return False
-    left_over = max(*residual(m, y))
     factor(m)
     if not accelerate(m, dy):
         return False
     s.t[RATE] = power(m, y)
-    if m.rows > 0:
-        flipped, value = watch(m)
-        if flipped or value <= s.near * s.t[LEAST]:
-            return False
-    s.t[PEAK] = max(s.t[PEAK], kinetic(m))
-    s.t[DRIFT] = max(s.t[DRIFT], left_over)
-    return True
+    return passed(m, s)
 
 
-@compiled
+@inlined
 def cover(m: Machine, tableau: Tableau, s: March, following: float, y: Floats) -> bool:
     """Find the work of a step to y and the states at the times of output within; False where there are none."""
-    t, n, z = s.t[TIME], m.coordinates, s.inside
+    t, n, z = s.t[TIME], m.coordinates, floats(m, at.INSIDE)
     h = following - t
     done, extended, work, missed = s.counts[COVERED], False, 0.0, 0.0
     if m.power_register >= 0:
@@ -233,12 +221,12 @@ def cover(m: Machine, tableau: Tableau, s: March, following: float, y: Floats) -
             return False
         extended = True
         for i in range(len(NODES)):
-            interpolate(tableau, s, h, NODES[i], z)
+            interpolate(m, tableau, s, h, NODES[i], z)
             s.counts[EVALUATIONS] += 1
-            if not slope(m, t + h * NODES[i], z, s.other):
+            if not slope(m, t + h * NODES[i], z, floats(m, at.OTHER)):
                 return False
             work += h * WEIGHTS[i] * power(m, z)
-        missed = work - interpolate(tableau, s, h, 1.0, z)
+        missed = work - interpolate(m, tableau, s, h, 1.0, z)
     while done < len(s.times) and s.times[done] <= following:
         if s.times[done] == following:
             copy(s.found[done, : 2 * n], y)
@@ -248,8 +236,8 @@ def cover(m: Machine, tableau: Tableau, s: March, following: float, y: Floats) -
                 return False
             extended = True
             part = (s.times[done] - t) / h
-            s.found[done, 2 * n] = s.t[WORK] + interpolate(tableau, s, h, part, z) + part * missed
-            if not settle(m, s.times[done], z, s.counts) <= m.accepted:
+            s.found[done, 2 * n] = s.t[WORK] + interpolate(m, tableau, s, h, part, z) + part * missed
+            if not settle(m, s.times[done], z, s.counts, WHOLE) <= m.accepted:
                 return False
             copy(s.found[done, : 2 * n], z)
         done += 1
@@ -266,19 +254,20 @@ def march(m: Machine, tableau: Tableau, s: March, most: int, fresh: bool) -> int
     """
     if fresh and not begin(m, tableau, s):
         return LOOK
-    n, y, dy = m.coordinates, s.trial, s.rates
+    n, begun, y, dy = m.coordinates, floats(m, at.Y), floats(m, at.TRIAL), floats(m, at.RATES)
+    before = floats(m, at.BEFORE)
     for _ in range(most):
         t, next_step = accepted(m, tableau, s, y)
         if math.isnan(t) or not arrived(m, s, t, y, dy) or not cover(m, tableau, s, t, y):
             return LOOK
         s.counts[STEPS] += 1
-        copy(s.before, s.y)
-        copy(s.y, y)
+        copy(before, begun)
+        copy(begun, y)
         for i in range(n):
             s.k[0, i], s.k[0, n + i] = y[n + i], dy[n + i]
         s.power[0] = s.t[RATE]
         s.t[TIME], s.t[FOLLOWING], s.t[TAKEN] = t, next_step, t - s.t[TIME]
-        if chart_ends(m, s.before, s.y):
+        if chart_ends(m, before, begun):
             return CHART
         if t >= s.end:
             return DONE

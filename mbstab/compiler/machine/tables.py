@@ -14,12 +14,16 @@ Integers = npt.NDArray[np.int64]
 DELTA = 1e-10
 """What is added to the diagonal; the scaled masses are about 1."""
 
+MASS, STIFFNESS, DAMPING, HOLONOMIC, HOLONOMIC_FORCE, NONHOLONOMIC, NONHOLONOMIC_FORCE = range(7)
+HOLONOMIC_RATE, NONHOLONOMIC_RATE, KINDS = range(7, 10)
+"""Kinds of parts: M, K, R, C, Cᵀ, D, Dᵀ, and V_q of holonomic and of nonholonomic rows; how many there are."""
+
 INTEGERS = (
     "run_operation",  # of each run of equal operations
     "run_start",  # its first operation; of one more than there are runs
     "first",  # register of each operand
     "second",
-    "ends",  # runs for the accelerations, and for the residuals as well
+    "ends",  # runs for the accelerations, for the residuals as well, and for derivatives as well
     "entry_register",  # entries of the lower triangle of the matrix
     "entry_row",
     "entry_column",
@@ -38,13 +42,18 @@ INTEGERS = (
     "mass_column",
     "mass_register",
     "residual_register",  # E, then V
+    "newton_kind",  # of the parts of a Newton matrix, such as `MASS`
+    "newton_register",
+    "newton_row",  # places
+    "newton_column",
+    "newton_target",  # place in a factored matrix: the diagonal, columns below it, rows beside it
     "angle",  # coordinates near whose ±pi/2 the chart ends
     "pinned",
 )
 """Tables of integers of a machine; places are those in the order of elimination, registers come with a sign."""
 
 FLOATS = (
-    "w",  # registers: q, u, t, constants, results
+    "w",  # registers: q, u, t, base rotations, a and ν of derivatives, constants, results
     "entry_factor",
     "entry_value",
     "right_factor",
@@ -59,12 +68,33 @@ FLOATS = (
     "jacobian_sign",
     "mass_sign",
     "residual_sign",
+    "newton_factor",
+    "newton_value",
     "sizes",
     "least_cosine",
     "left",  # of the least singular value, by place of rows
     "right",  # by place
     "reach",
     "best",
+    "y",  # q and u at the start of a step
+    "before",  # at the start of the step before
+    "trial",  # at its end
+    "inside",
+    "rates",
+    "other",
+    "a",  # of implicit methods: accelerations at the start of a step
+    "nu",
+    "next_a",  # at its end
+    "next_nu",
+    "known",  # of q and u at its end
+    "jerk",
+    "drift",
+    "past",
+    "ahead",
+    "change",
+    "newton_c",  # coefficients of kinds
+    "newton_b",  # by place
+    "newton_lu",
 )
 """Tables of floats. What has no comment is working memory, or belongs to the table of integers of that name."""
 
@@ -92,6 +122,11 @@ FLOATS = (
     MASS_COLUMN,
     MASS_REGISTER,
     RESIDUAL_REGISTER,
+    NEWTON_KIND,
+    NEWTON_REGISTER,
+    NEWTON_ROW,
+    NEWTON_COLUMN,
+    NEWTON_TARGET,
     ANGLE,
     PINNED,
 ) = range(len(INTEGERS))
@@ -111,12 +146,33 @@ FLOATS = (
     JACOBIAN_SIGN,
     MASS_SIGN,
     RESIDUAL_SIGN,
+    NEWTON_FACTOR,
+    NEWTON_VALUE,
     SIZES,
     LEAST_COSINE,
     LEFT,
     RIGHT,
     REACH,
     BEST,
+    Y,
+    BEFORE,
+    TRIAL,
+    INSIDE,
+    RATES,
+    OTHER,
+    A,
+    NU,
+    NEXT_A,
+    NEXT_NU,
+    KNOWN,
+    JERK,
+    DRIFT,
+    PAST,
+    AHEAD,
+    CHANGE,
+    NEWTON_C,
+    NEWTON_B,
+    NEWTON_LU,
 ) = range(len(FLOATS))
 
 
@@ -137,6 +193,7 @@ class Machine(NamedTuple):
     rows: int
     holonomic: int
     base: int  # register of the first result
+    given: int  # register of the first acceleration
     power_register: int  # of forces without a potential; -1: nothing does work
     power_sign: float
     driven: int

@@ -7,6 +7,8 @@ Where something unusual happens, a march stops before it and the caller continue
 
 from __future__ import annotations
 
+import importlib
+from dataclasses import replace
 from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING
@@ -15,12 +17,18 @@ import numpy as np
 
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.simulate.constrained import Constrained
-from mbstab.analysis.simulate.energy import Energy
-from mbstab.analysis.simulate.steppers.interface import Options
+from mbstab.analysis.simulate.energy import Energy, quadrature
+from mbstab.analysis.simulate.steppers.implicit import (
+    GeneralizedAlpha,
+    alpha_coefficients,
+    first_step,
+    newton_goal,
+)
+from mbstab.analysis.simulate.steppers.interface import Method, Options
 from mbstab.analysis.simulate.steppers.layout import machine_of
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.machine import march as at
-from mbstab.compiler.machine.tables import table
+from mbstab.compiler.machine.tables import Machine, table
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 
@@ -62,6 +70,7 @@ class State:
 
     def __init__(
         self,
+        machine: Machine,
         t: float,
         q: Array,
         u: Array,
@@ -73,14 +82,15 @@ class State:
         least: float,
         near: float,
     ) -> None:
-        self.n = len(q)
-        n = self.n
+        self.n = n = len(q)
+        self._y, self._before = table(machine, "y"), table(machine, "before")
+        self._y[:n], self._y[n:] = q, u
+        self._before[:] = self._y
+        values = {at.TIME: t, at.FOLLOWING: options.step or options.first or 0.0, at.LEAST: least}
         self.march = at.March(
-            y=np.concatenate([q, u]),
-            before=np.concatenate([q, u]),
             k=np.zeros((stages, 2 * n)),
             power=np.zeros(stages),
-            t=np.array([t, options.step or options.first or 0.0, 0.0, 0.0, 0.0, 0.0, least, 0.0]),
+            t=np.array([values.get(place, 0.0) for place in range(at.PLACES)]),
             counts=np.zeros(4, dtype=np.int64),
             absolute=options.tolerances(sizes),
             relative=TOLERANCES.step_tolerance_relative,
@@ -89,27 +99,23 @@ class State:
             near=near * near,
             times=np.ascontiguousarray(times, dtype=float),
             found=np.zeros((len(times), 2 * n + 1)),
-            trial=np.zeros(2 * n),
-            inside=np.zeros(2 * n),
-            rates=np.zeros(2 * n),
-            other=np.zeros(2 * n),
         )
         self.found = self.march.found
 
     @property
     def q(self) -> Array:
         """Coordinates, shape (n_q,)."""
-        return self.march.y[: self.n].copy()
+        return self._y[: self.n].copy()
 
     @property
     def u(self) -> Array:
         """Speeds, shape (n_q,)."""
-        return self.march.y[self.n :].copy()
+        return self._y[self.n :].copy()
 
     @property
     def before(self) -> Array:
         """Coordinates before the last step."""
-        return self.march.before[: self.n].copy()
+        return self._before[: self.n].copy()
 
     @property
     def t(self) -> float:
@@ -182,8 +188,32 @@ def machine_code() -> ModuleType:
     return native
 
 
+def implicit_of(t: float, options: Options, method: Method) -> at.Implicit:
+    """Return the numbers of an implicit method for a march that starts at t (s)."""
+    fixed = options.step is not None
+    alpha_m, alpha_f, gamma, beta = alpha_coefficients()
+    return at.Implicit(
+        tol=options.tol,
+        rate=options.rate,
+        fixed=fixed,
+        iterations=TOLERANCES.newton_steps_implicit[fixed],
+        goal=newton_goal(options),
+        stalled=TOLERANCES.newton_correction_stalled,
+        kink=TOLERANCES.kink_offset,
+        collapsed=TOLERANCES.step_collapsed,
+        begin=t,
+        quadrature=np.array(quadrature(method.order)).T.copy(),
+        power=1.0 / (GeneralizedAlpha.order_of_estimate + 1),
+        consistent=False,
+        alpha_m=alpha_m,
+        alpha_f=alpha_f,
+        gamma=gamma,
+        beta=beta,
+    )
+
+
 class Marching:
-    """An explicit integrator of one scene as machine code.
+    """An integrator of one scene as machine code.
 
     Parameters
     ----------
@@ -191,16 +221,21 @@ class Marching:
         The scene.
     attitudes : Attitudes
     energy : Energy
+    method : Method
     solver : str
-        DOP853 or RK45.
+        DOP853 or RK45 of the explicit ones.
     """
 
-    def __init__(self, equations: Constrained, attitudes: Attitudes, energy: Energy, solver: str) -> None:
+    def __init__(
+        self, equations: Constrained, attitudes: Attitudes, energy: Energy, method: Method, solver: str = ""
+    ) -> None:
         machine_code()
+        self._march = importlib.import_module(f"mbstab.compiler.machine.{method.compiled}").march
         self._free = [i for i, _ in attitudes.parts if i not in attitudes.pinned]
         self._sizes, self._fresh = equations.sizes, True
-        self.machine = machine_of(equations, self._free, attitudes, energy)
-        self.tableau = tableau_of(solver)
+        self.method, self.tableau = method, tableau_of(solver) if method.compiled == "explicit" else None
+        self.machine = machine_of(equations, self._free, attitudes, energy, not self.tableau)
+        self._arrays: Tableau | at.Implicit | None = self.tableau
 
     def start(
         self,
@@ -233,13 +268,15 @@ class Marching:
         """
         bases = [x for i in self._free for x in system.scene.bodies[i].base]
         table(self.machine, "w")[2 * len(q) + 1 : 2 * len(q) + 1 + len(bases)] = bases
-        self.state = State(t, q, u, times, end, len(self.tableau.C), self._sizes, options, least, near)
+        stages = len(self.tableau.C) if self.tableau else 0
+        if not self.tableau:
+            options = replace(options, first=first_step(options, GeneralizedAlpha.order_of_estimate, end - t))
+            self._arrays = implicit_of(t, options, self.method)
+        self.state = State(self.machine, t, q, u, times, end, stages, self._sizes, options, least, near)
         self._fresh = True
 
     def go(self) -> str:
         """Take a limited number of steps; return why it stopped: ``done``, ``more``, ``chart`` or ``look``."""
-        from mbstab.compiler.machine.explicit import march
-
         fresh, self._fresh = self._fresh, False
-        reason = march(self.machine, self.tableau, self.state.march, TOLERANCES.compiled_steps, fresh)
+        reason = self._march(self.machine, self._arrays, self.state.march, TOLERANCES.compiled_steps, fresh)
         return {at.DONE: "done", at.MORE: "more", at.CHART: "chart"}.get(reason, "look")

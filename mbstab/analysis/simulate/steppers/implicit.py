@@ -56,6 +56,26 @@ RADAU_GAMMA = 1.0 / (3.0 + 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0))
 DIVERGES = "Newton's method does not converge"
 
 
+def first_step(options: Options, order: int, left: float) -> float:
+    """Return the step to begin with (s), for an error estimate of some order and a time that is left (s)."""
+    guess = 0.3 * max(options.tol, 1e-13) ** (1.0 / (order + 1)) / options.rate
+    return options.step or options.first or min(guess, 0.1 * left)
+
+
+def newton_goal(options: Options) -> float:
+    """Return the correction that ends Newton's method, in sizes of the scene."""
+    if options.step is not None:
+        return TOLERANCES.newton_correction_rounding
+    return max(TOLERANCES.newton_correction * options.tol, TOLERANCES.newton_correction_rounding)
+
+
+def alpha_coefficients(rho: float = RHO) -> tuple[float, float, float, float]:
+    """Return α_m, α_f, γ and β of the generalized-α method for a spectral radius at infinity."""
+    m, f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+    gamma = 0.5 + f - m
+    return m, f, gamma, 0.25 * (gamma + 0.5) ** 2
+
+
 class _Implicit:
     """Common parts of implicit methods: step control, Newton's convergence test, and quintic interpolation."""
 
@@ -68,8 +88,7 @@ class _Implicit:
         self.begin = t
         a, nu, self.state = equations.accelerations(t, q, u)
         self.a, self.nu = a, nu
-        guess = 0.3 * max(options.tol, 1e-13) ** (1.0 / (self.order_of_estimate + 1)) / options.rate
-        self.h = options.step or options.first or min(guess, 0.1 * (end - t))
+        self.h = first_step(options, self.order_of_estimate, end - t)
         self._before: Any = None
 
     def _attempt(self, h: float) -> tuple[Array, Array, float]:
@@ -152,11 +171,8 @@ class _Implicit:
         """
         # Rounding of positions moves speeds by as much over the step.
         longer = max(1.0, 1.0 / (h * self.options.rate))
-        goal = TOLERANCES.newton_correction_rounding
-        if self.options.step is None:
-            goal = max(TOLERANCES.newton_correction * self.options.tol, goal)
         stalled = before < math.inf and size > 0.3 * before and size <= TOLERANCES.newton_correction_stalled * longer
-        if size <= goal or stalled:
+        if size <= newton_goal(self.options) or stalled:
             return True
         if not size < 2.0 * before:
             raise NumericalError(DIVERGES)
@@ -170,10 +186,7 @@ class GeneralizedAlpha(_Implicit):
 
     def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
         super().__init__(equations, t, q, u, end, options)
-        rho = RHO
-        self.m, self.f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-        self.gamma = 0.5 + self.f - self.m
-        self.beta = 0.25 * (self.gamma + 0.5) ** 2
+        self.m, self.f, self.gamma, self.beta = alpha_coefficients()
         self.ahead = self.m - self.f
         s = 1e-4 / options.rate
         (after, _, _), (before, _, _) = (

@@ -103,12 +103,12 @@ class Method:
         error estimate + 1).
     fixed : bool
         Whether steps of fixed size are possible.
-    compiled : bool
-        Whether `mbstab.analysis.simulate.steppers.compiled` can take the steps.
+    compiled : str
+        The module of `mbstab.compiler.machine` that can take the steps, or empty.
     """
 
     start: Start
     order: int
     power: float
     fixed: bool = True
-    compiled: bool = False
+    compiled: str = ""

@@ -13,6 +13,7 @@ from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.fused import Fused
+from mbstab.compiler.machine import tables
 from mbstab.compiler.machine.tables import DELTA, Machine, machine, table
 from mbstab.compiler.system import Array, System
 from mbstab.compiler.trace import Traced
@@ -86,17 +87,43 @@ class Layout:
         With signs for factors, without scales; its working memory is not to be used.
     entries : ndarray of int, shape (2, n)
         Unknowns to which the entries of the matrix belong, the coordinates and then the rows kept.
+    parts : ndarray of int, shape (2, n)
+        The same of the parts of Newton matrices.
     order : ndarray of int, shape (N,)
         The unknowns by place.
     """
 
     machine: Machine
     entries: Any
+    parts: Any
     order: Any
 
 
-def layout_of(system: System, kept: Sequence[int], free: Sequence[int], attitudes: Attitudes, energy: Energy) -> Layout:
-    """Write the equations of a scene with the rows kept; the base rotations of some bodies are set later."""
+def _newton_parts(fused: Fused, unknown: dict[int, int]) -> list[tuple[int, int, int, Any]]:
+    """Return kind, unknowns and value of the parts of Newton matrices; unknowns of rows by row."""
+    K, R, V_q = fused.traced_derivatives
+    traced, n_h = fused.traced, fused.system.n_h
+    blocks = ((tables.MASS, traced.M), (tables.STIFFNESS, K), (tables.DAMPING, R))
+    found = [(kind, i, j, x) for kind, block in blocks for i, j, x in _entries(block)]
+    for i, j, x in _entries(traced.J):
+        if i in unknown:
+            own, back = (
+                (tables.HOLONOMIC, tables.HOLONOMIC_FORCE)
+                if i < n_h
+                else (tables.NONHOLONOMIC, tables.NONHOLONOMIC_FORCE)
+            )
+            found += [(own, unknown[i], j, x), (back, j, unknown[i], x)]
+    kinds = (tables.HOLONOMIC_RATE, tables.NONHOLONOMIC_RATE)
+    return [*found, *((kinds[i >= n_h], unknown[i], j, x) for i, j, x in _entries(V_q) if i in unknown)]
+
+
+def layout_of(
+    system: System, kept: Sequence[int], free: Sequence[int], attitudes: Attitudes, energy: Energy, implicit: bool
+) -> Layout:
+    """Write the equations of a scene with the rows kept; the base rotations of some bodies are set later.
+
+    For implicit methods, the parts of Newton matrices as well.
+    """
     fused = Fused(system, free=free)
     n, traced = system.n_q, fused.traced
     rank, rows = len(kept), system.n_c
@@ -104,8 +131,9 @@ def layout_of(system: System, kept: Sequence[int], free: Sequence[int], attitude
     unknown = {row: n + k for k, row in enumerate(kept)}
     matrix = [(i, j, x) for i, j, x in mass if i >= j]
     matrix += [(unknown[i], j, x) for i, j, x in jacobian if i in unknown]
+    parts = _newton_parts(fused, unknown) if implicit else []
     neighbours: list[set[int]] = [set() for _ in range(n + rank)]
-    for i, j, _ in matrix:
+    for i, j in (*((i, j) for i, j, _ in matrix), *((i, j) for _, i, j, _ in parts)):
         if i != j:
             neighbours[i].add(j)
             neighbours[j].add(i)
@@ -123,7 +151,9 @@ def layout_of(system: System, kept: Sequence[int], free: Sequence[int], attitude
         [*(x for *_, x in matrix), *right, *power],
         [*(x for *_, x in mass), *(x for *_, x in jacobian), *residuals],
     ]
-    code = fused.code(groups)
+    if implicit:
+        groups.append([x for *_, x in parts])
+    code = fused.code(groups, implicit)
     results = iter(code.results)
 
     def registers(count: int) -> tuple[Any, Array]:
@@ -136,6 +166,7 @@ def layout_of(system: System, kept: Sequence[int], free: Sequence[int], attitude
     mass_register, mass_sign = registers(len(mass))
     jacobian_register, jacobian_sign = registers(len(jacobian))
     residual_register, residual_sign = registers(2 * rows)
+    part_register, part_sign = registers(len(parts))
 
     order = np.argsort(place)
     shift = np.where(np.arange(n + rank) < n, DELTA, -DELTA)
@@ -143,7 +174,7 @@ def layout_of(system: System, kept: Sequence[int], free: Sequence[int], attitude
     base = code.inputs + len(code.constants)
     w = np.zeros(base + len(code.operands))
     w[code.inputs : base] = code.constants
-    tables = {
+    arrays = {
         "run_operation": [operation for operation, _ in code.runs],
         "run_start": [0, *(end for _, end in code.runs)],
         "first": [x for x, _ in code.operands],
@@ -177,9 +208,17 @@ def layout_of(system: System, kept: Sequence[int], free: Sequence[int], attitude
         "mass_sign": mass_sign,
         "residual_register": residual_register,
         "residual_sign": residual_sign,
+        "newton_kind": [kind for kind, *_ in parts],
+        "newton_register": part_register,
+        "newton_factor": part_sign,
+        "newton_value": np.zeros(len(parts)),
+        "newton_row": [place[i] for _, i, _, _ in parts],
+        "newton_column": [place[j] for _, _, j, _ in parts],
+        "newton_target": [_newton_target(place[i], place[j], at, n + rank) for _, i, j, _ in parts],
         "left": np.where(shift[order] < 0.0, 1.0 / np.sqrt(max(rank, 1)), 0.0),
         "reach": np.zeros(rows),
-        "best": np.zeros(2 * n),
+        **{name: np.zeros(2 * n) for name in ("best", "y", "before", "trial", "inside", "rates", "other")},
+        **_memory(n, rows, len(place), int(start[-1]), implicit),
         "scale": np.zeros(n),
         "row_scale": np.zeros(rows),
         "sizes": np.zeros(n),
@@ -195,6 +234,7 @@ def layout_of(system: System, kept: Sequence[int], free: Sequence[int], attitude
         "rows": rows,
         "holonomic": system.n_h,
         "base": base,
+        "given": 2 * n + 1 + 9 * len(free),
         "power_register": int(power_register),
         "power_sign": float(power_sign),
         "driven": int(energy.driven),
@@ -204,18 +244,35 @@ def layout_of(system: System, kept: Sequence[int], free: Sequence[int], attitude
         "slowest": 0.0,
     }
     entries = np.array([(i, j) for i, j, _ in matrix], dtype=np.int64).reshape(-1, 2).T
-    return Layout(machine(tables, **numbers), entries, order)
+    both = np.array([(i, j) for _, i, j, _ in parts], dtype=np.int64).reshape(-1, 2).T
+    return Layout(machine(arrays, **numbers), entries, both, order)
 
 
-def machine_of(equations: Constrained, free: Sequence[int], attitudes: Attitudes, energy: Energy) -> Machine:
+def _memory(n: int, rows: int, unknowns: int, below: int, implicit: bool) -> dict[str, Array]:
+    """Return the working memory of implicit methods."""
+    sizes = {name: n for name in ("a", "next_a", "jerk", "drift", "past", "ahead", "change")}
+    sizes |= {"nu": rows, "next_nu": rows, "known": 2 * n, "newton_c": tables.KINDS, "newton_b": unknowns}
+    sizes |= {"newton_lu": unknowns + 2 * below}
+    return {name: np.zeros(size if implicit else 0) for name, size in sizes.items()}
+
+
+def _newton_target(i: int, j: int, at: dict[tuple[int, int], int], count: int) -> int:
+    """Return the place of an entry in a factored matrix: the diagonal, columns below it, rows beside it."""
+    return i if i == j else count + at[i, j] if i > j else count + len(at) + at[j, i]
+
+
+def machine_of(
+    equations: Constrained, free: Sequence[int], attitudes: Attitudes, energy: Energy, implicit: bool = False
+) -> Machine:
     """Return a scene as arrays; the base rotations of some bodies are set later."""
     system, kept = equations.system, equations.kept
-    key = (*kept, None, *free), energy
-    layout = system.remember("layout", key, lambda: layout_of(system, kept, free, attitudes, energy))
+    key = (*kept, None, *free), energy, implicit
+    layout = system.remember("layout", key, lambda: layout_of(system, kept, free, attitudes, energy, implicit))
     floats = layout.machine.floats.copy()
     found = layout.machine._replace(floats=floats, slowest=float(equations.slowest))
     factors = np.concatenate([equations.scale, equations.row_scale[kept]])
     table(found, "entry_factor")[:] *= factors[layout.entries[0]] * factors[layout.entries[1]]
+    table(found, "newton_factor")[:] *= factors[layout.parts[0]] * factors[layout.parts[1]]
     table(found, "right_factor")[:] *= factors[layout.order]
     for name in ("scale", "row_scale", "sizes"):
         table(found, name)[:] = getattr(equations, name)

@@ -19,12 +19,12 @@ from mbstab.analysis.simulate.steppers.interface import Method
 
 METHODS: dict[str, dict[str, Method]] = {
     "projection": {
-        "DOP853": Method(explicit, 8, 1.0, compiled=True),
-        "RK45": Method(explicit, 5, 1.0, compiled=True),
+        "DOP853": Method(explicit, 8, 1.0, compiled="explicit"),
+        "RK45": Method(explicit, 5, 1.0, compiled="explicit"),
         "Radau": Method(implicit, 5, 1.25, fixed=False),
         "BDF": Method(implicit, 5, 0.8, fixed=False),
     },
-    "alpha": {"": Method(GeneralizedAlpha, 2, 2.0 / 3.0)},
+    "alpha": {"": Method(GeneralizedAlpha, 2, 2.0 / 3.0, compiled="alpha")},
     "radau": {"": Method(RadauIIA, 5, 1.25)},
 }
 """Methods by name, and the solvers of each; the first is the default."""
