@@ -367,6 +367,8 @@ def test_a_file_in_rad_per_second_with_missing_columns_given_by_keys(turning):
         (csv(), "kxx: 1e6, ", "short.csv: it has a column 'kxx', and the entry gives it too"),
         (csv().replace("1500.0", "900"), "", "short.csv:3:1: forces.A.curves.file: x must increase"),
         (csv().replace("13000000.0", "much"), "", "'much' is not a number"),
+        (csv().replace("13000000.0", "13000000.0,9"), "", "this line has 10 values, and the heading 9 names"),
+        (csv().replace(",", ";").replace("13000000.0", "1,3e7"), "", "decimals follow a point: 1.3e7"),
         ("rpm,kxx\n", "", "short.csv has no numbers"),
         (csv(), "rho", "forces.A.curves.speed: 'rho' has the unit kg/m^3"),
     ],

@@ -320,6 +320,55 @@ def test_a_table_in_a_file_beside_the_model(tmp_path):
     assert "3, 2.0,0.1" in str(caught.value)
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t", " ; ", ", "])
+def test_one_separator_stands_in_a_whole_file(separator, tmp_path):
+    rows = ["slip", "load"], *zip(map(str, X), map(str, Y), strict=True)
+    (tmp_path / "grip.csv").write_text("\n".join(separator.join(row) for row in rows), encoding="utf-8")
+    assert _from_file(tmp_path).eig().values().tolist() == model().eig().values().tolist()
+
+
+def _from_file(folder, columns=""):
+    """Return the mass on a spring whose characteristic stands in grip.csv of a folder."""
+    text = MODEL.format(function="spline", F=1.25)
+    lists = text[text.index("    x:") : text.index("bodies")]
+    (folder / "mass.yaml").write_text(text.replace(lists, f"    {{file: grip.csv{columns}}}\n"), encoding="utf-8")
+    return mbstab.load(folder / "mass.yaml")
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (
+            "n,k\n1000,1,5e4\n2000,2,5e4",
+            "grip.csv:2:1: tables.grip.file: this line has 3 values, and the heading 2 names",
+        ),
+        ("n,k\n1000,\n", "grip.csv:2:6: tables.grip: a number is missing here"),
+        ("n,k\n1000,1,\n", "grip.csv:2:1: tables.grip.file: this line has 3 values, and the heading 2 names"),
+        ("n,k,m\n1,,2\n2,3,4", "grip.csv:2:3: tables.grip: a number is missing here"),
+        ("n,k\n1\n", "grip.csv:2:1: tables.grip.file: this line has 1 value, and the heading 2 names"),
+        ("n,k\n1;2\n", "the first line has ',', this one ';'"),
+        ("n;k\n1,2\n", "the first line has ';', this one ','"),
+        ("n;k\n1;3,0e7\n2;4e7", "grip.csv:2:3: tables.grip: '3,0e7' is not a number"),
+        ("n;k\n1;3,0e7\n2;4e7", "decimals follow a point: 3.0e7"),
+        ("1;3,5\n2;4", "grip.csv:1:3: tables.grip: '3,5' is not a number"),
+        ("n\tk\n1\t1,5\n2\t2", "decimals follow a point: 1.5"),
+        ("1,2\n3,4,5\n", "grip.csv:2:1: tables.grip.file: this line has 3 values, and the first line 2"),
+        ("n\n1\n2\n", "grip.csv has only one column"),
+    ],
+)
+def test_lines_that_do_not_fit_the_first_one_are_refused(lines, message, tmp_path):
+    (tmp_path / "grip.csv").write_text(lines, encoding="utf-8")
+    with pytest.raises(ModelFileError) as caught:
+        _from_file(tmp_path)
+    assert message in str(caught.value)
+
+
+def test_a_column_that_is_there_twice_is_refused(tmp_path):
+    (tmp_path / "grip.csv").write_text("n,k,k\n1,2,3\n2,3,4", encoding="utf-8")
+    with pytest.raises(ModelFileError, match="has two columns 'k'"):
+        _from_file(tmp_path, ", x: n, y: k")
+
+
 def test_many_points_cost_little():
     x = np.linspace(0.0, 10.0, 200)
     at = points("spline", x.tolist(), np.sin(x).tolist())

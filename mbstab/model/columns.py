@@ -6,13 +6,16 @@ import itertools
 import re
 from decimal import Decimal
 
-from mbstab.errors import Location, UsageError
+from mbstab.errors import Location, UsageError, counted
 from mbstab.model.nodes import NodeReader
 from mbstab.model.schema import TableValue
 from mbstab.model.yamlfile import YamlNode, read_beside
 from mbstab.records import dataclass
 
 NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,2})?")
+DECIMAL_COMMA = re.compile(NUMBER.pattern.replace(r"\.", "[.,]"))
+SEPARATORS = ";\t,"
+"""What may stand between the values of a file: the first of these that its first line has."""
 MAX_POINTS = 1000
 
 Column = list[tuple[str, Location]]
@@ -21,23 +24,11 @@ Column = list[tuple[str, Location]]
 
 @dataclass(frozen=True)
 class CsvFile:
-    """A CSV file: the words of its first line, and the lines with numbers, each with its words and their columns."""
+    """A CSV file: the words of its first line, and its columns."""
 
     name: str
     header: list[str]
-    lines: list[tuple[int, list[tuple[str, int]]]]
-
-    def column(self, nodes: NodeReader, number: int, path: str) -> Column | None:
-        """Return a column, None if it is not as long as the others."""
-        found: Column = []
-        for line, parts in self.lines:
-            if number >= len(parts):
-                message = f"this line has {len(parts)} values, and the heading {len(self.header)} names"
-                nodes.complain(Location(self.name, line, 1), path, message)
-                return None
-            word, at = parts[number]
-            found.append((word, Location(self.name, line, at)))
-        return found
+    columns: list[Column]
 
 
 def read_csv(nodes: NodeReader, node: YamlNode, path: str) -> CsvFile | None:
@@ -50,20 +41,38 @@ def read_csv(nodes: NodeReader, node: YamlNode, path: str) -> CsvFile | None:
     except UsageError as error:
         nodes.complain(node, path, str(error))
         return None
-    rows = [
-        (i, [(part.group().strip(), part.start() + 1) for part in re.finditer(r"[^,;\t]+", line)])
-        for i, line in enumerate(text.splitlines(), 1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+    rows = [(i, x) for i, x in enumerate(text.splitlines(), 1) if x.strip() and not x.lstrip().startswith("#")]
     if not rows:
         nodes.complain(node, path, f"{name} is empty")
         return None
-    header = [word for word, _ in rows[0][1]]
-    lines = rows if all(NUMBER.fullmatch(word) for word in header) else rows[1:]
+    first = rows[0][1]
+    separator = next((x for x in SEPARATORS if x in first), SEPARATORS[-1])
+    header = [word.strip() for word in first.split(separator)]
+    lines = rows if all(DECIMAL_COMMA.fullmatch(word) for word in header) else rows[1:]
     if not lines:
         nodes.complain(node, path, f"{name} has no numbers")
         return None
-    return CsvFile(name, header, lines)
+    found = []
+    for line, text in lines:
+        words = _words(name, line, text, separator)
+        if len(words) != len(header):
+            whole = f"first line {len(header)}" if lines is rows else f"heading {counted(len(header), 'name')}"
+            said = f"this line has {counted(len(words), 'value')}, and the {whole}"
+            other = next((x for x in SEPARATORS if x in text and x not in first), "")
+            hint = f"one separator for the whole file: the first line has {separator!r}, this one {other!r}"
+            nodes.complain(Location(name, line, 1), path, said, hint if other else "")
+            return None
+        found.append(words)
+    return CsvFile(name, header, list(map(list, zip(*found, strict=True))))
+
+
+def _words(name: str, line: int, text: str, separator: str) -> Column:
+    """Return the values of a line; what has none is an empty word at its place."""
+    parts = re.finditer(rf"(?:^|{separator})([^{separator}]*)", text)
+    return [
+        (part[1].strip(), Location(name, line, part.start(1) + 1 + len(part[1]) - len(part[1].lstrip())))
+        for part in parts
+    ]
 
 
 def table_of(nodes: NodeReader, x: Column, y: Column, node: YamlNode, path: str) -> TableValue | None:
@@ -81,7 +90,10 @@ def _numbers(nodes: NodeReader, column: Column, path: str) -> list[Decimal]:
     """Return the numbers of a column; none if there is a problem."""
     for text, place in column:
         if not NUMBER.fullmatch(text):
-            nodes.complain(place, path, f"{text!r} is not a number", "tables hold plain numbers, in SI units")
+            hint = "tables hold plain numbers, in SI units"
+            if DECIMAL_COMMA.fullmatch(text):
+                hint = f"decimals follow a point: {text.replace(',', '.')}"
+            nodes.complain(place, path, f"{text!r} is not a number" if text else "a number is missing here", hint)
             return []
     return [Decimal(text) for text, _ in column]
 

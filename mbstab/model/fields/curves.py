@@ -55,10 +55,8 @@ class SpeedCurvesField(FieldKind):
     def _tables(reading: Reading, file: YamlNode, path: str, csv: CsvFile) -> dict[str, Any]:
         """Return the function of each column, by the name of the entry and of the column."""
         entry, found = reading.path.partition(".")[2], {}
-        x = csv.column(reading.nodes, 0, path)
-        for number, column in enumerate(csv.header[1:], 1):
-            y = csv.column(reading.nodes, number, path)
-            table = table_of(reading.nodes, x, y, file, path) if x is not None and y is not None else None
+        for column, y in zip(csv.header[1:], csv.columns[1:], strict=True):
+            table = table_of(reading.nodes, csv.columns[0], y, file, path)
             if table is None:
                 return {}
             found[f"{entry}.{column}"] = table

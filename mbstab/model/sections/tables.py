@@ -76,6 +76,11 @@ class TableReader:
                     given, f"{path}.{key}", f"{csv.name} has no column {word!r} in its first line", hint
                 )
                 return None
+            if word is not None and csv.header.count(word) > 1:
+                self.nodes.complain(given, f"{path}.{key}", f"{csv.name} has two columns {word!r}")
+                return None
             chosen.append(number if word is None else csv.header.index(word))
-        x, y = (csv.column(self.nodes, number, path) for number in chosen)
-        return None if x is None or y is None else (x, y)
+        if max(chosen) >= len(csv.header):
+            self.nodes.complain(mapping.entries["file"], f"{path}.file", f"{csv.name} has only one column")
+            return None
+        return csv.columns[chosen[0]], csv.columns[chosen[1]]
