@@ -70,16 +70,15 @@ class TableReader:
         for number, key in enumerate(("x", "y")):
             given = mapping.entries.get(key)
             word = self.nodes.word(given, f"{path}.{key}", "the name of a column") if given is not None else None
-            if given is not None and word is not None and word not in csv.header:
-                hint = suggestion(word, csv.header) or "columns: " + ", ".join(csv.header)
-                self.nodes.complain(
-                    given, f"{path}.{key}", f"{csv.name} has no column {word!r} in its first line", hint
-                )
+            if given is None or word is None:
+                chosen.append(number)
+                continue
+            if (found := csv.header.count(word)) != 1:
+                hint = "" if found else suggestion(word, csv.header) or "columns: " + ", ".join(csv.header)
+                message = f"{csv.name} has {'two columns' if found else 'no column'} {word!r} in its first line"
+                self.nodes.complain(given, f"{path}.{key}", message, hint)
                 return None
-            if word is not None and csv.header.count(word) > 1:
-                self.nodes.complain(given, f"{path}.{key}", f"{csv.name} has two columns {word!r}")
-                return None
-            chosen.append(number if word is None else csv.header.index(word))
+            chosen.append(csv.header.index(word))
         if max(chosen) >= len(csv.header):
             self.nodes.complain(mapping.entries["file"], f"{path}.file", f"{csv.name} has only one column")
             return None
