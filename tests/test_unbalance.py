@@ -8,7 +8,7 @@ from test_cli import run
 from test_orders import HALF, MASS, POLAR, ROTOR, TRANSVERSE
 
 import mbstab
-from mbstab.analysis.response.unbalance import unbalance
+from mbstab.analysis.sweep.unbalance import unbalance
 from mbstab.errors import NumericalError, UsageError
 
 JEFFCOTT = """mbstab: 1
@@ -99,6 +99,16 @@ def test_speeds_count_in_the_unit_of_the_parameter_and_unstable_ones_are_marked(
     assert complex(data["outputs"][0]["real"][2], data["outputs"][0]["imag"][2]) == pytest.approx(r, rel=1e-12)
 
 
+def test_verdicts_are_those_of_eig_where_a_rotor_becomes_unstable():
+    text = JEFFCOTT.replace("c: {value: 8", "ci: {value: 5, unit: N*s/m}, c: {value: 8")
+    text = text.replace("outputs:", "  shaft: {type: bearing, between: [ground, disk], damping: ci}\noutputs:")
+    mechanism, speeds = mbstab.loads(text), np.array([20.0, 77.9, 78.1, 200.0])
+    found = unbalance(mechanism.model, "disk", "n", speeds)
+    assert list(found.verdicts) == [mechanism.eig(n=x).verdict for x in speeds]
+    # (1 + c/c_i) √(k/m) = 78 rad/s
+    assert found.unstable.tolist() == [False, False, True, True]
+
+
 @pytest.mark.parametrize(
     ("point", "speed", "message"),
     [
@@ -127,6 +137,7 @@ def test_a_turning_frame_is_refused():
         (("--unbalance", "disk"), "go together"),
         (("--unbalance", "disk", "--speed", "n"), "--from is missing"),
         (("--unbalance", "disk", "--speed", "n", "--step", "1"), "goes with none of"),
+        (("--unbalance", "disk", "--speed", "n", "--from", "0", "--to", "60"), "n goes from 0 to 60 rad/s\nhint: give"),
         (("--unbalance", "disk", "--speed", "n", "--from", "1", "--to", "2", "--plot", "bode"), "drawn as unbalance"),
     ],
 )

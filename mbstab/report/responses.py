@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from mbstab.analysis.response.margins import LargestGain, Margins
     from mbstab.analysis.response.response import Response
     from mbstab.analysis.response.transfer import Channel
-    from mbstab.analysis.response.unbalance import UnbalanceResponse
     from mbstab.analysis.response.zeros import Zeros
+    from mbstab.analysis.sweep.unbalance import UnbalanceResponse
 
 ROWS = 13
 """Rows of a table; the other formats hold all."""

@@ -1,1 +1,1 @@
-"""Inputs and outputs: state space, transfer functions, zeros, margins, unbalance."""
+"""Inputs and outputs: state space, transfer functions, zeros, margins."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -39,36 +40,61 @@ class FrequencyResponse:
     def __init__(self, model: ControlModel) -> None:
         self.model, found, linear = model, model.descriptor, model.linear
         n, c = len(linear.M), len(linear.J)
-        known = roundings(linear).errors
-        errors_A, errors_E = (np.abs(x) for x in replace(linear, **known._asdict()).pencil())
-        errors_A[:n], errors_E[:n] = 0.0, 0.0  # Δq̇ = Δu
         redundant = [id(item.row) for item in linear.motion.redundant]
         kept = np.array([i for i, row in enumerate(linear.rows) if id(row) not in redundant], dtype=int)
         size = len(found.A)
         rows = np.concatenate([np.arange(2 * n), 2 * n + kept, np.arange(2 * n + c, size)])
         columns = np.concatenate([np.arange(n), n + kept, np.arange(n + c, size)])
-        own = np.ix_(rows, columns)
-        self.E, self.A, self.B, self.C = found.E[own], found.A[own], found.B[rows], found.C[:, columns]
+        self._own, self._size = np.ix_(rows, columns), size
+        self.E, self.A, self.B, self.C = found.E[self._own], found.A[self._own], found.B[rows], found.C[:, columns]
+        # How often each variable is differentiated: Δq and Δν, Δu, Δa.
+        self.rate = np.zeros(len(rows))
+        self.rate[n + len(kept) : 2 * n + len(kept)], self.rate[2 * n + len(kept) :] = 1, 2
+        self.rounding, self.responds = LINEAR.roundings_of_sum * EPS, responding(model)
+        self._scales: dict[int, tuple[Array, Array]] = {}
+        self.sparse = len(self.A) >= TOLERANCES.sparse_response
+        if self.sparse:
+            from scipy.sparse import csc_array
+
+            self.E, self.A = csc_array(self.E), csc_array(self.A)
+
+    @cached_property
+    def errors(self) -> tuple[Any, Any]:
+        """Error bounds of the entries of E and A."""
+        linear, size = self.model.linear, self._size
+        n, c = len(linear.M), len(linear.J)
+        known = roundings(linear).errors
+        errors_A, errors_E = (np.abs(x) for x in replace(linear, **known._asdict()).pencil())
+        errors_A[:n], errors_E[:n] = 0.0, 0.0  # Δq̇ = Δu
         wide_A, wide_E = np.zeros((size, size)), np.zeros((size, size))
         wide_A[: 2 * n + c, : 2 * n + c] = errors_A
         if size == 2 * n + c:
             wide_E = errors_E
         else:
             wide_A[n : 2 * n, 2 * n + c :] = known.M  # M stands beside the accelerations
-        rounding = LINEAR.roundings_of_sum * EPS
-        self.errors_A = wide_A[own] + rounding * np.abs(self.A)
-        self.errors_E = wide_E[own] + rounding * np.abs(self.E)
-        # How often each variable is differentiated: Δq and Δν, Δu, Δa.
-        self.rate = np.zeros(len(rows))
-        self.rate[n + len(kept) : 2 * n + len(kept)], self.rate[2 * n + len(kept) :] = 1, 2
-        self.rounding, self.responds = rounding, responding(model)
-        self._scales: dict[int, tuple[Array, Array]] = {}
-        if len(self.A) >= TOLERANCES.sparse_response:
+        found = self.model.descriptor
+        both = ((wide + self.rounding * np.abs(own))[self._own] for wide, own in ((wide_E, found.E), (wide_A, found.A)))
+        if self.sparse:
             from scipy.sparse import csc_array
 
-            self.E, self.A, self.errors_A, self.errors_E = map(
-                csc_array, (self.E, self.A, self.errors_A, self.errors_E)
-            )
+            both = (csc_array(x) for x in both)
+        return next(both), next(both)
+
+    def value(self, s: complex) -> Complex:
+        """Return G(s), shape (outputs, inputs); infinite on a pole."""
+        whole, X, Y = self._solution(s)
+        if X is None:
+            return np.full(self.responds.shape, complex(np.inf, np.nan))
+        found = self.C @ X + Y @ (self.B - whole @ X) + self._direct(s)
+        return np.asarray(np.where(self.responds, found, 0.0))
+
+    def _solution(self, s: complex) -> tuple[Any, Any, Any]:
+        """Return P = s E - A, P⁻¹ B and C P⁻¹; the last two are None on a pole."""
+        whole = s * self.E - self.A
+        decade = round(np.log2(abs(s) or 1.0) / 4.0)
+        if decade not in self._scales:
+            self._scales[decade] = _scales(abs(whole), *self._start(abs(s) or 1.0))
+        return whole, *_solved(whole, *self._scales[decade], self.B, self.C)
 
     def at(self, s: complex) -> tuple[Complex, Array, Complex]:
         """Return G(s), its error bounds and G'(s), shapes (outputs, inputs); infinite and nan on a pole.
@@ -77,16 +103,13 @@ class FrequencyResponse:
         ----------
         s : complex (1/s)
         """
-        whole = s * self.E - self.A
         direct = self._direct(s)
-        decade = round(np.log2(abs(s) or 1.0) / 4.0)
-        if decade not in self._scales:
-            self._scales[decade] = _scales(abs(whole), *self._start(abs(s) or 1.0))
-        X, Y = _solved(whole, *self._scales[decade], self.B, self.C)
+        whole, X, Y = self._solution(s)
         if X is None:
             nothing = np.full(direct.shape, complex(np.inf, np.nan))
             return nothing, np.full(direct.shape, np.inf), nothing
-        sizes = self.errors_A + abs(s) * self.errors_E
+        errors_E, errors_A = self.errors
+        sizes = errors_A + abs(s) * errors_E
         rest = self.B - whole @ X
         value = self.C @ X + Y @ rest + direct
         error = np.abs(Y) @ (sizes @ np.abs(X) + self.rounding * np.abs(self.B) + np.abs(rest))

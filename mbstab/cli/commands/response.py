@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, listed, load_model, set_option
+from mbstab.cli.common import file_argument, force_option, listed, load_model, progress_bar, set_option
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -104,7 +104,7 @@ def response(
     wanted = pictures or possible[:1] * (place is not None)
     paths = picture_paths(*picture_stem(place, output.path, Path(mechanism.model.name)), wanted)
     if unbalance is not None and speed is not None:
-        _unbalance(mechanism.model, unbalance, speed, goals, (start, stop, points), paths, output)
+        _unbalance(mechanism, unbalance, speed, goals, (start, stop, points), paths, output)
         return
     from mbstab.analysis.response.response import answer
 
@@ -180,7 +180,7 @@ def _refuse_beside_unbalance(
 
 
 def _unbalance(
-    model: Model,
+    mechanism: Mechanism,
     point: str,
     speed: str,
     goals: tuple[str, ...],
@@ -189,15 +189,27 @@ def _unbalance(
     output: Output,
 ) -> None:
     """Write and draw an unbalance response."""
-    from mbstab.analysis.response.unbalance import unbalance
+    from mbstab.analysis.algebra.budget import Cost
+    from mbstab.analysis.sweep.unbalance import unbalance
+    from mbstab.model.parameters import settings_in_si
     from mbstab.model.ranges import sweep_values
     from mbstab.report import export, responses
 
+    model = mechanism.model
     speeds = sweep_values(model, speed, *grid)
-    if speeds.min() <= 0.0:
-        raise UsageError(f"--unbalance needs positive spins\nhint: give --from and --to in the unit of {speed}")
-    found = unbalance(model, point, speed, speeds, goals)
     unit, factor = model.parameters[speed].unit or "rad/s", model.parameters[speed].factor
+    if speeds.min() <= 0.0:
+        ends = " to ".join(f"{x / factor:.6g}" for x in speeds[[0, -1]])
+        raise UsageError(
+            f"--unbalance needs positive spins, and {speed} goes from {ends} {unit}"
+            + ("" if all(grid[:2]) else f", as sweep: in {model.name} says")
+            + f"\nhint: give both ends above 0, such as --from {max(speeds.max(), 100.0 * factor) / factor / 100.0:.6g}"
+        )
+    if not mechanism.force and not Cost.of("modes", len(model.coordinates()), 0).affordable:
+        system = mechanism.system(**settings_in_si({speed: float(speeds[0])}))
+        Cost.of("modes", system.n_q, system.n_c).require()
+    with progress_bar("unbalance") as progress:
+        found = unbalance(model, point, speed, speeds, goals, progress)
     output.write(
         {
             "table": lambda: responses.unbalance_text(found, model.title, unit, factor),

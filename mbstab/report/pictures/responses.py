@@ -12,7 +12,7 @@ from matplotlib.ticker import MultipleLocator
 
 from mbstab.analysis.response.response import Response
 from mbstab.analysis.response.transfer import Channel
-from mbstab.analysis.response.unbalance import UnbalanceResponse
+from mbstab.analysis.sweep.unbalance import UnbalanceResponse
 from mbstab.compiler.system import Array
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import INK

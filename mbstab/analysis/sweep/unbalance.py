@@ -13,14 +13,17 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.linear.linearize import Linearization, linearize
+from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.response.frequency import FrequencyResponse
 from mbstab.analysis.response.state_space import ControlModel, control_model
 from mbstab.analysis.response.transfer import channels, number_of
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues
 from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
+from mbstab.analysis.sweep.blocks import Progress, compute, merged, tasks
+from mbstab.analysis.verdict.rule import UNDECIDED, WORDS
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError, UsageError
 from mbstab.mechanics.catalogue import ElementUse, Kind
@@ -70,7 +73,12 @@ class UnbalanceResponse:
 
 
 def unbalance(
-    model: Model, point: str, parameter: str, speeds: Array, goals: tuple[str, ...] = ()
+    model: Model,
+    point: str,
+    parameter: str,
+    speeds: Array,
+    goals: tuple[str, ...] = (),
+    progress: Progress = lambda done: None,
 ) -> UnbalanceResponse:
     """Return the unbalance response of a rotor at several speeds.
 
@@ -85,6 +93,8 @@ def unbalance(
         Positive (rad/s).
     goals : tuple of str
         Outputs; all if none.
+    progress : callable, optional
+        Called with the fraction of the work that is done, from 0 to 1.
 
     Raises
     ------
@@ -100,37 +110,37 @@ def unbalance(
     points = tuple(model.bodies[body].values.get("points") or ())
     if own:
         number_of(own, points, f"point of {body!r}", "its points")
-    found, verdicts = [], []
-    for speed in speeds.tolist():
-        here = bound(model, settings_in_si({parameter: speed}))
-        resting = _linear(replace(here, inputs={}, outputs={}))
-        verdicts.append(eigenvalues(resting).verdict)
-        forced = _forced(here, resting, number, own, _axis(resting, number, parameter, speed))
+    found = []
+    for k, speed in enumerate(speeds.tolist()):
+        forced = _forced(bound(model, settings_in_si({parameter: speed})), number, own, parameter, speed)
         found.append(_amplitudes(forced, goals, speed))
+        progress(k / len(speeds))
     outputs = goals or tuple(model.outputs)
     units = dict(zip(forced.outputs, forced.output_units, strict=True))
     return UnbalanceResponse(
         point, parameter, speeds, outputs, tuple(f"{units[x]}/(kg*m)" if units[x] else "" for x in outputs),
-        np.array(found, dtype=complex).T, tuple(verdicts),
+        np.array(found, dtype=complex).T, _verdicts(model, parameter, speeds),
     )  # fmt: skip
 
 
-def _linear(model: Model) -> Linearization:
-    system = System(evaluate(model))
-    return linearize(system, reference_motion(system, massless=True))
+def _verdicts(model: Model, parameter: str, speeds: Array) -> tuple[str, ...]:
+    """Return the verdicts of the motion at all speeds at once, as sweeps find them; each speed is solved by itself."""
+    plain = replace(model, inputs={}, outputs={})
+    raw = merged([compute(task) for task in tasks(plain, {parameter: speeds}, followed=False)])
+    words = [WORDS[word] for word in raw.words]
+    for k, word in enumerate(words):
+        if word == UNDECIDED:
+            here = bound(plain, settings_in_si({parameter: float(speeds[k])}))
+            words[k] = eigenvalues(linearize(system := System(evaluate(here)), reference_motion(system, True))).verdict
+    return tuple(words)
 
 
-def _axis(linear: Linearization, body: int, parameter: str, speed: float) -> Array:
+def _axis(system: System, motion: Motion, body: int, parameter: str, speed: float) -> Array:
     """Return the direction of the spin of a body, which must have a speed."""
-    if linear.generator is not None and linear.generator.turns:
-        raise NumericalError(
-            f"the equations are constant only in a turning frame ({linear.generator}), where an unbalance is a load at "
-            "rest\nhint: leave out reference: steady: where the rotor and its bearings are round"
-        )
-    spin = Attitudes.of(linear.system).spins(linear.system, linear.motion.q, linear.motion.u)[body]
+    spin = Attitudes.of(system).spins(system, motion.q, motion.u)[body]
     size = float(np.linalg.norm(spin))
     if abs(size - speed) > SPECTRUM.rotor_still * speed:
-        name = list(linear.system.scene.model.bodies)[body]
+        name = list(system.scene.model.bodies)[body]
         raise UsageError(
             f"with {parameter} = {speed:g} rad/s {name!r} spins with {size:g} rad/s\n"
             "hint: --speed names the parameter that is the rate of the body about its axis"
@@ -138,11 +148,13 @@ def _axis(linear: Linearization, body: int, parameter: str, speed: float) -> Arr
     return np.asarray(spin / size)
 
 
-def _forced(model: Model, resting: Linearization, body: int, point: str, axis: Array) -> ControlModel:
+def _forced(model: Model, body: int, point: str, parameter: str, speed: float) -> ControlModel:
     """Return the linear model from forces along both directions across the axis at a point of a body."""
-    scene = resting.system.scene
+    plain = System(evaluate(replace(model, inputs={}, outputs={})))
+    motion = reference_motion(plain, massless=True)
+    axis = _axis(plain, motion, body, parameter, speed)
     entry = list(model.bodies.values())[body]
-    evaluator = Evaluator(model, scene.parameters, scene.arithmetic)
+    evaluator = Evaluator(model, plain.scene.parameters, plain.scene.arithmetic)
     place = evaluator.vector(entry.values["points"][point]) if point else (0.0,) * model.dimension
 
     def force(direction: Array) -> Kind:
@@ -153,7 +165,13 @@ def _forced(model: Model, resting: Linearization, body: int, point: str, axis: A
         name: Entry("inputs", name, force(direction), {}, model.reference.location, {})
         for name, direction in zip(NAMES, _directions(axis), strict=True)
     }
-    return control_model(_linear(replace(model, inputs=inputs)))
+    linear = linearize(System(evaluate(replace(model, inputs=inputs))), motion)
+    if linear.generator is not None and linear.generator.turns:
+        raise NumericalError(
+            f"the equations are constant only in a turning frame ({linear.generator}), where an unbalance is a load at "
+            "rest\nhint: leave out reference: steady: where the rotor and its bearings are round"
+        )
+    return control_model(linear)
 
 
 def _directions(axis: Array) -> tuple[Array, Array]:
@@ -167,7 +185,7 @@ def _directions(axis: Array) -> tuple[Array, Array]:
 def _amplitudes(model: ControlModel, goals: tuple[str, ...], speed: float) -> list[complex]:
     """Return z of the module's text for each output."""
     exact = FrequencyResponse(model)
-    values, _, _ = exact.at(1j * speed)
+    values = exact.value(1j * speed)
     both = [[values[exact.number(c)] for c in channels(model, (name,), goals)] for name in NAMES]
     with np.errstate(invalid="ignore"):  # on an eigenvalue without damping
         found = [complex(speed**2 * (one - 1j * other)) for one, other in zip(*both, strict=True)]
