@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.spectrum.sensitivity import Sensitivities
     from mbstab.analysis.sweep.chart import Chart
     from mbstab.analysis.sweep.sweep import Sweep
+    from mbstab.analysis.verdict.many_digits import ManyDigits
 
 Setting = float | str | Fraction | Decimal
 
@@ -215,7 +216,7 @@ class Mechanism:
         """
         system = self.system(**parameters)
         task: Task = "spectrum" if method == "nullspace" and not frozen and fits_sparse(system) else "modes"
-        result = answer(self._within(task, system), method, frozen, progress, self._zeros(parameters))
+        result = answer(self._within(task, system), method, frozen, progress, self._digits(parameters))
         return self._described(result, frozen, energies, parameters)
 
     @guarded
@@ -264,15 +265,11 @@ class Mechanism:
         told = energies and result.period is None
         return with_energies(result, self.linearize(frozen, **parameters)) if told else result
 
-    def _zeros(self, parameters: Mapping[str, Setting]) -> Callable[[], int]:
-        """Return the function that counts the eigenvalues that are zero to many digits."""
+    def _digits(self, parameters: Mapping[str, Setting]) -> ManyDigits:
+        """Return the motion with many digits, for verdicts that rest on exact zeros."""
+        from mbstab.analysis.spectrum.exactly import Exactly
 
-        def zeros() -> int:
-            from mbstab.analysis.spectrum.precise import exact_zeros
-
-            return exact_zeros(self.at(**parameters).model)
-
-        return zeros
+        return Exactly(lambda: self.at(**parameters).model)
 
     @guarded
     def eig_precise(
@@ -302,7 +299,7 @@ class Mechanism:
         model = self._afforded("modes", parameters)
         from mbstab.analysis.spectrum.precise import precise_eigenvalues
 
-        return precise_eigenvalues(model, digits, frozen, progress)
+        return precise_eigenvalues(model, digits, frozen, progress, self._digits(parameters))
 
     @guarded
     def sensitivities(self, frozen: bool = False, **parameters: Setting) -> Sensitivities:
@@ -317,7 +314,7 @@ class Mechanism:
         """
         from mbstab.analysis.spectrum.sensitivity import sensitivities
 
-        found = sensitivities(self._afforded("modes", parameters), frozen, self._zeros(parameters))
+        found = sensitivities(self._afforded("modes", parameters), frozen, self._digits(parameters))
         return replace(found, result=self._described(found.result, frozen, False, parameters))
 
     @guarded
@@ -360,7 +357,7 @@ class Mechanism:
         """
         from mbstab.analysis.compare.verify import verify
 
-        return verify(self._affordable("modes", parameters), frozen, progress, self._zeros(parameters))
+        return verify(self._affordable("modes", parameters), frozen, progress, self._digits(parameters))
 
     @guarded
     def sweep(

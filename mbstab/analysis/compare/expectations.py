@@ -9,6 +9,7 @@ from mbstab.analysis.algebra.matching import matched
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.spectrum.eigenvalues import answer
+from mbstab.analysis.spectrum.exactly import Exactly
 from mbstab.analysis.spectrum.results import EigenResult
 from mbstab.compiler.system import System
 from mbstab.errors import Location, MbstabError
@@ -64,12 +65,7 @@ def check_expectation(model: Model, expectation: Expectation) -> list[Outcome]:
 
 @guarded
 def _answer(model: Model, frozen: bool = False) -> EigenResult:
-    def zeros() -> int:
-        from mbstab.analysis.spectrum.precise import exact_zeros
-
-        return exact_zeros(model)
-
-    return answer(System(evaluate(model)), frozen=frozen, zeros=zeros)
+    return answer(System(evaluate(model)), frozen=frozen, digits=Exactly(lambda: model))
 
 
 @guarded

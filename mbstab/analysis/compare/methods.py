@@ -29,6 +29,7 @@ from mbstab.analysis.linear.linearize import Linearization, linearize, state_spa
 from mbstab.analysis.linear.methods import METHODS, solver
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.spectrum.eigenvalues import judged
+from mbstab.analysis.spectrum.exactly import Exactly
 from mbstab.analysis.spectrum.precise import PreciseResult, precise_eigenvalues, rounded_eigenvalues
 from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
 from mbstab.analysis.verdict.facts import Grounds, balanced, time_scale
@@ -187,7 +188,9 @@ def compare(
     shared = time.perf_counter() - began
     further = _further(digits, tolerance)
     total = 2.0 + len(METHODS) + 2.0 * len(further)
-    truth = precise_eigenvalues(model, digits, progress=lambda done: progress(2.0 * done / total))
+    truth = precise_eigenvalues(
+        model, digits, progress=lambda done: progress(2.0 * done / total), zeros=Exactly(lambda: model)
+    )
     ruler = _Ruler(truth, linear)
     outcomes = _in_double(Grounds(linear), ruler, lambda number: progress((2.0 + number) / total))
     for number, n in enumerate(further, 1):
@@ -392,7 +395,7 @@ def _with_digits(model: Model, digits: int, ruler: _Ruler) -> Outcome:
     method = f"{digits} digits"
 
     def run() -> PreciseResult:
-        return precise_eigenvalues(model, digits)
+        return precise_eigenvalues(model, digits, zeros=Exactly(lambda: model))
 
     try:
         result = _prepared(run)

@@ -40,6 +40,7 @@ from mbstab.analysis.spectrum.eigenvalues import answer
 from mbstab.analysis.spectrum.floquet import monodromy
 from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
 from mbstab.analysis.verdict.facts import Grounds, time_scale
+from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE, show
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
@@ -133,7 +134,7 @@ def verify(
     system: System,
     frozen: bool = False,
     progress: Callable[[float], object] = lambda done: None,
-    zeros: Callable[[], int] | None = None,
+    digits: ManyDigits | None = None,
 ) -> Verification:
     """Return whether the nonlinear motion confirms the eigenvalues.
 
@@ -144,7 +145,7 @@ def verify(
         Judge the eigenvalues of the equations frozen at the reference time.
     progress : callable
         Called with the fraction of the work that is done, from 0 to 1.
-    zeros : callable, optional
+    digits : ManyDigits, optional
         As for `mbstab.analysis.spectrum.eigenvalues.eigenvalues`.
 
     Raises
@@ -152,7 +153,7 @@ def verify(
     MbstabError
         As `mbstab.analysis.spectrum.eigenvalues.answer`.
     """
-    result = answer(system, frozen=frozen, zeros=zeros)
+    result = answer(system, frozen=frozen, digits=digits)
     modes = [e for e in result.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
     motion = reference_motion(system, massless=True)
     frame = _frame(system, motion)

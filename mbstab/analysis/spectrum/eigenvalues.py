@@ -29,12 +29,13 @@ from mbstab.analysis.spectrum.named_motions import Telling, Told, Whirl
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
+from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.rule import STABLE, STABLE_UP_TO, UNDECIDED, Disc, Verdict, judge, place, show
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, MbstabError, NumericalError, UsageError
 
 
-def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[], int] | None = None) -> EigenResult:
+def eigenvalues(linear: Linearization, method: str = DEFAULT, digits: ManyDigits | None = None) -> EigenResult:
     """Return the eigenvalues of the linearized equations with bounds and a verdict.
 
     Parameters
@@ -42,9 +43,9 @@ def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[]
     linear : Linearization
     method : str
         A name of `mbstab.analysis.linear.methods.METHODS`.
-    zeros : callable, optional
-        Returns the number of eigenvalues that are zero to many digits (`mbstab.analysis.spectrum.precise.exact_zeros`);
-        called only if the verdict depends on it.
+    digits : ManyDigits, optional
+        The same motion with many digits (`mbstab.analysis.spectrum.exactly.Exactly`); asked only if the verdict
+        depends on it.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def eigenvalues(linear: Linearization, method: str = DEFAULT, zeros: Callable[[]
     NumericalError
         If the method needs independent constraint rows and they are not.
     """
-    return judged(Grounds(linear, zeros), method)
+    return judged(Grounds(linear, digits), method)
 
 
 def judged(grounds: Grounds, method: str = DEFAULT) -> EigenResult:
@@ -244,7 +245,7 @@ def answer(
     method: str = DEFAULT,
     frozen: bool = False,
     progress: Callable[[float], object] | None = None,
-    zeros: Callable[[], int] | None = None,
+    digits: ManyDigits | None = None,
 ) -> EigenResult:
     """Return the eigenvalues of a scene at its reference motion, with bounds and a verdict.
 
@@ -256,7 +257,7 @@ def answer(
         Use the equations frozen at the reference time, in the coordinates of the file.
     progress : callable, optional
         Called with the fraction of the work that is done, where it takes long: periodic motions.
-    zeros : callable, optional
+    digits : ManyDigits, optional
         As for `eigenvalues`.
 
     Raises
@@ -265,7 +266,7 @@ def answer(
         As `mbstab.analysis.reference.motion.reference_motion`.
     """
     if method == DEFAULT and not frozen and fits_sparse(system):
-        found = _of_large(system, zeros)
+        found = _of_large(system, digits)
         if found is not None:
             return found
     period = system.scene.period
@@ -277,15 +278,15 @@ def answer(
             message = f"--method {method} needs constant coefficients; a periodic motion has multipliers"
             raise UsageError(f"{message}\nhint: leave out --method")
         return periodic_answer(system, motion, float(period), progress)
-    return eigenvalues(linearize(system, motion, frozen), method, zeros)
+    return eigenvalues(linearize(system, motion, frozen), method, digits)
 
 
-def _of_large(system: System, zeros: Callable[[], int] | None) -> EigenResult | None:
+def _of_large(system: System, digits: ManyDigits | None) -> EigenResult | None:
     """Return the answer for a large scene at rest; None where dense matrices give more."""
     sparse, found = in_sparse(system), None
     affordable = Cost.of("modes", system.n_q, system.n_c).affordable
     try:
-        found = eigenvalues(linearize(sparse, reference_motion(sparse)), DEFAULT, zeros)
+        found = eigenvalues(linearize(sparse, reference_motion(sparse)), DEFAULT, digits)
     except MassError:
         if not affordable:
             raise

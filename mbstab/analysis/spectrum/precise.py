@@ -31,6 +31,7 @@ from mbstab.analysis.spectrum.refined_matrix import deflated, state_matrix
 from mbstab.analysis.spectrum.results import Counts, EigenResult
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds, time_scale
+from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED, Disc, Judged, Verdict, judge, place, show
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, NumericalError, UsageError, amount
@@ -141,6 +142,7 @@ def precise_eigenvalues(
     digits: int = 50,
     frozen: bool = False,
     progress: Callable[[float], object] = lambda done: None,
+    zeros: ManyDigits | None = None,
 ) -> PreciseResult:
     """Return the eigenvalues of a model with a given number of correct digits.
 
@@ -152,6 +154,8 @@ def precise_eigenvalues(
         As in `mbstab.analysis.spectrum.eigenvalues.answer`.
     progress : callable
         Called with the fraction of the work that is done, from 0 to 1.
+    zeros : ManyDigits, optional
+        As `digits` of `mbstab.analysis.spectrum.eigenvalues.eigenvalues`.
 
     Raises
     ------
@@ -179,6 +183,7 @@ def precise_eigenvalues(
             decided = _decided(rough, fine)
             if lacking <= 0 and decided:
                 progress(1.0)
+                start.grounds.digits = zeros
                 return _result(start, fine, bounds, digits, began)
         if not decided:
             work = max(work + digits, _until_shown(fine.deflation))
@@ -359,7 +364,6 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
             f"with these digits {neutral} eigenvalues are those of symmetries and families of motions, which have "
             f"{grounds.separated.neutral.count}: the reference may be written with too few digits",
         )
-    grounds.zeros = lambda: exact_zeros(start.model)
     verdict = judge(grounds.facts(discs, number, doubts))
     found = _listed(fine, bounds, digits, discs, members, verdict, grounds)
     # Zeros along which a minimum of the energy is flat are neutral, too.

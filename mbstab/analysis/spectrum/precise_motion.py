@@ -7,7 +7,6 @@ precision, takes it to all digits; on numbers with slopes, to its derivatives by
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -29,6 +28,7 @@ from mbstab.analysis.reference.steady import Family, Generator, centered, declar
 from mbstab.analysis.spectrum.eigenvalues import judged
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
+from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.neutral import orthonormal
 from mbstab.compiler.system import Dynamics, System
 from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, NumericalError, UsageError
@@ -47,7 +47,7 @@ class Start:
     model : Model
     frozen : bool
         As in `mbstab.analysis.linear.linearize.linearize`.
-    zeros : callable, optional
+    digits : ManyDigits, optional
         As in `mbstab.analysis.spectrum.eigenvalues.eigenvalues`.
 
     Attributes
@@ -67,7 +67,7 @@ class Start:
         If the motion is periodic.
     """
 
-    def __init__(self, model: Model, frozen: bool, zeros: Callable[[], int] | None = None) -> None:
+    def __init__(self, model: Model, frozen: bool, digits: ManyDigits | None = None) -> None:
         self.model = model
         self.system = system = System(evaluate(model))
         if system.scene.period is not None and not frozen:
@@ -83,7 +83,7 @@ class Start:
         else:
             self.motion = reference_motion(system, massless=True)
         self.linear: Linearization = linearize(system, self.motion, frozen)
-        self.grounds = Grounds(self.linear, zeros)
+        self.grounds = Grounds(self.linear, digits)
         self.plain = judged(self.grounds)
 
     @cached_property

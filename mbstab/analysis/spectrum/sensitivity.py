@@ -31,6 +31,7 @@ from mbstab.analysis.spectrum.refined_matrix import state_matrix
 from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
+from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.smoothness import kinks
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError, UsageError
@@ -100,13 +101,13 @@ class Sensitivities:
         return sorted(known, key=lambda k: (-change[k], not self.values[k], -abs(item.slopes[k])))
 
 
-def sensitivities(model: Model, frozen: bool = False, zeros: Callable[[], int] | None = None) -> Sensitivities:
+def sensitivities(model: Model, frozen: bool = False, digits: ManyDigits | None = None) -> Sensitivities:
     """Return the derivatives of all eigenvalues of a model by all of its parameters.
 
     Parameters
     ----------
     model : Model
-    frozen, zeros
+    frozen, digits
         As in `mbstab.analysis.spectrum.eigenvalues.answer`.
 
     Raises
@@ -123,7 +124,7 @@ def sensitivities(model: Model, frozen: bool = False, zeros: Callable[[], int] |
             f"{model.name} has no parameters by which to differentiate\n"
             "hint: declare numbers under parameters: and use their names"
         )
-    start = Start(model, frozen, zeros)
+    start = Start(model, frozen, digits)
     f, system = seeded(model)
     point = reference_point(start, system, f)
     try:

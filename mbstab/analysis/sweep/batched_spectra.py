@@ -23,6 +23,7 @@ from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.paths import Path, Sheet, Surface
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.steady import Family, spinning_columns
+from mbstab.analysis.spectrum.exactly import Exactly
 from mbstab.analysis.sweep.batched_equations import Equations, Pattern
 from mbstab.analysis.sweep.batched_structure import Known
 from mbstab.analysis.sweep.batched_verdict import (
@@ -463,16 +464,14 @@ class _Work:
             return WORD[UNDECIDED]
         system, q = grounds.system, grounds.motion.q
 
-        def zeros() -> int:
-            from mbstab.analysis.spectrum.precise import exact_zeros
-
+        def model() -> Model | None:
             # Many digits are computed for the equilibrium that the file's own guess leads to.
             if self.path is not None and not Problem(system).alike(found_motion(system).q, q):
-                return -1
+                return None
             at = {name: float(x[i]) for name, x in self.values.items()}
-            return exact_zeros(bound(self.evaluator.model, settings_in_si(at)))
+            return bound(self.evaluator.model, settings_in_si(at))
 
-        grounds.zeros = zeros
+        grounds.digits = Exactly(model)
         try:
             return self._exact(i, grounds)
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError):

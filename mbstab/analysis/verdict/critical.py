@@ -2,7 +2,8 @@
 
 Rest positions (or steady motions of the same frame) are followed along the critical direction: the
 coordinate z along it is prescribed, a force r along it holds the motion there, and Newton's method
-brings everything else into balance (Lyapunov and Schmidt). With r = a z^k + … the motion on the
+brings everything else into balance (Lyapunov and Schmidt). How r = a z^k + … begins is seen with many
+digits at tiny distances, where no weak term of a lower power is hidden. The motion on the
 centre manifold is c ż = −r (Lyapunov 1892; Carr 1981), where c is the damping along the critical
 direction, or, where energy is conserved, that of a mass in the potential ∫ r dz (Koiter 1945;
 Thompson and Hunt 1973; Hagedorn and Mawhin 1992, Arch. Rat. Mech. Anal. 120, for the instability
@@ -12,7 +13,6 @@ checked.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.minimum import SecondVariation, sign_of
 from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal
 from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, UNSTABLE, Critical
@@ -29,30 +30,45 @@ from mbstab.compiler.system import Array, Dynamics
 from mbstab.errors import MbstabError
 from mbstab.records import dataclass
 
-ORDERS = {"even": (2, 4), "odd": (3, 5)}
-"""Powers of z that are distinguished."""
+_POWERS = {2: "the square", 3: "the cube"}
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A critical direction: along, in sizes of the scene, distances by measure·(q − q₀), and shifts that are held."""
+
+    along: Array
+    measure: Array
+    held: list[Array]
+
+    @classmethod
+    def of(cls, structure: Structure, shift: Array) -> _Line:
+        """Return the line along a shift of the positions in the basis N."""
+        motion, spaces = structure.linear.motion, structure.linear.spaces
+        along = spaces.scale * (spaces.N @ shift)
+        unit = float(np.max(np.abs(along / motion.sizes)))
+        held = [x.direction / motion.sizes for x in structure.invariance.symmetries]
+        return cls(along / unit, (spaces.N @ shift) / spaces.scale * unit, held)
 
 
 @dataclass(frozen=True)
 class _Path:
     """The force that holds the motion at distances ± z = measure·(q − q₀), farthest first, and its zero tolerance."""
 
-    measure: Array
     z: Array
     ahead: Array
     behind: Array
     zero_ahead: Array
     zero_behind: Array
-    rounding: Array
 
     @property
     def vanishes(self) -> bool:
-        """Return whether there is no force all along; rounding that could hide one is no evidence."""
+        """Whether there is no force all along; rounding that could hide one is no evidence."""
         return bool(np.all(np.abs(self.ahead) <= self.zero_ahead) and np.all(np.abs(self.behind) <= self.zero_behind))
 
 
 def critical_zero(
-    structure: Structure, separated: Separated, count: int, others_decay: bool, exact: Callable[[], bool]
+    structure: Structure, separated: Separated, count: int, others_decay: bool, digits: ManyDigits
 ) -> Critical | None:
     """Return the verdict of the first nonlinear coefficient about a zero eigenvalue, or None if it decides nothing.
 
@@ -62,9 +78,9 @@ def critical_zero(
         Number of eigenvalues at zero: 1, or 2 where they form a chain of a coordinate and its rate.
     others_decay : bool
         Whether all others lie left of the imaginary axis.
-    exact : callable
-        Returns whether the eigenvalue is zero to many digits. In double precision a zero cannot be
-        told from 1e-20, which decides before any nonlinear term.
+    digits : ManyDigits
+        The motion with many digits. In double precision a zero cannot be told from 1e-20, which decides
+        before any term of a higher power.
     """
     energy = SecondVariation(structure, separated)
     by_energy = structure.work.decreases and energy.applies and _definite_beside(energy, structure, separated)
@@ -72,40 +88,36 @@ def critical_zero(
     if len(separated.L) or separated.speeds or count > 2 or not (by_energy or (count == 1 and others_decay)):
         return None
     direction = _direction(structure, separated)
-    if direction is None:
+    if direction is None or digits.zeros() != separated.neutral.count + count:
         return None
-    try:
-        path = _followed(structure, direction)
-    except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+    line = _Line.of(structure, direction)
+    power = digits.power(line.measure, line.along, line.held)
+    if power is None:
         return None
-    if path is None:
-        return None
-    neutral = bool(separated.neutral.count)
-    if path.vanishes:
+    k, sign = power
+    if not k:
         # Disturbances that do not decay may drive the motion along the family, out of its stable part.
         alone = separated.A.shape[0] == count
-        if not (alone or (others_decay and count == 1)):
+        path = _followed(structure, line) if alone or (others_decay and count == 1) else None
+        if path is None or not path.vanishes:
             return None
-        return _family(structure, direction, path, not alone, _drift(separated, count)) if exact() else None
-    found = _power(path)
-    if found is None or not exact():
-        return None
-    k, sign = found
-    text = f"along the critical direction the force that resists is as the power {k} of the distance"
+        return _family(structure, direction, path, not alone, _drift(separated, count))
+    neutral = bool(separated.neutral.count)
+    grows = f"along the critical direction the force grows with {_POWERS.get(k, f'the power {k}')} of the distance"
     if by_energy:
         if k % 2 and sign > 0:
             word = STABLE_UP_TO if neutral else STABLE
             if others_decay and count == 1:
                 word = ASYMPTOTIC_UP_TO if neutral else ASYMPTOTIC
-            return Critical(word, f"{text}: the energy has a strict minimum there")
-        return Critical(UNSTABLE, f"{text} and does not bring the motion back: the energy has no minimum there")
-    yielding = _yielding(structure, separated, path.measure, direction)
+            return Critical(word, f"{grows} and brings the motion back: the energy has a strict minimum there")
+        return Critical(UNSTABLE, f"{grows} and does not bring the motion back: the energy has no minimum there")
+    yielding = _yielding(structure, separated, line.measure, direction)
     if yielding is None:
         return None
     if k % 2 and sign * yielding > 0:
         word = ASYMPTOTIC_UP_TO if neutral else ASYMPTOTIC
-        return Critical(word, f"{text} and brings the motion back", drift=_drift(separated, count))
-    return Critical(UNSTABLE, f"{text} and drives the motion away, at least to one side")
+        return Critical(word, f"{grows} and brings the motion back", drift=_drift(separated, count))
+    return Critical(UNSTABLE, f"{grows} and drives the motion away, at least to one side")
 
 
 def _definite_beside(energy: SecondVariation, structure: Structure, separated: Separated) -> bool:
@@ -156,43 +168,32 @@ def _yielding(structure: Structure, separated: Separated, measure: Array, shift:
     return result.real if abs(result) > 1e-9 * size else None
 
 
-def _followed(structure: Structure, shift: Array) -> _Path | None:
-    """Return the force that holds the motion along a shift, at distances halved again and again."""
-    linear = structure.linear
-    motion, spaces = linear.motion, linear.spaces
-    along = spaces.scale * (spaces.N @ shift)
-    unit = float(np.max(np.abs(along / motion.sizes)))
-    along, measure = along / unit, (spaces.N @ shift) / spaces.scale * unit
-    held = [x.direction / motion.sizes for x in structure.invariance.symmetries]
+def _followed(structure: Structure, line: _Line) -> _Path | None:
+    """Return the force that holds the motion along a line, at distances halved again and again."""
+    motion, along, measure = structure.linear.motion, line.along, line.measure
     distances: Array = np.array([TOLERANCES.critical_reach * 0.5**k for k in range(TOLERANCES.critical_halvings)])
     sides = []
     for sign in (1.0, -1.0):
-        forces, zeros, roundings = [], [], []
+        forces, zeros = [], []
         q, nu, r = motion.q, motion.nu, 0.0
         for z in sign * distances[::-1]:
             q = q + (z - float(measure @ (q - motion.q))) * along
             try:
-                found = _balanced(structure, q, nu, r, (measure, held, float(z)))
-            except (MbstabError, ArithmeticError, ValueError):
+                found = _balanced(structure, q, nu, r, (measure, line.held, float(z)))
+            except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
                 found = None
             if found is None:
                 break
             before = q
-            q, nu, r, rounding = found
-            tangent = (q - before) / z + along
+            q, nu, r = found
             forces.append(r)
-            zeros.append(_zero(structure, q, tangent))
-            roundings.append(float(rounding @ np.abs(tangent)))
-        sides.append((forces, zeros, roundings))
-    reached = min(len(forces) for forces, _, _ in sides)
+            zeros.append(_zero(structure, q, (q - before) / z + along))
+        sides.append((forces, zeros))
+    reached = min(len(forces) for forces, _ in sides)
     if reached < TOLERANCES.critical_distances:
         return None
-    (ahead, zero_ahead, near), (behind, zero_behind, far) = (
-        (np.array(part[:reached][::-1]) for part in side) for side in sides
-    )
-    return _Path(
-        measure, distances[TOLERANCES.critical_halvings - reached :], ahead, behind, zero_ahead, zero_behind, near + far
-    )
+    (ahead, zero_ahead), (behind, zero_behind) = ((np.array(part[:reached][::-1]) for part in side) for side in sides)
+    return _Path(distances[TOLERANCES.critical_halvings - reached :], ahead, behind, zero_ahead, zero_behind)
 
 
 def _zero(structure: Structure, q: Array, tangent: Array) -> float:
@@ -220,15 +221,8 @@ def _acting(structure: Structure, q: Array, u: Array, a: Array) -> Array:
 
 def _balanced(
     structure: Structure, q: Array, nu: Array, r: float, given: tuple[Array, list[Array], float]
-) -> tuple[Array, Array, float, Array] | None:
-    """Return the motion that a force along the critical direction holds at a distance, by Newton's method.
-
-    Returns
-    -------
-    q, nu, r
-    rounding : ndarray, shape (n_q,)
-        How well the forces balance along each coordinate.
-    """
+) -> tuple[Array, Array, float] | None:
+    """Return q, ν and r of the motion that a force r along the critical direction holds at a distance (Newton)."""
     measure, held, z = given
     linear, reference = structure.linear, structure.linear.motion
     system, generator = linear.system, linear.generator
@@ -259,7 +253,7 @@ def _balanced(
         )
         off = float(np.max(np.abs(residual) / np.maximum(allowed, 1e-300)))
         if off <= 1.0 or (off <= 1e3 and off > 0.5 * before):
-            return q, nu, r, np.maximum(rounding, np.abs(force))
+            return q, nu, r
         before = off
         matrix = np.zeros((len(residual), n + c + 1))
         matrix[:n, :n] = K * sizes
@@ -280,33 +274,6 @@ def _balanced(
 def _at(reference: Motion, q: Array, u: Array, a: Array, nu: Array, dynamics: Dynamics) -> Motion:
     """Return the reference with another state."""
     return replace(reference, q=q, u=u, a=a, nu=nu, dynamics=dynamics)
-
-
-def _power(path: _Path) -> tuple[int, int] | None:
-    """Return the power of z and the sign of its coefficient; None if they are uncertain.
-
-    Even and odd parts in z are separated first: a small term of lower order is not
-    hidden by a large one of the next order.
-    """
-    zero = path.zero_ahead + path.zero_behind + path.rounding
-    found = []
-    for parity, part in (("even", path.ahead + path.behind), ("odd", path.ahead - path.behind)):
-        resolved = np.abs(part) > TOLERANCES.critical_force * zero
-        if not resolved.any():
-            continue
-        # The smallest distances with three consecutive forces above the tolerance.
-        rows = [i for i in range(len(part) - 2) if resolved[i : i + 3].all()]
-        if not rows:
-            return None
-        last = rows[-1]
-        if resolved[last + 3 :].any():
-            return None
-        powers = [float(np.log2(abs(part[j] / part[j + 1]))) for j in (last, last + 1)]
-        k = round(powers[1])
-        if k not in ORDERS[parity] or abs(powers[1] - k) > TOLERANCES.power_misfit:
-            return None
-        found.append((k, int(np.sign(part[last + 2]))))
-    return min(found, default=None)
 
 
 def _drift(separated: Separated, count: int) -> int:

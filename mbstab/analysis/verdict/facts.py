@@ -8,7 +8,7 @@ strength only, never in substance.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ from mbstab.analysis.reference.element_comparison import OnRows
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
+from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.minimum import SecondVariation
 from mbstab.analysis.verdict.neutral import Separated, Structure, unseparated
 from mbstab.analysis.verdict.rule import Critical, Disc, Facts, Minimum, Neutral
@@ -48,13 +49,12 @@ class Grounds:
     Parameters
     ----------
     linear : Linearization
-    zeros : callable, optional
-        Returns the number of eigenvalues that are zero to many digits; without it no verdict rests on one
-        that is zero exactly.
+    digits : ManyDigits, optional
+        The same motion with many digits; without it no verdict rests on an eigenvalue that is zero exactly.
     """
 
-    def __init__(self, linear: Linearization, zeros: Callable[[], int] | None = None) -> None:
-        self.linear, self.zeros = linear, zeros
+    def __init__(self, linear: Linearization, digits: ManyDigits | None = None) -> None:
+        self.linear, self.digits = linear, digits
         self.system, self.motion = linear.system, linear.motion
 
     @cached_property
@@ -274,15 +274,11 @@ class Grounds:
     def critical(self, count: int, others_decay: bool) -> Critical | None:
         """Return the verdict of the first nonlinear coefficient about a zero eigenvalue."""
         separated = self.separated
-        if self.system.sparse or self.linear.massless is not None:
+        if self.system.sparse or self.linear.massless is not None or self.digits is None:
             return None
-
-        def exact() -> bool:
-            return self.zeros is not None and self.zeros() == separated.neutral.count + count
-
         from mbstab.analysis.verdict.critical import critical_zero
 
-        return critical_zero(self.structure, separated, count, others_decay, exact)
+        return critical_zero(self.structure, separated, count, others_decay, self.digits)
 
     def family(self, count: int) -> Neutral | None:
         """Return the neutral directions with a family of motions that was followed, unless many digits refute it."""
@@ -291,9 +287,9 @@ class Grounds:
         from mbstab.analysis.verdict.families import family
 
         found = family(self.structure, self.separated, count)
-        if found is None or self.zeros is None:
+        if found is None or self.digits is None:
             return found
-        return None if 0 <= self.zeros() < found.count else found
+        return None if 0 <= self.digits.zeros() < found.count else found
 
     def facts(self, discs: Sequence[Disc], found: int, doubts: tuple[str, ...] = ()) -> Facts:
         """Return the facts with the eigenvalues left to judge, from any computation.

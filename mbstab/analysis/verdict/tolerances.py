@@ -78,10 +78,6 @@ class Tolerances:
     """Newton steps at each distance."""
     critical_balance: Final = 1e-13
     """Forces along each coordinate balance to this, relative to the forces that act along it."""
-    critical_force: Final = 30.0
-    """Forces along the critical direction count if they exceed the zero tolerance by this factor."""
-    power_misfit: Final = 0.12
-    """Largest distance of an observed power from an integer."""
     simple_zero: Final = 1e-6
     """The zero is the only one in the positions if the next singular value is larger, relative to the largest."""
 

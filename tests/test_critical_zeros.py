@@ -1,0 +1,72 @@
+"""A zero eigenvalue is judged by the lowest power of the force, however small its coefficient is beside the others."""
+
+import random
+
+import pytest
+from sampling import sample
+
+import mbstab
+from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, UNSTABLE
+
+POWERS = (2, 3, 4, 5, 7)
+
+ONE = """
+mbstab: 1
+bodies: {{p: {{type: planar_point, mass: 1}}}}
+constraints: {{rail: {{holonomic: p.y}}}}
+forces: {{f: {{type: expression, on: {{p.x: {force}}}}}}}
+reference: {{coordinates: {{p: {{x: 0}}}}}}
+"""
+
+LEVER = """
+mbstab: 1
+bodies: {{a: {{type: planar, mass: 1, inertia: 1/12, points: {{end: [1/2, 0], start: [-1/2, 0]}}}}}}
+joints: {{pin: {{type: revolute, between: [a.start, ground]}}}}
+forces: {{f: {{type: expression, on: {{a.theta: {force}}}}}}}
+reference: {{coordinates: {{a: {{theta: 0}}}}}}
+"""
+
+
+def polynomial(seed):
+    """Return a force on x at random, its lowest power and the sign of the potential there, and whether it is damped."""
+    rng = random.Random(seed)
+    terms = {k: rng.choice((-1, 1)) * 10.0 ** rng.randint(-28, 12) for k in rng.sample(POWERS, rng.randint(1, 3))}
+    return terms, rng.random() < 0.5
+
+
+@pytest.mark.parametrize(("text", "seed"), sample([(x, seed) for x in (ONE, LEVER) for seed in range(60)], 16))
+def test_the_lowest_power_decides_however_weak_it_is(text, seed):
+    terms, damped = polynomial(seed)
+    x = "p.x" if text is ONE else "a.theta"
+    force = " + ".join(f"{c!r}*{x}**{k}" for k, c in terms.items()) + (f" - rate({x})" if damped else "")
+    lowest = min(terms)
+    minimum = lowest % 2 == 1 and terms[lowest] < 0.0
+    truth = (ASYMPTOTIC if damped else STABLE) if minimum else UNSTABLE
+    result = mbstab.loads(text.format(force=force)).eig()
+    assert result.verdict == truth, (force, result.reasons)
+
+
+@pytest.mark.parametrize(("weak", "truth"), [("1e-17", UNSTABLE), ("-1e-17", UNSTABLE), ("0", STABLE)])
+def test_a_weak_slope_of_a_spring_beside_a_wall_is_seen_by_every_command(weak, truth):
+    scene = mbstab.loads("parameters: {w: " + weak + "}" + ONE.format(force="-w*p.x**2 - p.x**3"))
+    assert scene.eig().verdict == truth
+    assert scene.eig_precise(50).verdict == truth
+    assert scene.sweep("w", [float(weak), 1.0]).verdicts[0] == truth
+
+
+@pytest.mark.parametrize(
+    ("weak", "truth"),
+    [
+        ("", ASYMPTOTIC_UP_TO),
+        (" - 1e-20*p.x**7", ASYMPTOTIC),
+        (" + 1e-20*p.x**5", UNSTABLE),
+        (" + 1e-20*p.x**2", UNSTABLE),
+    ],
+)
+def test_a_valley_of_rest_positions_is_none_if_a_weak_force_acts_along_it(weak, truth):
+    laws = f"{{p.x: 2*p.x*(p.y - p.x**2) - rate(p.x){weak}, p.y: -(p.y - p.x**2) - rate(p.y)}}"
+    text = (
+        f"mbstab: 1\nbodies: {{p: {{type: planar_point, mass: 1}}}}\nforces: {{f: {{type: expression, on: {laws}}}}}\n"
+        "reference: {coordinates: {p: {x: 0, y: 0}}}"
+    )
+    assert mbstab.loads(text).eig().verdict == truth
