@@ -156,6 +156,9 @@ def places(model, change):
                 state.update(zip(names, change([state.get(name, "0") for name in names]), strict=True))
 
 
+ACTING = ("pid", "state_feedback", "transfer_function", "motor")
+"""Types of entries whose efforts are written for one sense of their joint."""
+
 VELOCITY = re.compile(r"\bvx\(([\w.]+)\)")
 
 
@@ -188,6 +191,8 @@ def in_expressions(model, place, rate, force):
         for key in entry:
             entry[key] = other(entry[key])
     for entry in model.get("forces", {}).values():
+        if "gains" in entry:
+            entry["gains"] = {other(signal): gain for signal, gain in entry["gains"].items()}
         if entry["type"] == "expression":
             loads = {}
             for coordinate, load in entry["on"].items():
@@ -219,7 +224,7 @@ def renamed_and_reordered(model):
 
     # The axis along which a controller acts stands in the second body; the cart would lean on its rail. Targets and
     # voltages count their angles from the second body, too.
-    kept = [model["joints"][entry["joint"]] for entry in entries(model) if entry["type"] in ("pid", "motor")]
+    kept = [model["joints"][entry["joint"]] for entry in entries(model) if entry["type"] in ACTING]
     for entry in entries(model):
         rename_and_swap(entry, other, dimension(model), entry in kept)
     in_velocities(model, lambda word: f"vx({other(word)})")
@@ -245,8 +250,8 @@ def rename_and_swap(entry, other, n, kept):
     for key in ("at", "center", "coordinate", "body", "of"):
         if key in entry:
             entry[key] = other(entry[key])
-    if kept or entry["type"] in ("point_on_plane", "rotor_bearing", "bushing"):
-        # The plane is that of the first body, directions are those of the second, and the shaft comes first.
+    if kept or entry["type"] in ("point_on_plane", "point_on_line", "rollers", "rotor_bearing", "bushing"):
+        # Plane and line are those of the first body, which rolls inside; directions are those of the second.
         entry["between"] = [other(word) for word in entry["between"]]
     elif "between" in entry:
         entry["between"] = [other(word) for word in reversed(entry["between"])]

@@ -842,6 +842,20 @@ def test_a_root_at_a_short_fraction_is_exact(start):
         assert float(near.rad()) > 0.0
 
 
+def test_a_drive_whose_rate_is_a_multiple_of_pi_is_proven():
+    """Times such a multiple, the time with its derivatives is none."""
+    model = """
+mbstab: 1
+parameters: {Omega: {value: 30, unit: rpm}}
+bodies: {one: {type: planar, mass: 1, inertia: 1}, two: {type: planar, mass: 1, inertia: 1}}
+joints: {a: {type: revolute, between: [one, ground]}, b: {type: revolute, between: [two, one]}}
+drives: {turn: {type: joint, joint: a, position: Omega*t}}
+forces: {b: {type: joint_spring, joint: b, stiffness: 3}}
+reference: {rates: {one: {theta: Omega}, two: {theta: Omega}}}
+"""
+    assert mbstab.loads(model).certify().proven
+
+
 def test_decimal_strings_cover_their_rounding():
     with digits(50):
         x = arb(1) / 3

@@ -478,6 +478,34 @@ def test_wheels_are_drawn_by_their_pitch_circles():
     assert found["ring_and_planet"] == [("planet", pytest.approx(0.15))]
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("crossed", ["false", "true"])
+def test_the_spans_of_a_belt_touch_both_wheels(crossed, dimension):
+    belt = f"type: belt, joints: [a, b], radii: [0.05, 0.15], crossed: {crossed}"
+    apart = PAIR.replace("mbstab: 1\n", "mbstab: 1\nground: {points: {B: [0.4, 0.3]}}   # points\n")
+    apart = apart.replace("two, ground", "two, ground.B").replace("{}", "{guess: {two: {x: 0.4, y: 0.3}}}")
+    scene = mbstab.loads(in_dimension(apart.replace("TRAIN", belt), dimension)).system().scene
+    (item,) = (item for item in scene.items if item.kind.name == "belt")
+    spans = [
+        [np.array(point.point[:2]) for point in look.points] for look in item.kind.look(item) if look.sign == "line"
+    ]
+    for first, second in spans:
+        for end, centre, radius in ((first, np.zeros(2), 0.05), (second, np.array([0.4, 0.3]), 0.15)):
+            assert np.linalg.norm(end - centre) == pytest.approx(radius, rel=1e-12)
+            assert (end - centre) @ (second - first) == pytest.approx(0.0, abs=1e-15)
+        # On which side of the line between the axles the ends are.
+        side, other = (float(np.array([-0.3, 0.4]) @ end) for end in (first, second))
+        assert (side * other < 0.0) == (crossed == "true")
+    assert len(spans) == 2
+
+
+def test_a_differential_is_drawn_by_its_axles():
+    scene = mbstab.load("differential.yaml").system().scene
+    (item,) = (item for item in scene.items if item.kind.name == "differential")
+    found = [[scene.bodies[point.body].name for point in look.points] for look in item.kind.look(item)]
+    assert found == [["case", "left"], ["case", "right"]]
+
+
 # --- what files may say ---------------------------------------------------------------------------------------------
 
 REFUSED = {

@@ -37,8 +37,8 @@ PLANAR = sorted(set(MODELS) - SPATIAL)
 # Their masses are numbers in the bodies and their axes named directions; some transformations act on parameters only.
 WRITTEN_OUT = {"whipple_bicycle", "motorcycle"}
 PLAIN = sorted(set(MODELS) - WRITTEN_OUT)
-# Its springs act along axes of the ground that cannot be named.
-TURNABLE = sorted(set(PLAIN) - {"wheelset_creep"})
+# Springs of one act along axes of the ground that cannot be named; axes of the other are expressions.
+TURNABLE = sorted(set(PLAIN) - {"wheelset_creep", "drive_shafts"})
 
 # On the axis of the spin the reference point may lie anywhere. A free body that turns with its first Euler angle is
 # left out: a tilt would carry a point off its centre of mass around, and the equations would not stand still.
@@ -51,7 +51,7 @@ SPIN_AXIS = {
     )
 }
 # Wheels of a train turn freely together: a symmetry only where the origins of their frames lie on their axles.
-TRAINS = {"gear_train", "differential"}
+TRAINS = {"gear_train", "differential", "belt_drive", "roller_in_ring"}
 MOVABLE = [name for name in MODELS if name in SPIN_AXIS or (name in PLANAR and name not in TRAINS)]
 PLANAR_SHIFT = (0.13, -0.21)
 
@@ -156,9 +156,12 @@ WRITTEN = {
     "rigid_rotor",
     "rotor_stator",
     "rotor_table",
+    "rack_and_pinion",
+    "drive_shafts",
+    "car_turn",
 } | TRAINS
 # The size of a state is one in whatever unit, and its family or its value is not found where it is far from that.
-ALL_IN_PARAMETERS = sorted(set(PLAIN) - WRITTEN - {"cart_pendulum", "robot_arm"})
+ALL_IN_PARAMETERS = sorted(set(PLAIN) - WRITTEN - {"cart_pendulum", "robot_arm", "levitation"})
 
 
 @pytest.mark.parametrize(("name", "units"), sample([(x, y) for x in ALL_IN_PARAMETERS for y in SYSTEMS], 4))

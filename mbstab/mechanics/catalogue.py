@@ -292,7 +292,8 @@ class Look:
     ----------
     sign : str
         ``pin``: points are held together; ``slider``: they slide on each other; ``rod``: a bar between two pins;
-        ``spring``: windings between two points; ``blade``: a line through a point; ``body``: a form about a point.
+        ``line``: a straight line between two points; ``spring``: windings between two; ``blade``: a line through a
+        point; ``body``: a form about a point.
     points : tuple of Marker
     axis : tuple
         Direction of a blade, or of the axis of a form, in the axes of its body; without it that of a form is z.
@@ -301,7 +302,7 @@ class Look:
         Unit normal and one point of the fixed line or plane that a form touches.
     """
 
-    sign: Literal["pin", "slider", "rod", "spring", "blade", "body"]
+    sign: Literal["pin", "slider", "rod", "line", "spring", "blade", "body"]
     points: tuple[Marker, ...]
     axis: Vector = ()
     form: Form | None = None

@@ -18,11 +18,24 @@ from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
-from mbstab.mechanics.catalogue import GROUND, Element, ElementUse, Field, Form, Item, Kind, Load, Look, Number, Vector
+from mbstab.mechanics.catalogue import (
+    GROUND,
+    Element,
+    ElementUse,
+    Field,
+    Form,
+    Item,
+    Kind,
+    Load,
+    Look,
+    Marker,
+    Number,
+    Vector,
+)
 from mbstab.mechanics.drives import TRAVEL, TURN
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
 from mbstab.mechanics.measures import MEASURES, Pose, dot
-from mbstab.mechanics.vectors import norm, representative
+from mbstab.mechanics.vectors import cross, norm, representative, turned
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
@@ -253,10 +266,49 @@ def _wheels(item: Item) -> tuple[Look, ...]:
     return _circles(item, item.value("radii") if item.given("radii") else _touching(item))
 
 
+def _belt_look(item: Item) -> tuple[Look, ...]:
+    """Return the pitch circles, and the spans of the belt between them."""
+    circles, sides = _wheels(item), list(_carriers(item))
+    one, other = (joint.markers("between")[side] for joint, side in sides)
+    if not item.given("radii") or one.body != other.body:
+        return circles
+    gap, sqrt = tuple(y - x for x, y in zip(one.point, other.point, strict=True)), item.functions.sqrt
+    axis: Vector = ()
+    if item.dimension == 3:
+        axis = sides[0][0].triads("axis", "zero")[sides[0][1]].v1
+        gap = tuple(x - dot(axis, gap) * y for x, y in zip(gap, axis, strict=True))
+    apart, (own, far) = norm(gap, sqrt), item.value("radii")
+    far = -far if item.value("crossed") else far
+    if not apart > abs(own - far):
+        return circles
+    along = tuple(x / apart for x in gap)
+    across, lean = cross(axis, along) if axis else turned(along), (own - far) / apart
+    spans = []
+    for side in (1, -1):  # a tangent of both circles has the same normal at both
+        normal = [lean * x + side * sqrt(1 - lean * lean) * y for x, y in zip(along, across, strict=True)]
+        ends = (
+            Marker(marker.body, tuple(x + radius * y for x, y in zip(marker.point, normal, strict=True)))
+            for marker, radius in ((one, own), (other, far))
+        )
+        spans.append(Look("line", tuple(ends)))
+    return (*circles, *spans)
+
+
+def _sides_look(item: Item) -> tuple[Look, ...]:
+    """Return lines from the case to both sides."""
+    case, *sides = (joint.markers("between")[1 - side] for joint, side in _carriers(item))
+    return tuple(Look("line", (case, side)) for side in sides if GROUND not in (case.body, side.body))
+
+
+def _carriers(item: Item) -> Iterable[tuple[Item, int]]:
+    """Yield each joint of a train, and which of its two sides is on the carrier."""
+    joints = item.value("joints")
+    return ((joint, 1 if sense > 0 else 0) for joint, sense in zip(joints, _senses(joints), strict=True))
+
+
 def _touching(item: Item) -> Vector:
     """Return radii with which two wheels on a carrier touch each other, or none."""
-    joints = item.value("joints")
-    one, other = (j.markers("between")[1 if s > 0 else 0] for j, s in zip(joints, _senses(joints), strict=True))
+    one, other = (joint.markers("between")[side] for joint, side in _carriers(item))
     if one.body != other.body or item.kind.name == "belt":
         return ()
     apart = norm(tuple(x - y for x, y in zip(one.point, other.point, strict=True)), item.functions.sqrt)
@@ -325,7 +377,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             _gear,
             one_of=_ONE,
             transmits=True,
-            look=_wheels,
+            look=_belt_look,
         ),
         Kind(
             "rack",
@@ -358,6 +410,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             ),
             _differential,
             transmits=True,
+            look=_sides_look,
         ),
     )
     for dimension in kind.dimensions

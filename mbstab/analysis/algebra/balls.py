@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import numbers
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -245,6 +246,8 @@ def _turns_type() -> Any:
             super().__init__(arb.pi() * fmpq(part.numerator, part.denominator))
 
         def __mul__(self, other: Any) -> Any:
+            if _composed(other):
+                return NotImplemented
             factor = _rational(other)
             return arb(self) * real(other) if factor is None else Turns(self.part * factor)
 
@@ -253,6 +256,8 @@ def _turns_type() -> Any:
         def __truediv__(self, other: Any) -> Any:
             if isinstance(other, Turns):
                 return arb(self) / arb(other) if other.part == 0 else ball(self.part / other.part)
+            if _composed(other):
+                return NotImplemented
             divisor = _rational(other)
             return arb(self) / real(other) if not divisor else Turns(self.part / divisor)
 
@@ -262,6 +267,8 @@ def _turns_type() -> Any:
         def __add__(self, other: Any) -> Any:
             if isinstance(other, Turns):
                 return Turns(self.part + other.part)
+            if _composed(other):
+                return NotImplemented
             return self if _rational(other) == 0 else arb(self) + real(other)
 
         __radd__ = __add__
@@ -276,6 +283,11 @@ def _turns_type() -> Any:
             return other + -self
 
     return Turns
+
+
+def _composed(x: Any) -> bool:
+    """Return whether a number carries derivatives or the like, and computes with plain numbers itself."""
+    return not (isinstance(x, (numbers.Number, Exact)) or hasattr(x, "rad"))
 
 
 def _rational(x: Any) -> Fraction | None:

@@ -16,8 +16,8 @@ from mbstab.analysis.proof.fields import Map, along_direction, ground_turn, own_
 from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.element_comparison import State as Rough
+from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Symmetry, Turn
 from mbstab.analysis.reference.fields import Field as Group
-from mbstab.analysis.reference.fields import OwnTurn, Shift, Symmetry, Turn
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.compiler.placed import Acting
@@ -144,6 +144,13 @@ class ElementChanges:
         if isinstance(group, Turn):
             turn = reference.state.field if name == "the motion itself" else ground_turn(group.generator, reference)
             return lambda q: turned(turn, q)
+        if isinstance(group, Combination):
+            largest = max((c for c, _ in group.parts), key=abs)
+            parts = [(Jet.of(short(c / largest)), self.field("", part, reference)) for c, part in group.parts]
+            return lambda q: [
+                sum((c * x for (c, _), x in zip(parts, column, strict=True)), Jet.of(ball(0)))
+                for column in zip(*(Y(q) for _, Y in parts), strict=True)
+            ]
         bodies = zip(reference.system.scene.bodies, reference.system.body_slices, strict=True)
         body = next(b for b, part in bodies if part == group.part)  # type: ignore[attr-defined]
         return own_turn(group, body) if isinstance(group, OwnTurn) else spin(group)  # type: ignore[arg-type]

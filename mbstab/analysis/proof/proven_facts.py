@@ -36,7 +36,8 @@ from mbstab.analysis.proof.element_changes import Finding, tiny
 from mbstab.analysis.proof.fields import ground_turn, short
 from mbstab.analysis.proof.motion import Field
 from mbstab.analysis.proof.tolerances import TOLERANCES
-from mbstab.analysis.reference.fields import Shift, Symmetry, Turn
+from mbstab.analysis.reference.fields import Combination, Shift, Symmetry, Turn
+from mbstab.analysis.reference.fields import Field as Group
 from mbstab.analysis.verdict.rule import (
     STABLE,
     STABLE_UP_TO,
@@ -203,10 +204,12 @@ class Case:
 
     @cached_property
     def momenta(self) -> list[Symmetry]:
-        """Symmetries with a conserved momentum."""
+        """Symmetries, and combinations of them, with a conserved momentum."""
+        known = {id(x.of) for x in self.symmetries}
         return [
             x for x in self.grounds.invariance.momenta
-            if x in self.symmetries and self._accepts(self.identities.momentum(x), _of("momentum", x))
+            if {id(part) for part in _parts(x.of)} <= known
+            and self._accepts(self.identities.momentum(x), _of("momentum", x))
         ]  # fmt: skip
 
     def _momentum(self, item: Symmetry) -> list[Ball]:
@@ -477,6 +480,11 @@ def best(proof: Proof) -> Case:
         if other.verdict.word != UNDECIDED:
             return other
     return case
+
+
+def _parts(group: Group) -> list[Group]:
+    """Return the groups of which a field is a combination, or it alone."""
+    return [part for _, part in group.parts] if isinstance(group, Combination) else [group]
 
 
 def _of(what: str, item: Symmetry) -> str:

@@ -134,8 +134,8 @@ class Sketch:
             case "rod":
                 self.pins.extend(Pin(m, False, m.body == GROUND) for m in look.points)
                 self.links.append(Link(look.points[0], look.points[1], False))
-            case "spring":
-                self.links.append(Link(look.points[0], look.points[1], True))
+            case "line" | "spring":
+                self.links.append(Link(look.points[0], look.points[1], look.sign == "spring"))
             case "blade":
                 middle, half = _spatial(look.points[0].point), CROSS * size * _spatial(look.axis)
                 blade = Outline((line(middle - half, middle + half),), width=BLADE)
