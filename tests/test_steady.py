@@ -1,10 +1,12 @@
 """Steady motions: generators and their frames, what breaks a symmetry, and closed forms of relative equilibria."""
 
 import math
+import random
 import re
 
 import numpy as np
 import pytest
+from scipy.optimize import linear_sum_assignment
 
 import mbstab
 from mbstab.analysis.reference.motion import Finder
@@ -744,3 +746,46 @@ reference: {find: steady, steady: {direction: [1, 0]}}
     found, result = eigenvalues(text)
     np.testing.assert_allclose(found, [-1.0], rtol=1e-13)
     assert result.counts.neutral == 1
+
+
+# --- trains whose rotors do not all turn ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_eigenvalues_of_an_elastic_train_do_not_depend_on_which_rotors_turn(seed):
+    """The equations are linear: at any instant of any motion the eigenvalues are those at rest."""
+    rng = random.Random(seed)
+    count = rng.choice((2, 3, 4))
+    inertias = [rng.uniform(0.5, 3.0) for _ in range(count)]
+    springs = [rng.choice((-1, 1, 1)) * rng.uniform(100.0, 900.0) for _ in range(count - 1)]
+    rates = {i: rng.choice((0.001, 1.0, 100.0)) for i in rng.sample(range(count), rng.randint(1, count))}
+    K = np.zeros((count, count))
+    laws = [[] for _ in range(count)]
+    for i, k in enumerate(springs):
+        K[i : i + 2, i : i + 2] += k * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        laws[i].append(f"-{k!r}*(r{i}.theta - r{i + 1}.theta)".replace("--", ""))
+        laws[i + 1].append(f"{k!r}*(r{i}.theta - r{i + 1}.theta)")
+    text = (
+        "mbstab: 1\nbodies: {"
+        + ", ".join(f"r{i}: {{type: planar, mass: 1, inertia: {x!r}}}" for i, x in enumerate(inertias))
+        + "}\njoints: {"
+        + ", ".join(f"j{i}: {{type: revolute, between: [r{i}, ground]}}" for i in range(count))
+        + "}\nforces: {s: {type: expression, on: {"
+        + ", ".join(f"r{i}.theta: {' + '.join(law)}" for i, law in enumerate(laws))
+        + "}}}\nreference: {rates: {"
+        + ", ".join(f"r{i}: {{theta: {x!r}}}" for i, x in rates.items())
+        + "}}"
+    )
+    result = mbstab.loads(text).eig()
+    squares = np.linalg.eigvals(-K / np.array(inertias)[:, None])
+    squares = np.delete(squares, np.argmin(np.abs(squares))).astype(complex)
+    truth = np.concatenate([np.sqrt(squares), -np.sqrt(squares)])
+    found = [e for e in result.eigenvalues if e.kind != "neutral"]
+    assert result.counts.neutral == 2
+    assert len(found) == len(truth)
+    rows, columns = linear_sum_assignment(np.abs(np.array([e.value for e in found])[:, None] - truth))
+    for i, j in zip(rows, columns, strict=True):
+        assert abs(found[i].value - truth[j]) <= found[i].error_bound + 1e-13 * abs(truth[j])
+    steady = len(rates) == count and len(set(rates.values())) == 1
+    if not steady and not any(s.real > 1e-6 for s in truth):
+        assert result.verdict == "undecided"

@@ -92,8 +92,8 @@ class Grounds:
     def separated(self) -> Separated:
         """The balanced matrix with its neutral directions, including those of a reversor."""
         found = self.plain
-        if found.doubt and (self.linear.frozen or not self.linear.constant):
-            return unseparated(self.S)  # frozen equations need not have the symmetries of the motion
+        if found.doubt and self.time:
+            return unseparated(self.S)  # equations of an instant need not have the symmetries of the motion
         if self.reversor is None or found.doubt:
             return found
         return self.reversor.widened(self.structure, found, self.structure.symmetric(len(self.S)))

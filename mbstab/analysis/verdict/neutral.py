@@ -310,7 +310,11 @@ class Structure:
         named = zip(kinds, integrals, differentials, strict=True)
         candidates = [(f"{kind} of {item.name}", x) for kind, item, x in named]
         if np.any(motion.u) and self.work.conserved_at_rest:
-            candidates.append(("speed", self.differential(motion.u, motion.a)))
+            energy = self.differential(motion.u, motion.a)
+            change, size = energy @ S, float(np.linalg.norm(energy)) * max(spectral_norm(S), self.invariance.rate)
+            # Along a motion that is not steady the differential of the energy changes.
+            if np.linalg.norm(change - (change @ T) @ T.T) <= TOLERANCES.direction_closure * size:
+                candidates.append(("speed", energy))
         if not candidates or self._driven_boost():
             return np.zeros((0, n)), []
         rows = np.array([x / (np.linalg.norm(x) or 1.0) for _, x in candidates])
