@@ -103,7 +103,9 @@ def test_three_regions_meet():
     assert np.array_equal(result.unstable, (x[None, :] < 0).astype(int) + (y[:, None] < 0))
     points = np.unique(np.round(np.concatenate(result.boundaries), 12), axis=0)
     assert np.all(np.min(np.abs(points), axis=1) < 1e-9)
-    assert len(points) == len(x) + len(y)
+    # Every line of the grid is crossed.
+    for axis, values in enumerate((x, y)):
+        assert set(np.round(values, 12)) <= set(points[np.abs(points[:, 1 - axis]) < 1e-9, axis])
     # The corner itself.
     result = mbstab.loads(OSCILLATORS).chart({"k": x, "d": y})
     expected = np.where(y[:, None] < 0, np.where(x[None, :] < 0, 3, 4), np.where(x[None, :] < 0, 1, 0))
@@ -120,6 +122,38 @@ def test_curves_reach_the_point_where_they_meet():
     points = [tuple(point) for curve in result.boundaries for point in curve]
     for end in (tuple(curve[k]) for curve in result.boundaries for k in (0, -1)):
         assert end[0] in (x[0], x[-1]) or end[1] in (y[0], y[-1]) or points.count(end) > 1
+
+
+def test_a_bend_within_a_cell_is_drawn():
+    """Ziegler's column: with little damping of the upper hinge the critical force rises from 2 to 2.086 and falls."""
+    y = np.linspace(0.0, 0.2, 9)
+    result = mbstab.load("ziegler_column.yaml").chart({"P": np.linspace(1.05, 3.0, 9), "b_2": y})
+    assert result.unstable.shape == (9, 9)
+    (curve,) = result.boundaries
+    force, damping = curve[curve[:, 1] > 0.0].T
+    beta = 0.1 / damping
+    critical = (4 * beta**2 + 33 * beta + 4) / (2 * (beta**2 + 7 * beta + 6)) + 0.05 * damping
+    assert np.max(np.abs(force - critical)) < 1e-9
+    assert 2.085 < np.max(force) < 2.0864
+    assert result.detail.unstable.shape == (len(result.detail.y), len(result.detail.x))
+    assert set(y) < set(result.detail.y)
+
+
+def test_a_region_between_the_lines_of_the_grid_is_found():
+    """Two boundaries through 0, which differ by less than a cell: between them one eigenvalue grows."""
+    text = OSCILLATORS.replace("-c*b.x - d*rate(b.x)", "-(k + c)*b.x").replace(
+        "-k*a.x - d*rate(a.x)", "-(k + 0.85*c)*a.x"
+    )
+    x = np.linspace(-1.0, 1.1, 11)
+    result = mbstab.loads(text).chart({"k": x, "c": x + 0.013})
+    fine = result.detail
+    K, C = np.meshgrid(fine.x, fine.y)
+    assert np.array_equal(fine.unstable, (K + C < 0).astype(int) + (K + 0.85 * C < 0))
+    points = np.concatenate(result.boundaries)
+    apart = np.array([np.abs(points[:, 0] + slope * points[:, 1]) for slope in (1.0, 0.85)])
+    assert np.max(np.min(apart, axis=0)) < 1e-9
+    for own, other in (apart, apart[::-1]):
+        assert np.sum((own < 1e-9) & (other > 0.1)) > 3
 
 
 def test_divergence_is_told_from_flutter():

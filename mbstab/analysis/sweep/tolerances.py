@@ -104,6 +104,14 @@ class Tolerances:
     edge_halvings: Final = 40
     """Bisections of an edge: to 1e-12 of it."""
 
+    # Boundaries of charts
+    boundary_turn: Final = 0.95
+    """A chart gets more lines where a boundary turns by more than the angle with this cosine …"""
+    boundary_parts: Final = 4
+    """… so many for each of the old intervals …"""
+    boundary_cells: Final = 400
+    """… that are longer than this part of the range."""
+
     # Derivatives of critical values
     slope_reach: Final = 1e-2
     """Steps to both sides, relative to the critical value …"""

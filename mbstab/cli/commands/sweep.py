@@ -302,7 +302,8 @@ def _draw_chart(result: Chart, path: Path, model: Model) -> None:
 
     one, other = (_axis(model, name) for name in result.parameters)
     missing = unanswered_text(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
-    grid = result.x, result.y, result.unstable, result.oscillating
+    fine = result.detail
+    grid = fine.x, fine.y, fine.unstable, fine.oscillating
     save_picture(lambda: chart(*grid, result.boundaries, (one, other), model.title, missing), path)
 
 

@@ -19,7 +19,7 @@ def regions(x: Array, y: Array, labels: Labels, boundaries: Sequence[Array]) -> 
     """Return the polygons that fill the region of each label.
 
     An edge of the grid between two labels is cut where a boundary has a point on it, or else in the middle. Cuts of a
-    cell are joined as `mbstab.analysis.sweep.chart` joins them to boundaries.
+    cell are joined as `mbstab.analysis.sweep.boundaries` joins them to boundaries.
 
     Parameters
     ----------
