@@ -8,6 +8,7 @@ import signal
 import stat
 import subprocess
 import sys
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -168,6 +169,25 @@ def test_residuals_are_logarithmic_with_gaps_where_they_are_zero(pendulum):
     for line, column in zip(curves(axes), pendulum.residuals.T, strict=True):
         np.testing.assert_array_equal(line.get_ydata(), np.where(column > 0.0, column, np.nan))
         assert line.get_marker() == "."  # of a value between two gaps there is no line
+
+
+def test_residuals_are_seen_whatever_their_size(pendulum):
+    for size in (1e-30, 3e-17, 1e-3):
+        sim = replace(pendulum, residuals=np.full_like(pendulum.residuals, size))
+        (axes,) = drawn("residuals", sim).axes
+        low, high = axes.get_ylim()
+        assert low < max(size, 1e-17) < high
+        ticks = [tick for tick in axes.get_yticks() if low <= tick <= high]
+        assert len(ticks) > 1
+        assert all(np.all(line.get_ydata() == max(size, 1e-17)) for line in curves(axes))
+
+
+def test_the_axis_of_energies_does_not_magnify_rounding(pendulum):
+    noise = 1e-33 * np.arange(len(pendulum.times))
+    sim = replace(pendulum, kinetic=noise, potential=noise - 2.5, work=0.0 * noise)
+    upper, _ = drawn("energy", sim).axes
+    assert upper.get_ylim()[1] - upper.get_ylim()[0] > 0.1
+    assert upper.get_ylabel() == "energy (J)"
 
 
 def test_a_phase_plane_has_rates_over_coordinates_and_marked_ends(pendulum):

@@ -16,6 +16,7 @@ from mbstab.report.animation.stills import mode_stills
 from mbstab.report.picture_sizes import SIZES, scaled, size, sized
 from mbstab.report.pictures.campbell import campbell
 from mbstab.report.pictures.pencil import pencil_pattern
+from mbstab.report.pictures.point_labels import drawn_points
 from mbstab.report.pictures.root_locus import root_locus
 from mbstab.report.pictures.sensitivity_bars import sensitivity_bars
 from mbstab.report.pictures.spectrum import spectrum
@@ -105,6 +106,25 @@ def drawings():
         "sensitivity": lambda: sensitivity_bars(slopes, TITLE),
         "modes": lambda: mode_stills(bicycle.system(), shaped, swings, TITLE),
     }
+
+
+@pytest.mark.parametrize("of", WIDTHS)
+@pytest.mark.parametrize("name", ["map", "locus", "campbell", "spectrum", "chart"])
+def test_texts_hide_neither_each_other_nor_curves(name, of, drawings):
+    with sized(of):
+        figure = drawings[name]()
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        scale = 72.0 / figure.dpi
+        texts = [text for text in axes.texts if text.get_text()]
+        boxes = [Text.get_window_extent(text) for text in texts]
+        assert [t.get_text() for t, a in zip(texts, boxes, strict=True) if sum(a.overlaps(b) for b in boxes) > 1] == []
+        frame = axes.get_window_extent()
+        points = drawn_points(axes) / scale
+        for text, box in zip(texts, boxes, strict=True):
+            assert box.x1 < frame.x0 or box.y0 > frame.y1 or (box.x0 > frame.x0 and box.x1 < frame.x1), text.get_text()
+            covered = (points > (box.x0, box.y0 + 1.0)) & (points < (box.x1, box.y1 - 1.0))
+            assert name == "chart" or not covered.all(axis=1).any(), text.get_text()
 
 
 @pytest.mark.parametrize("of", WIDTHS)

@@ -11,6 +11,7 @@ from matplotlib.text import Text
 import mbstab
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep, sweep
+from mbstab.errors import UsageError
 from mbstab.model.units import is_angular_velocity
 from mbstab.report.pictures.campbell import campbell
 from mbstab.report.pictures.curves import INK, THICK, THIN
@@ -84,7 +85,7 @@ def test_critical_values_are_drawn_and_labelled(top):
     for axes in figure.axes:
         np.testing.assert_allclose([x for x in verticals(axes) if x], [5.567728441653741], rtol=1e-12)
     locus = root_locus(top, "omega (rad/s)", "Top")
-    assert "omega = 5.56773" in texts(locus)
+    assert "omega = 5.56773 rad/s" in texts(locus)
     diamonds = [line for line in locus.axes[0].get_lines() if line.get_marker() == "D"]
     np.testing.assert_allclose(sorted(diamonds[0].get_ydata()), [-3.523878760540, 3.523878760540], rtol=1e-9)
 
@@ -183,19 +184,26 @@ def test_descending_sweeps_start_where_they_were_asked_to():
     assert stability_map(down, "p (m)", "Down").axes[0].get_xlim() == (0.0, 2.0)
 
 
-@pytest.mark.parametrize("kind", PICTURES)
+DEGENERATE = {
+    "none": made([0.0, 1.0, 2.0], np.zeros((3, 0))),
+    "nan": made([0.0, 1.0, 2.0], np.full((3, 2), np.nan)),
+    "one point": made([3.0], [[1.0 + 2j, 1.0 - 2j]]),
+    "zero": made([0.0, 1.0], np.zeros((2, 2))),
+}
+
+
 @pytest.mark.parametrize(
-    "result",
-    [
-        made([0.0, 1.0, 2.0], np.zeros((3, 0))),
-        made([0.0, 1.0, 2.0], np.full((3, 2), np.nan)),
-        made([3.0], [[1.0 + 2j, 1.0 - 2j]]),
-        made([0.0, 1.0], np.zeros((2, 2))),
-    ],
-    ids=["none", "nan", "one point", "zero"],
+    ("kind", "name"), [(k, n) for k in PICTURES for n in DEGENERATE if (k, n) != ("campbell", "zero")]
 )
-def test_degenerate_sweeps_are_drawn(kind, result, tmp_path):
-    save(PICTURES[kind](result, "omega (rad/s)", ""), tmp_path / "a.png")
+def test_degenerate_sweeps_are_drawn(kind, name, tmp_path):
+    save(PICTURES[kind](DEGENERATE[name], "omega (rad/s)", ""), tmp_path / "a.png")
+
+
+def test_a_campbell_diagram_without_frequencies_is_refused():
+    x = np.linspace(-1.0, 2.0, 5)
+    message = "no eigenvalue oscillates between p = −1 m and 2\nhint: --plot map shows the real parts"
+    with pytest.raises(UsageError, match=message):
+        campbell(made(x, np.column_stack([x, -x])), "p (m)", "")
 
 
 def test_rounding_is_not_blown_up():
@@ -248,6 +256,25 @@ def test_a_pitchfork_is_a_square_root_on_and_between_points(points):
     assert picture.growing[picture.x >= 0.0, 0].all()
 
 
+def test_four_eigenvalues_that_meet_at_zero_stay_on_the_axes():
+    # Which continues which is open: the sweep may follow those that stay zero instead.
+    x = np.linspace(-1.0, 1.1, 15)
+    before, after = np.sqrt(np.maximum(-x, 0.0)), 1j * np.sqrt(np.maximum(x, 0.0))
+    swept = made(x, np.column_stack([before, after, -after, -before]), [Critical(0.0, "divergence", (0,), 0.0, (1, 0))])
+    picture = SweepCurves(swept, Axis("p"))
+    assert np.max(np.abs(picture.real * picture.imag)) == 0.0
+    np.testing.assert_allclose(picture.real[:, 0], np.sqrt(np.maximum(-picture.x, 0.0)), atol=0.05)
+    np.testing.assert_allclose(picture.imag[:, 1], np.sqrt(np.maximum(picture.x, 0.0)), atol=0.05)
+
+
+def test_an_unstable_range_ends_at_a_critical_value_on_a_point():
+    x = np.linspace(-2.0, 2.0, 5)
+    result = made(x, (-x - 0.0)[:, None], [Critical(0.0, "divergence", (0,), 0.0, (1, 0))])
+    for unstable in ([1, 1, 0, 0, 0], [1, 1, -1, 0, 0]):
+        swept = replace(result, unstable=np.array(unstable))
+        assert list(SweepCurves(swept, Axis("p")).ranges()) == [(-2.0, 0.0, 1)]
+
+
 @pytest.mark.parametrize("power", [2.0, 4.0])
 def test_a_path_that_ends_at_a_fold_is_drawn_to_it(power):
     x = np.linspace(-1.0, 1.0, 21)
@@ -267,6 +294,8 @@ def test_axes_say_quantity_name_and_unit_as_it_is_printed():
     figure = stability_map(oscillator(), axis, "Label")
     assert figure.axes[1].get_xlabel() == "stiffness k (N·m/rad)"
     assert Axis("k", "N/m^2", 1.0, "x" * 60).text == "k (N/m²)"
+    assert (Axis("n", "rad/rad").text, Axis("n", "rad/rad").at("3")) == ("n", "n = 3")
+    assert Axis("n", "rad").text == "n (rad)"
     assert number_text(7.29129e7, 1e8, 6) == "7.29129·10⁷"
     assert number_text(-1e-9, 1e-8, 6) == "\N{MINUS SIGN}1·10⁻⁹"
 
@@ -371,6 +400,8 @@ def test_the_legend_names_only_what_is_drawn():
     )
     assert "unstable eigenvalue" in texts(stability_map(result, "p", ""))
     assert "unstable eigenvalue" not in texts(campbell(result, "p", ""))
+    still = made(result.values, np.column_stack([0j + result.values - 3.0, 1.0 + 0j * result.values]))
+    assert "unstable eigenvalue" not in texts(campbell(replace(result, beyond=(still,)), "p", ""))
 
 
 # --- charts ---------------------------------------------------------------------------------------------------------

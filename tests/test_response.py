@@ -16,7 +16,8 @@ from mbstab.analysis.response.response import answer
 from mbstab.analysis.response.transfer import channels
 from mbstab.analysis.response.zeros import TransferZeros
 from mbstab.errors import NumericalError, UsageError
-from mbstab.report.responses import phase, response_data, response_text
+from mbstab.report.pictures.responses import response_picture
+from mbstab.report.responses import decibels, phase, response_data, response_text
 
 
 def channel(model, source, goal):
@@ -345,3 +346,29 @@ outputs: {load: load.theta}
         model = mbstab.loads(f"{geared}reference: {reference}\n").state_space()
         gain, _, _ = FrequencyResponse(model).at(2j)
         assert gain.item() == pytest.approx(16 / (-20 + 8j + 16), rel=1e-12)
+
+
+def test_resonances_are_drawn_between_printed_frequencies():
+    """Without damping they leave the panel, and phases jump there."""
+    result = answer(mbstab.load("gear_train.yaml").state_space(), points=30)
+    upper, lower = response_picture(result, "").axes
+    poles = sorted(p.imag for p in result.poles if p.imag > 1.0)
+    for line in upper.get_lines():
+        x, gain = np.array(line.get_data())
+        for pole in poles:
+            near = np.abs(x / pole - 1.0) < 1e-3
+            assert np.max(gain[near]) > upper.get_ylim()[1] or np.isnan(gain[near]).any()
+    x, angle = np.array(lower.get_lines()[0].get_data())
+    rising = np.flatnonzero(np.abs(np.diff(angle)) > 1.0)
+    assert all(np.min(np.abs(x[k] / np.array(poles) - 1.0)) < 1e-3 for k in rising)
+    printed = decibels(np.concatenate(result.values))
+    assert upper.get_ylim()[0] < np.min(printed) < upper.get_ylim()[0] + 30.0
+
+
+def test_outputs_over_time_share_a_panel_if_they_share_a_unit():
+    car = response_picture(answer(mbstab.load("car.yaml").state_space(), points=20, duration=1.0), "")
+    assert [axes.get_ylabel() for axes in car.axes] == ["after a unit step (rad/s/rad)", "after a unit step (rad/s/N)"]
+    bicycle = response_picture(
+        answer(mbstab.load("whipple_bicycle.yaml").state_space(), points=20, duration=1.0, impulse=True), ""
+    )
+    assert [axes.get_ylabel() for axes in bicycle.axes] == ["after a unit impulse (rad/(N·m))"]

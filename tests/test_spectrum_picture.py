@@ -36,6 +36,19 @@ def test_lines_of_equal_damping_have_their_ratio():
     assert ratios == {0.05, 0.1, 0.2, 0.4, 0.7}
 
 
+@pytest.mark.parametrize("name", ["dc_motor_arm", "car_trailer", "motorcycle", "flyball_governor", "wheelset_creep"])
+def test_damping_ratios_are_written_beside_eigenvalues(name):
+    figure = spectrum(mbstab.load(f"{name}.yaml").eig(), "")
+    figure.draw_without_rendering()
+    axes, points, _ = drawn(figure)
+    places = axes.transData.transform(np.concatenate(list(points.values())))
+    written = [text for text in axes.texts if text.get_text().startswith("0.")]
+    assert len(written) > 1
+    for text in written:
+        box = text.get_window_extent().expanded(1.0, 1.0).padded(3.0)
+        assert not any(box.contains(x, y) for x, y in places), text.get_text()
+
+
 def test_fast_eigenvalues_do_not_hide_slow_ones():
     axes, _, _ = drawn(spectrum(mbstab.load("flyball_governor.yaml").eig(), ""))
     assert axes.get_xscale() == "asinh"

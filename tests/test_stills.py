@@ -37,6 +37,18 @@ def test_the_modes_of_a_double_pendulum():
     assert "2.3972" in figure.axes[0].get_title()
 
 
+@pytest.mark.parametrize("name", ["cart_pendulum", "car_relaxation", "zener", "whipple_bicycle"])
+def test_bodies_move_by_the_same_in_every_mode(name):
+    """States of the first order beside them, such as the force of an actuator, do not count."""
+    mechanism = mbstab.load(f"{name}.yaml")
+    system, bodies = mechanism.system(), slice(0, mechanism.system().body_slices[-1].stop)
+    sizes = mechanism.motion().sizes[bodies]
+    for number in range(1, 1 + sum(e.kind != "neutral" and e.value.imag >= 0.0 for e in mechanism.eig().eigenvalues)):
+        shown = swing(system, number, 4, amplitude=1e-3)
+        first, second = shown.q[[0, 2] if shown.value.imag else [1, 3], bodies]
+        assert np.max(np.abs(first - second) / sizes) == pytest.approx(2e-3, rel=1e-2), number
+
+
 def test_neutral_modes_have_no_panel(tmp_path):
     """They have a shape, but no number under which a mode is swung."""
     result = run("eig", "cart_pendulum.yaml", "--plot", "modes", "--pictures", str(tmp_path / "a.svg"))

@@ -10,6 +10,8 @@ from test_orders import HALF, MASS, POLAR, ROTOR, TRANSVERSE
 import mbstab
 from mbstab.analysis.sweep.unbalance import unbalance
 from mbstab.errors import NumericalError, UsageError
+from mbstab.report.pictures.responses import unbalance_picture
+from mbstab.report.pictures.scales import Axis
 
 JEFFCOTT = """mbstab: 1
 parameters: {n: {value: 10, unit: rad/s}, c: {value: 8, unit: N*s/m}}
@@ -66,6 +68,13 @@ def test_the_command_writes_and_draws_it(tmp_path):
     lines = run(*arguments, "--points", "2", "--format", "csv").stdout.splitlines()
     assert lines[0].startswith("n (rad/s),u real (m/(kg*m)),u imag (m/(kg*m))")
     assert len(lines) == 3
+
+
+def test_the_axis_says_what_turns():
+    found = unbalance(mbstab.loads(JEFFCOTT).model, "disk", "n", np.array([10.0, 20.0]))
+    figure = unbalance_picture(found, "", Axis("n", "rpm", np.pi / 30.0, "spin"))
+    assert figure.axes[1].get_xlabel() == "spin n (rpm)"
+    assert figure.axes[1].get_xlim() == pytest.approx((10.0 * 30.0 / np.pi, 20.0 * 30.0 / np.pi))
 
 
 def test_speeds_count_in_the_unit_of_the_parameter_and_unstable_ones_are_marked(tmp_path):

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from mbstab.cli.common import progress_bar
-from mbstab.cli.output import files, note, save
+from mbstab.cli.output import asked_size, files, note, save
 from mbstab.errors import UsageError
 from mbstab.records import dataclass
+from mbstab.report.picture_sizes import sized
 
 if TYPE_CHECKING:
     from mbstab.analysis.simulate.result import Simulation
@@ -183,14 +184,15 @@ class Animation:
         from mbstab.report.animation.sketch import Sketch
         from mbstab.report.animation.stage import Stage
 
-        stage = Stage(Sketch.of(system), frames, title, self.view, self.traces, self.follow)
+        with sized(asked_size()):
+            stage = Stage(Sketch.of(system), frames, title, self.view, self.traces, self.follow)
         if not self.follow and stage.view.spread > SMALL:
             body = stage.view.sketch.bodies[0]
             note(f"hint: --follow {body} keeps the mechanism in view, which is small in the picture")
         body, depth = stage.view.sunk()
         if depth > SUNK * stage.view.width:
             note(f"{body} is drawn as much as {depth:.3g} m below the ground: nothing in the model keeps it above")
-        with progress_bar("animating") as progress:
+        with sized(asked_size()), progress_bar("animating") as progress:
             save(self.path, lambda path: write(stage, path, progress), "--animate")
 
 

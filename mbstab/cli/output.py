@@ -377,6 +377,11 @@ def _size() -> str | None:
     return context.meta.get(SIZE) if context is not None else None
 
 
+def asked_size() -> str:
+    """Return the size of pictures that is asked for."""
+    return _size() or "page"
+
+
 PICTURE = "a picture"
 
 
@@ -419,10 +424,10 @@ def picture_stem(place: Path | None, output: Path | None, model: Path, name: str
     return (model.with_name(name) if own else Path(name)), PICTURES[0]
 
 
-def picture_paths(stem: Path, suffix: str, names: Iterable[str]) -> dict[str, Path]:
+def picture_paths(stem: Path, suffix: str, names: Iterable[str], animated: bool = False) -> dict[str, Path]:
     """Return the paths of pictures by name; those that cannot be written are refused before anything is computed."""
     paths = {name: stem.with_name(f"{stem.name}-{name}{suffix}") for name in names}
-    check_size(bool(paths))
+    check_size(bool(paths) or animated)
     for path in paths.values():
         files().claim(path, PICTURE)
     return paths
@@ -438,6 +443,6 @@ def save_picture(draw: Callable[[], Any], path: Path, option: str = PICTURE) -> 
     """
     from mbstab.report.pictures.drawing import save as save_figure
 
-    with sized(_size() or "page"):
+    with sized(asked_size()):
         figure = draw()
         save(path, lambda goal: save_figure(figure, goal), option)

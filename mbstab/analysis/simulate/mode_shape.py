@@ -51,20 +51,26 @@ def swing(system: System, number: int, points: int, amplitude: float = TOLERANCE
     points : int
         Number of instants.
     amplitude : float
-        Amplitude of the coordinate that moves most, in sizes of the scene or rad.
+        Amplitude of the coordinate of a body that moves most, in sizes of the scene or rad.
 
     Raises
     ------
     UsageError
-        If there is no such mode, it moves no coordinate, or belongs to a periodic motion.
+        If there is no such mode, it moves no body, or belongs to a periodic motion.
     """
     if system.scene.period is not None:
         raise UsageError("modes of periodic motions have no shape that swings: simulate with --perturb mode:… instead")
     motion = reference_motion(system, massless=True)
     value, dq, _ = complex_mode(system, number)
-    largest = float(np.max(np.abs(dq / motion.sizes)))
-    if not largest:
-        raise UsageError(f"the mode {number} moves no coordinate")
+    moved = np.abs(dq / motion.sizes)
+    states = np.ones(len(dq), dtype=bool)
+    for p in system.body_slices:
+        states[p] = False
+    most = int(np.argmax(np.where(states, 0.0, moved)))
+    largest = float(moved[most])
+    if largest <= TOLERANCES.swing_rounding * np.max(moved):
+        raise UsageError(f"the mode {number} moves no body")
+    dq = dq * (np.abs(dq[most]) / dq[most])  # the coordinate that moves most is at its extreme at first
     equations, attitudes = Constrained(system, motion), Attitudes.of(system)
     d, found = system.scene.dimension, []
     for k in range(points):

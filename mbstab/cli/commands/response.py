@@ -219,5 +219,7 @@ def _unbalance(
     )
     for path in paths.values():
         from mbstab.report.pictures.responses import unbalance_picture
+        from mbstab.report.pictures.scales import Axis
 
-        save_picture(lambda: unbalance_picture(found, model.title, unit, factor), path)
+        spin = Axis(speed, unit, factor, model.parameters[speed].description)
+        save_picture(partial(unbalance_picture, found, model.title, spin), path)

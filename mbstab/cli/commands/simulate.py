@@ -138,7 +138,8 @@ def simulate(
     mechanism = load_model(file, settings)
     model = mechanism.model
     pictures = _pictures(plots, model)
-    paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), [picture.name for picture in pictures])
+    names = [picture.name for picture in pictures]
+    paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), names, movie is not None)
     if movie is not None:
         movie.check(mechanism.system())
         if movie.mode is not None:

@@ -45,7 +45,7 @@ def model_page(path: Path, folder: Path, group: click.Group) -> ModelPage:
     shutil.copyfile(path, folder / path.name)
     name, stem, text = shlex.quote(path.name), shlex.quote(path.stem), path.read_text(encoding="utf-8")
     parts = [f"<h1>{html.escape(model.title)}</h1>\n<p>{html.escape(model.source)}</p>"]
-    line = f"mbstab simulate {name} --mode-shape 1 --fps 8 --animate {stem}.gif"
+    line = f"mbstab simulate {name} --mode-shape 1 --fps 8 --size column --animate {stem}.gif"
     pictures = _drawn(group, line, path, folder, f"{path.stem}.gif")
     parts += pictures.shown
     parts.append(f"<h2>Eigenvalues</h2>\n{_session(group, f'mbstab eig {name}', path)}")

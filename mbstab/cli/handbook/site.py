@@ -29,9 +29,9 @@ table { display: block; overflow-x: auto; border-collapse: collapse; }
 th, td { border-bottom: 1px solid #ccc; padding: .25em .8em .25em 0; text-align: left; vertical-align: top; }
 td.number { font-family: ui-monospace, Menlo, Consolas, monospace; white-space: nowrap; }
 img { max-width: 100%; height: auto; }
-.gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(14em, 1fr)); gap: 1em; }
+.gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(18em, 100%), 1fr)); gap: 1em; }
 .gallery a { display: block; border: 1px solid #ccc; padding: .5em; text-decoration: none; }
-.gallery img { display: block; margin: 0 auto .4em; max-height: 10em; }
+.gallery img { display: block; margin: 0 auto .4em; max-height: 16em; }
 @media print { nav { display: none; } body { max-width: none; font-size: 10pt; } pre { white-space: pre-wrap; }
   h1, h2 { break-after: avoid; } table, img, .gallery a { break-inside: avoid; } }
 """

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -25,17 +26,19 @@ from mbstab.report.animation.outlines import Outline, windings
 from mbstab.report.animation.sketch import Sketch
 from mbstab.report.animation.solids import Solid, hidden, in_order
 from mbstab.report.animation.view import View
-from mbstab.report.picture_sizes import FONT
+from mbstab.report.picture_sizes import FONT, SIZES, scaled, size
 from mbstab.report.pictures.curves import INK
-from mbstab.report.pictures.drawing import add_legend, house_style
+from mbstab.report.pictures.drawing import add_legend, draw_title, house_style, text_width, title_lines
 from mbstab.report.pictures.motion_plots import DASHES
 
 DPI = 100
+"""Pixels of an inch of a page; other sizes have as many pixels in all."""
+
 FILLS = ("0.93", "0.80", "0.67", "0.86", "0.73")
 """Greys of bodies, in turn."""
 
 WIDTH, TALLEST, FLATTEST = 7.2, 6.4, 2.2
-"""Width of the picture, and limits of its height without margins (inches)."""
+"""Width of the picture, and limits of its height without margins (inches on a page)."""
 
 WIDEST, SLENDER = 0.035, 0.3
 """Limits of half the width of a spring: as a fraction of the width of the mechanism, and of its length."""
@@ -97,22 +100,26 @@ class Stage:
         view = self.view
         planar = view.sketch.dimension == 2
         ticks = planar and not view.follows
-        left, right = (0.85, 0.25) if ticks else (0.25, 0.25)
-        above, below = (0.42 if title else 0.15), (0.55 if ticks else 0.15) + (0.3 if view.traced else 0.0)
-        wide = WIDTH - left - right
-        tall = min(max(wide * (view.high - view.low)[1] / (view.high - view.low)[0], FLATTEST), TALLEST)
-        tall = (round((tall + above + below) * DPI / 2.0) * 2) / DPI - above - below
+        part = size().width / SIZES["page"].width
+        width, dpi = WIDTH * part, DPI / part
+        left, right = (scaled(room) for room in ((0.85, 0.25) if ticks else (0.25, 0.25)))
+        lines = title_lines(title)[:2]
+        above, below = (scaled(room) for room in (0.25 + 0.17 * len(lines) if title else 0.15, 0.55 if ticks else 0.15))
+        below += scaled(0.3) if view.traced else 0.0
+        wide = width - left - right
+        tall = min(max(wide * (view.high - view.low)[1] / (view.high - view.low)[0], FLATTEST * part), TALLEST * part)
+        tall = (round((tall + above + below) * dpi / 2.0) * 2) / dpi - above - below
         view.fit(wide, tall)
         total = tall + above + below
-        self.figure = Figure(figsize=(WIDTH, total), dpi=DPI)
+        self.figure = Figure(figsize=(width, total), dpi=dpi)
         self.canvas: Any = FigureCanvasAgg(self.figure)
-        self.axes = self.figure.add_axes((left / WIDTH, below / total, wide / WIDTH, tall / total))
+        self.axes = self.figure.add_axes((left / width, below / total, wide / width, tall / total))
         self.axes.set_xlim(view.low[0], view.high[0])
         self.axes.set_ylim(view.low[1], view.high[1])
         self.axes.set_aspect("equal")
+        self.letters = int(72.0 * wide / text_width(" ", scaled(FONT + 1)))
         if title:
-            shown = title if len(title) <= 80 else title[:79] + "…"
-            self.figure.text(0.5, 1.0 - 0.1 / total, shown, ha="center", va="top", fontsize=FONT + 2, parse_math=False)
+            draw_title(self.figure, lines)
         if ticks:
             self.axes.set_xlabel("x (m)")
             self.axes.set_ylabel("y (m)")
@@ -140,7 +147,7 @@ class Stage:
         styles = [_path_style(k) for k in range(len(self.view.traced))]
         self.paths = [self.axes.plot([], [], **style, zorder=layer)[0] for style in styles]
         self.caption = self.axes.text(
-            0.015, 0.98, "", transform=self.axes.transAxes, ha="left", va="top", fontsize=FONT + 1, zorder=7,
+            0.015, 0.98, "", transform=self.axes.transAxes, ha="left", va="top", fontsize=scaled(FONT + 1), zorder=7,
             bbox={"boxstyle": "square,pad=0.2", "facecolor": "w", "alpha": 0.85, "linewidth": 0},
         )  # fmt: skip
 
@@ -196,7 +203,7 @@ class Stage:
         if frame == 0 or view.follows:
             planes = (ground_lines(p, view, view.shift[frame]) for p in view.sketch.planes)
             self.ground.set_segments([line for lines in planes for line in lines])
-        self.caption.set_text(view.frames.captions[frame])
+        self.caption.set_text("\n".join(wrap(view.frames.captions[frame], self.letters)))
 
     def _show_faces(self, placed: Sequence[Outline], solids: dict[int, Solid]) -> None:
         """Fill the bodies, in space from the farthest on; in the plane with their lines."""

@@ -13,7 +13,8 @@ from matplotlib.lines import Line2D
 
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
-from mbstab.report.pictures.curves import BEYOND_INK, THIN, draw_branch
+from mbstab.errors import UsageError
+from mbstab.report.pictures.curves import BEYOND_INK, THIN, Mask, draw_branch
 from mbstab.report.pictures.drawing import draw_legend, house_style, legend_marker
 from mbstab.report.pictures.over_parameter import legend_entries, panels_over_parameter
 from mbstab.report.pictures.point_labels import LABELS, PointLabels
@@ -36,10 +37,21 @@ def campbell(result: Sweep, label: Axis | str, title: str) -> Figure:
     label : Axis or str
         The parameter; as text with its declared unit, such as ``omega (rpm)``.
     title : str
+
+    Raises
+    ------
+    UsageError
+        If no eigenvalue oscillates.
     """
     label = Axis.read(label)
     with house_style():
         curves = SweepCurves(result, label)
+        heights = curves.all(SweepCurves.upper_half)
+        if not np.any(heights > 0.0) and not np.all(np.isnan(curves.real)):
+            raise UsageError(
+                f"--plot campbell: no eigenvalue oscillates between {label.at(curves.show(curves.points[0]))} and "
+                f"{curves.show(curves.points[-1])}\nhint: --plot map shows the real parts"
+            )
         figure, (axes,), unlabelled = panels_over_parameter(curves, title, ("frequency (Hz)",))
         for other in curves.others:
             for column, growing in zip(other.upper_half().T, other.growing.T, strict=True):
@@ -47,15 +59,19 @@ def campbell(result: Sweep, label: Axis | str, title: str) -> Figure:
         frequency = curves.upper_half() / (2.0 * math.pi)
         for j in range(frequency.shape[1]):
             draw_branch(axes, curves.x, frequency[:, j], curves.ink[j], curves.growing[:, j])
-        _set_scale(axes, curves.all(SweepCurves.upper_half) / (2.0 * math.pi), curves.size / (2.0 * math.pi))
+        _set_scale(axes, heights / (2.0 * math.pi), curves.size / (2.0 * math.pi))
         handles: list[Artist] = [Line2D([], [], color="k", linewidth=THIN, label="frequency of a branch")]
         labels = PointLabels(axes)
         if result.orders:
             handles += _draw_orders(labels, result, curves)
         _name_branches(labels, result, curves, frequency)
-        draw_legend(figure, handles + legend_entries(curves, frequency > 0.0, unlabelled))
+        draw_legend(figure, handles + legend_entries(curves, _oscillates, unlabelled))
         labels.draw()
         return figure
+
+
+def _oscillates(path: SweepCurves) -> Mask:
+    return path.upper_half() > 0.0
 
 
 def _set_scale(axes: Axes, frequency: Array, largest: float) -> None:

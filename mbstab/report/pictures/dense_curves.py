@@ -54,22 +54,45 @@ def _meeting(curves: Curves, result: Sweep) -> Curves:
     rows: list[tuple[float, Complex, Mask]] = []
     for number, (at, (a, b, most)) in enumerate(places.items()):
         alone = all(not x[a] < other < x[b] for k, other in enumerate(places) if k != number)
-        pairs = _meeting_pairs(x, branches, (a, b), at, most)
+        through = _through_zero(branches[a], branches[b]) if most == 1 else np.zeros(branches.shape[1], dtype=bool)
+        pairs = [pair for pair in _meeting_pairs(x, branches, (a, b), at, most) if not through[list(pair)].any()]
         before, after = branches[a], branches[b]
         grown = growing[a], growing[a] | growing[b], growing[b]
         if b == a + 2:  # it is a computed point
             growing[a + 1] |= grown[1]
-        for step in STEPS if alone and pairs else (0.0,):
+        for step in STEPS if alone and (pairs or through.any()) else (0.0,):
             if step == 0.0 and b == a + 2:
                 continue
             p = at + step * (at - x[a] if step < 0.0 else x[b] - at)
             row = before + (p - x[a]) / (x[b] - x[a]) * (after - before)
+            row[through] = (before if step < 0.0 else after)[through] * np.sqrt(abs(step))
             for i, j in pairs:
                 middle = 0.5 * (row[i] + row[j])
                 apart = before[i] - before[j] if step < 0.0 else after[i] - after[j]
                 row[i], row[j] = (middle + sign * apart * np.sqrt(abs(step)) for sign in (0.5, -0.5))
             rows.append((p, row, grown[1 + int(np.sign(step))]))
     return _with_rows((x, branches, growing), rows)
+
+
+def _through_zero(before: Complex, after: Complex) -> Mask:
+    """Return which branches leave the real axis at zero for the imaginary one, or the other way, as a square root does.
+
+    On one side a branch may be zero: where more than two meet there, which continues which is open.
+    """
+    tiny = 1e-9 * float(np.max(np.abs([before, after]), initial=0.0))
+    # By side and axis: whether a value lies on it.
+    on = np.array([[np.abs(values.imag) <= tiny, np.abs(values.real) <= tiny] for values in (before, after)])
+    zero = on.all(axis=1)
+    turned = np.where(zero.any(axis=0), ~zero.all(axis=0), ~(on[0] & on[1]).any(axis=0))
+    found: Mask = on.any(axis=1).all(axis=0) & turned & _opposed(before) & _opposed(after)
+    return found
+
+
+def _opposed(values: Complex) -> Mask:
+    """Return which values have their opposite beside them, as in a spectrum symmetric to both axes, or are zero."""
+    tiny = 1e-9 * float(np.max(np.abs(values), initial=0.0))
+    found: Mask = np.min(np.abs(values[:, None] + values[None, :]), axis=1) <= tiny
+    return found
 
 
 def _places(x: Array, branches: Complex, result: Sweep) -> dict[float, tuple[int, int, int]]:

@@ -18,7 +18,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mbstab.analysis.reference.efforts import MOTION_UNITS, effort_unit, motion_name
 from mbstab.analysis.simulate.result import Simulation
@@ -443,7 +443,7 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
             style = BROAD if below else _curve_style(number if len(values) > 1 else 0)
             if panel.logarithmic:
                 # A gap where it is zero; markers show single values between gaps.
-                points = decimated(sim.times, np.where(y > 0.0, y, np.nan))
+                points = decimated(sim.times, np.where(y > 0.0, np.maximum(y, EXACT), np.nan))
                 here.plot(*points, **style | {"linewidth": 0.9}, marker=".", markersize=2.0, zorder=3)
             else:
                 here.plot(*decimated(sim.times, y - base), **style, zorder=2.5 if below else 3)
@@ -452,12 +452,10 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
                 handles.append(Line2D([], [], **style, label=curve.label))
         text = panel.text
         if not panel.logarithmic:
-            text = panel.said(_room(here, "y", np.concatenate(values) - base, base))
-        elif any(np.any(y > 0.0) for y in values):
-            here.set_yscale("log")
-            here.set_ylim(bottom=max(here.get_ylim()[0], EXACT))
+            size = base if panel.beneath != "sum" else _energies(sim)
+            text = panel.said(_room(here, "y", np.concatenate(values) - base, size))
         else:
-            here.text(0.5, 0.5, "all are exactly zero", transform=here.transAxes, ha="center")
+            _set_decades(here, np.concatenate(values))
         text = text if not base else f"{text}, less {with_minus_sign(f'{base:.12g}')}"
         here.set_ylabel(text)
         here.set_xlim(float(sim.times[0]), max(float(sim.times[-1]), np.nextafter(float(sim.times[0]), np.inf)))
@@ -468,6 +466,24 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
     axes[-1].set_xlabel("time (s)" + ("" if sim.complete else f", ended early at {sim.times[-1]:.6g} s"))
     draw_legend(figure, handles)
     return figure
+
+
+def _energies(sim: Simulation) -> float:
+    """Return the largest energy or work of a simulation (J)."""
+    return float(max(np.max(np.abs(x), initial=0.0) for x in (sim.kinetic, sim.potential, sim.work)))
+
+
+def _set_decades(axes: Axes, values: Array) -> None:
+    """Show whole decades of positive values; those below `EXACT` are drawn there."""
+    values = np.maximum(values[values > 0.0], EXACT)
+    if not len(values):
+        axes.text(0.5, 0.5, "all are exactly zero", transform=axes.transAxes, ha="center")
+        axes.set_yticks([])
+        return
+    low, high = math.floor(math.log10(np.min(values)) + 1e-9), math.ceil(math.log10(np.max(values)) - 1e-9)
+    axes.set_yscale("log")
+    axes.set_ylim(0.8 * 10.0**low, 1.25 * 10.0 ** max(high, low + 1))
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _at_work(panel: Panel, sim: Simulation) -> tuple[Quantity, ...]:
@@ -537,11 +553,18 @@ def _range(values: Array) -> tuple[float, float]:
     return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
 
 
-def _room(axes: Axes, which: str, values: Array, base: float = 0.0) -> int:
-    """Set the range of an axis without magnifying rounding errors; return the power of ten of its numbers."""
+def _room(axes: Axes, which: str, values: Array, whole: float = 0.0) -> int:
+    """Set the range of an axis; return the power of ten of its numbers.
+
+    Rounding errors are not magnified, neither those of the values nor those of `whole`, of which they are a part or
+    from which they differ.
+    """
     low, high = _range(values)
     size = max(abs(low), abs(high))
-    margin = 0.06 * (high - low) if high - low > FLAT * max(size, abs(base)) else 0.1 * size or 1.0
+    flat = high - low <= FLAT * max(size, abs(whole))
+    if flat and size <= FLAT * abs(whole):
+        size = abs(whole)
+    margin = 0.1 * size or 1.0 if flat else 0.06 * (high - low)
     (axes.set_xlim if which == "x" else axes.set_ylim)(low - margin, high + margin)
     if not size or 5e-3 < size < 1e5:
         return 0

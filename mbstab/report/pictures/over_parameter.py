@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -89,25 +89,30 @@ def _write_labels(figure: Figure, axes: Axes, labels: Sequence[Placed]) -> None:
         )  # fmt: skip
 
 
+def _every(path: SweepCurves) -> Mask:
+    return np.ones_like(path.growing)
+
+
 def branch_entries(curves: SweepCurves) -> list[Artist]:
     """Return the legend entries of branches with names."""
     return [Line2D([], [], color=ink, linewidth=THIN, label=name) for name, ink in curves.named.items()]
 
 
-def legend_entries(curves: SweepCurves, seen: Mask | None = None, unlabelled: int | None = None) -> list[Artist]:
+def legend_entries(
+    curves: SweepCurves, seen: Callable[[SweepCurves], Mask] = _every, unlabelled: int | None = None
+) -> list[Artist]:
     """Return the legend entries of the paths of eigenvalues, and of the panels over the parameter if there are any.
 
     Parameters
     ----------
     curves : SweepCurves
-    seen : ndarray of bool, shape (n, r), optional
-        Eigenvalues that the picture shows, if not all.
+    seen : callable, optional
+        Returns which eigenvalues of a path the picture shows, shape (n, r); all if it is missing.
     unlabelled : int, optional
         In panels over the parameter, the number of critical values without a label.
     """
     handles: list[Artist] = []
-    growing = curves.growing if seen is None else curves.growing & seen
-    if np.any(growing) or any(np.any(other.growing) for other in curves.others):
+    if any(np.any(path.growing & seen(path)) for path in (curves, *curves.others)):
         handles.append(Line2D([], [], color="k", linewidth=THICK, label="unstable eigenvalue"))
     if unlabelled is not None and curves.marked:
         text = "critical value" + (f" ({unlabelled} without label)" if unlabelled else "")

@@ -20,6 +20,15 @@ Box = tuple[float, float, float, float]
 LABELS = 60
 """Largest number of points that are labelled."""
 
+HIDDEN, FAR, OVERLAP, OUTSIDE = 3.0, 0.25, 200.0, 600.0
+"""Cost of a piece of a curve that is hidden, of a point of distance, of hitting a label, of leaving the frame."""
+
+BACKGROUND = 1.0
+"""Lines up to this layer may be hidden."""
+
+PIECE = 3.0
+"""Length of a piece of a curve (points)."""
+
 
 @dataclass
 class PointLabels:
@@ -44,14 +53,15 @@ class PointLabels:
             return
         scale = 72.0 / self.axes.figure.dpi
         extent = self.axes.get_window_extent()
-        frame = tuple(scale * v for v in (extent.x0, extent.y0, extent.x1, extent.y1))
-        busy = self._busy(scale)
+        x0, y0, x1, y1 = (scale * v for v in (extent.x0, extent.y0, extent.x1, extent.y1))
+        frame = x0 + 1.0, y0 + 1.0, x1 - 1.0, y1 - 1.0
+        busy = drawn_points(self.axes)
         points = scale * self.axes.transData.transform([(x, y) for x, y, *_ in self.wanted])
         taken = [(px - 4.0, py - 4.0, px + 4.0, py + 4.0) for px, py in points]
         for (x, y, text, marked, ink), (px, py) in zip(self.wanted, points, strict=True):
             size = text_width(text, scaled(FONT)) + 2.0, scaled(FONT) + 3.0
-            distances = (7.0, 18.0, 32.0, 50.0) if marked else (2.0, 5.0, 9.0, 18.0)
-            boxes = _places(px, py, size, [scaled(far) for far in distances])
+            distances = (7.0, 18.0, 32.0, 50.0, 75.0, 100.0) if marked else (2.0, 5.0, 9.0, 18.0, 30.0, 50.0)
+            boxes = _places(px, py, size, [scaled(far) for far in distances], frame)
             place, _ = min(boxes, key=lambda one: _cost(one[0], one[1], busy, taken, frame))
             taken.append(place)
             shift = (0.5 * (place[0] + place[2]) - px, 0.5 * (place[1] + place[3]) - py)
@@ -62,31 +72,42 @@ class PointLabels:
                 arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": "0.3"} if distant else None,
             )  # fmt: skip
 
-    def _busy(self, scale: float) -> Array:
-        """Return points (in typographical points) along all curves of the axes."""
-        found = []
-        for line in self.axes.get_lines():
-            xy = scale * line.get_transform().transform(np.asarray(line.get_xydata(), dtype=float))
-            xy = xy[np.isfinite(xy).all(axis=1)]
-            if line.get_linestyle() == "None":  # markers
-                found += [xy + shift for shift in (0.0, *np.eye(2) * 3.0, *np.eye(2) * -3.0)] * 2
-                continue
-            if len(xy) < 2:
-                continue
-            along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
-            even = np.linspace(0.0, along[-1], min(int(along[-1] / 3.0) + 2, 5000))
-            found.append(np.column_stack([np.interp(even, along, xy[:, 0]), np.interp(even, along, xy[:, 1])]))
-        return np.concatenate(found) if found else np.zeros((0, 2))
+
+def drawn_points(axes: Axes) -> Array:
+    """Return points (typographical ones) along all curves of the axes, at both edges of thick ones, and of markers."""
+    scale, found = 72.0 / axes.figure.dpi, []
+    for line in axes.get_lines():
+        xy = scale * line.get_transform().transform(np.asarray(line.get_xydata(), dtype=float))
+        xy = xy[np.isfinite(xy).all(axis=1)]
+        if line.get_zorder() <= BACKGROUND or not len(xy):
+            continue
+        if line.get_linestyle() == "None":  # markers
+            found += [xy + shift for shift in (0.0, *np.eye(2) * PIECE, *np.eye(2) * -PIECE)] * 2
+            continue
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+        even = np.linspace(0.0, along[-1], min(int(along[-1] / PIECE) + 2, 5000))
+        points = np.column_stack([np.interp(even, along, part) for part in xy.T])
+        half = 0.5 * line.get_linewidth()
+        found += (
+            [points + shift for shift in (np.array([0.0, half]), np.array([0.0, -half]))] if half > 1.0 else [points]
+        )
+    return np.concatenate(found) if found else np.zeros((0, 2))
 
 
-def _places(x: float, y: float, size: tuple[float, float], distances: Sequence[float]) -> list[tuple[Box, float]]:
-    """Return the possible boxes (points) of a label beside a point, each with its distance from the point."""
+def _places(
+    x: float, y: float, size: tuple[float, float], distances: Sequence[float], frame: Box
+) -> list[tuple[Box, float]]:
+    """Return the possible boxes (points) of a label beside a point, each with its distance from the point.
+
+    They are shifted sideways into the frame.
+    """
     w, h = size
+    left, right = frame[0] + 0.5 * w, frame[2] - 0.5 * w
     found = []
     for far in distances:
         for ux, uy in ((1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)):
             step = 0.7 * far if ux and uy else far
-            cx, cy = x + ux * (step + 0.5 * w), y + uy * (step + 0.5 * h)
+            cx, cy = min(max(x + ux * (step + 0.5 * w), left), right), y + uy * (step + 0.5 * h)
             found.append(((cx - 0.5 * w, cy - 0.5 * h, cx + 0.5 * w, cy + 0.5 * h), far))
     return found
 
@@ -94,7 +115,12 @@ def _places(x: float, y: float, size: tuple[float, float], distances: Sequence[f
 def _cost(box: Box, far: float, busy: Array, taken: Sequence[Box], frame: Sequence[float]) -> float:
     """Return the cost of a box that hides curves or other labels, leaves the frame, or is far from its point."""
     hidden = np.count_nonzero(((busy > box[:2]) & (busy < box[2:])).all(axis=1))
-    overlaps = sum(box[0] < t[2] and t[0] < box[2] and box[1] < t[3] and t[1] < box[3] for t in taken)
+    overlaps = sum(meet(box, other) for other in taken)
     left, low, right, high = frame
     outside = box[0] < left or box[2] > right or box[1] < low or box[3] > high
-    return float(hidden) + 0.25 * far + 60.0 * overlaps + 200.0 * outside
+    return HIDDEN * hidden + FAR * far + OVERLAP * overlaps + OUTSIDE * outside
+
+
+def meet(one: Box, other: Box) -> bool:
+    """Return whether two boxes overlap."""
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]

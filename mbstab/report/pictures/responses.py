@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from mbstab.compiler.system import Array
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure
-from mbstab.report.pictures.scales import typeset
+from mbstab.report.pictures.scales import Axis, typeset
 from mbstab.report.responses import decibels, phase, unit
 
 STYLES = ("-", "--", "-.", ":")
@@ -29,6 +30,9 @@ FAR = 4.0
 
 NEAR = 12.0
 """… and no more than so many times its distance from 0 if it is shown."""
+
+PEAK = 60.0
+"""Resonances that are higher than printed gains by less than this are drawn to their tops (dB)."""
 
 RING = np.tan(np.linspace(-1.5, 1.5, 81))
 """Frequencies around a resonance, from the middle in half widths: equal steps along its circle."""
@@ -47,42 +51,71 @@ def _entry(channel: Channel, style: dict[str, Any]) -> Line2D:
 
 def response_picture(result: Response, title: str) -> Figure:
     """Return the gains and phases of all channels over frequency, or the outputs over time."""
-    bode = result.kind == "frequency"
     with house_style():
-        figure, panels = titled_figure(title, heights=(2.6, 2.0) if bode else (3.4,))
-        handles, spread = [], 0.0
-        for k, (channel, values) in enumerate(zip(result.channels, result.values, strict=True)):
-            style = _style(k)
-            handles.append(_entry(channel, style))
-            if bode:
-                angle = phase(values)
-                spread = max(spread, float(angle.max() - angle.min()))
-                panels[0].semilogx(result.x, decibels(values), **style)
-                panels[1].semilogx(result.x, angle, **style)
-            else:
-                panels[0].plot(result.x, values, **style)
-        for axes in panels:
-            axes.set_xlim(result.x[0], result.x[-1])
-            axes.grid(color="0.85", linewidth=0.6)
-        if bode:
-            panels[0].set_ylabel("gain (dB)")
-            panels[0].tick_params(labelbottom=False)
-            panels[1].set_ylabel("phase (°)")
-            panels[1].yaxis.set_major_locator(MultipleLocator(TURN * (2 if spread > 200.0 else 1)))
-            panels[1].set_xlabel("frequency (rad/s)")
-        else:
-            panels[0].set_ylabel(f"output after a unit {result.kind}")
-            panels[0].set_xlabel("time (s)")
-        draw_legend(figure, handles)
-        return figure
+        return _bode(result, title) if result.kind == "frequency" else _over_time(result, title)
 
 
-def unbalance_picture(result: UnbalanceResponse, title: str, unit: str, factor: float) -> Figure:
-    """Return the amplitudes and phases of all outputs over the spin, in `unit`, which is `factor` rad/s.
+def _bode(result: Response, title: str) -> Figure:
+    """Return gains and phases, with more frequencies around resonances; those without damping leave the panel."""
+    figure, (upper, lower) = titled_figure(title, heights=(2.6, 2.0))
+    handles, spread = [], 0.0
+    x, every = _everywhere(result)
+    printed = [decibels(values[np.isfinite(values) & (values != 0.0)]) for values in result.values]
+    low, high = (f(np.concatenate(printed), initial=0.0 if not any(map(len, printed)) else s * math.inf)
+                 for f, s in ((np.min, 1), (np.max, -1)))  # fmt: skip
+    for k, (channel, values) in enumerate(zip(result.channels, every, strict=True)):
+        style, angle = _style(k), phase(values)
+        handles.append(_entry(channel, style))
+        spread = max(spread, float(np.nanmax(angle, initial=0.0) - np.nanmin(angle, initial=0.0)))
+        gain = decibels(values)
+        high = max(high, float(np.max(gain[gain < high + PEAK], initial=high)))
+        upper.semilogx(x, gain, **style)
+        lower.semilogx(x, angle, **style)
+    upper.set_ylim(low - 0.05 * (high - low) - 1.0, high + 0.05 * (high - low) + 1.0)
+    _finish(upper, lower, spread, "frequency (rad/s)")
+    upper.set_ylabel("gain (dB)")
+    for axes in (upper, lower):
+        axes.set_xlim(result.x[0], result.x[-1])
+    draw_legend(figure, handles)
+    return figure
+
+
+def _over_time(result: Response, title: str) -> Figure:
+    """Return outputs over time: those of a unit in a panel."""
+    units = list(dict.fromkeys(unit(channel) for channel in result.channels))
+    heights = [3.4] if len(units) == 1 else [max(5.4 / len(units), 1.5)] * len(units)
+    figure, panels = titled_figure(title, heights, gap=0.3)
+    handles = []
+    for k, (channel, values) in enumerate(zip(result.channels, result.values, strict=True)):
+        handles.append(_entry(channel, _style(k)))
+        panels[units.index(unit(channel))].plot(result.x, values, **_style(k))
+    for own, axes in zip(units, panels, strict=True):
+        shown = typeset(own)
+        axes.set_ylabel(f"after a unit {result.kind}" + (f" ({shown})" if shown else ""))
+        axes.set_xlim(result.x[0], result.x[-1])
+        axes.tick_params(labelbottom=axes is panels[-1])
+        axes.grid(color="0.85", linewidth=0.6)
+    panels[-1].set_xlabel("time (s)")
+    draw_legend(figure, handles)
+    return figure
+
+
+def _finish(upper: Axes, lower: Axes, spread: float, across: str) -> None:
+    """Finish panels of amplitudes and phases, which differ by as much as `spread` (degrees)."""
+    upper.tick_params(labelbottom=False)
+    lower.set_ylabel("phase (°)")
+    lower.yaxis.set_major_locator(MultipleLocator(TURN * (2 if spread > 200.0 else 1)))
+    lower.set_xlabel(across)
+    for axes in (upper, lower):
+        axes.grid(color="0.85", linewidth=0.6)
+
+
+def unbalance_picture(result: UnbalanceResponse, title: str, spin: Axis) -> Figure:
+    """Return the amplitudes and phases of all outputs over the spin.
 
     Speeds at which the motion without unbalance is unstable are shaded.
     """
-    speeds = result.speeds / factor
+    speeds = result.speeds / spin.factor
     with house_style():
         figure, panels = titled_figure(title, heights=(2.6, 2.0))
         handles, spread = [], 0.0
@@ -99,12 +132,8 @@ def unbalance_picture(result: UnbalanceResponse, title: str, unit: str, factor: 
                 speeds, 0.0, 1.0, where=result.unstable, step="mid", transform=across, color=UNSTABLE_SHADE,
                 linewidth=0, zorder=0,
             )  # fmt: skip
-            axes.grid(color="0.85", linewidth=0.6)
+        _finish(panels[0], panels[1], spread, spin.text)
         panels[0].set_ylabel("amplitude for 1 kg·m")
-        panels[0].tick_params(labelbottom=False)
-        panels[1].set_ylabel("phase (°)")
-        panels[1].yaxis.set_major_locator(MultipleLocator(TURN * (2 if spread > 200.0 else 1)))
-        panels[1].set_xlabel(f"{result.parameter} ({unit})")
         draw_legend(figure, handles)
         return figure
 
@@ -113,12 +142,9 @@ def nyquist(result: Response, title: str) -> Figure:
     """Return the frequency responses in the complex plane, for positive and, thin, for negative frequencies."""
     with house_style():
         figure, (axes,) = titled_figure(title, heights=(5.2,))
-        handles, curves = [], []
-        assert result.exact is not None
-        everywhere, _ = result.exact.over(_fine(result))
-        for k, channel in enumerate(result.channels):
-            values = everywhere[result.exact.number(channel)]
-            curves.append(values)
+        handles = []
+        _, curves = _everywhere(result)
+        for k, (channel, values) in enumerate(zip(result.channels, curves, strict=True)):
             style = _style(k)
             handles.append(_entry(channel, style))
             axes.plot(values.real, values.imag, **style, zorder=3)
@@ -147,12 +173,14 @@ def nyquist(result: Response, title: str) -> Figure:
         return figure
 
 
-def _fine(result: Response) -> Array:
-    """Return the frequencies of a response (rad/s), and more of them around resonances."""
+def _everywhere(result: Response) -> tuple[Array, list[Any]]:
+    """Return the frequencies of a response (rad/s), and more of them around resonances, with the values of channels."""
+    assert result.exact is not None
     rings = [abs(p.imag) + max(abs(p.real), 1e-6 * abs(p)) * RING for p in result.poles.tolist()]
     x: Array = np.unique(np.concatenate([result.x, *rings]))
     inside: Array = x[(x >= result.x[0]) & (x <= result.x[-1])]
-    return inside
+    values, _ = result.exact.over(inside)
+    return inside, [values[result.exact.number(channel)] for channel in result.channels]
 
 
 def _extent(curves: list[Any]) -> tuple[float, bool]:

@@ -15,8 +15,8 @@ from mbstab.report.pictures.curves import BEYOND_INK, draw_branch
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, legend_marker, titled_figure
 from mbstab.report.pictures.over_parameter import branch_entries, legend_entries
 from mbstab.report.pictures.point_labels import LABELS, PointLabels
-from mbstab.report.pictures.scales import Axis, axis_range, set_real_scale, typeset
-from mbstab.report.pictures.spectrum import equal_damping
+from mbstab.report.pictures.scales import Axis, axis_range, set_real_scale
+from mbstab.report.pictures.spectrum import equal_damping, name_damping
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
 
@@ -51,6 +51,7 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
             handles.append(legend_marker("D", 7.0, "critical value"))
         draw_legend(figure, handles + branch_entries(curves) + legend_entries(curves) + lines)
         labels.draw()
+        name_damping(axes)
         return figure
 
 
@@ -62,8 +63,7 @@ def _draw_ends(axes: Axes, curves: SweepCurves) -> list[Artist]:
     for row, marker, size, face in ends:
         style: dict[str, Any] = {"linestyle": "", "color": "k", "markersize": size, "markerfacecolor": face}
         axes.plot(curves.real[row], curves.imag[row], marker=marker, **style, zorder=5.5)
-        unit = f" {typeset(curves.label.unit)}" if curves.label.unit not in ("", "1") else ""
-        text = f"{curves.label.name} = {curves.show(curves.x[row])}{unit}"
+        text = curves.label.at(curves.show(curves.x[row]))
         handles.append(Line2D([], [], marker=marker, **style, label=text))
     return handles
 
@@ -75,5 +75,5 @@ def _draw_critical_points(axes: Axes, curves: SweepCurves) -> PointLabels:
         for height in sorted({c.frequency for c in group}):
             points = [height, -height] if height > 0.0 else [0.0]
             axes.plot([0.0] * len(points), points, "D", color="k", markersize=7, markerfacecolor="w", zorder=5)
-            labels.add(0.0, height, f"{curves.label.name} = {curves.show(group[0].value)}")
+            labels.add(0.0, height, curves.label.at(curves.show(group[0].value)))
     return labels

@@ -38,7 +38,14 @@ def typeset(unit: str) -> str:
 
     >>> typeset("kg*m^2"), typeset("1/s^2"), typeset("N/(rad*s)")
     ('kg·m²', '1/s²', 'N/(rad·s)')
+
+    Plain numbers have none, such as ratios of quantities of one kind:
+
+    >>> typeset("1"), typeset("rad/rad")
+    ('', '')
     """
+    if unit == "1" or re.fullmatch(r"(.+)/\1", unit):
+        return ""
     unit = re.sub(r"(?:\^|\*\*)\(?(-?\d+)\)?", lambda found: found[1].translate(_RAISED), unit)
     return unit.replace("*", "·")
 
@@ -71,7 +78,12 @@ class Axis:
         """Quantity, name and unit; a long description is left out."""
         said = self.quantity.partition(";")[0]
         name = f"{said} {self.name}" if said and len(said) <= LONGEST else self.name
-        return f"{name} ({typeset(self.unit)})" if self.unit not in ("", "1") else name
+        unit = typeset(self.unit)
+        return f"{name} ({unit})" if unit else name
+
+    def at(self, value: str) -> str:
+        """Return a value of the parameter with its name and unit."""
+        return f"{self.name} = {value} {typeset(self.unit)}".rstrip()
 
 
 def parameter_range(x: Array) -> tuple[float, float]:

@@ -14,10 +14,11 @@ from matplotlib.patches import Circle
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
+from mbstab.compiler.system import Array
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import INK
-from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure
-from mbstab.report.pictures.point_labels import LABELS, PointLabels
+from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, text_width, titled_figure
+from mbstab.report.pictures.point_labels import LABELS, PIECE, PointLabels, drawn_points, meet
 from mbstab.report.pictures.scales import SQUEEZED, axis_range, decade, number_text, set_logarithmic, set_real_scale
 from mbstab.report.pictures.sweep_curves import TINY
 
@@ -29,6 +30,12 @@ FAINT: dict[str, Any] = {"color": "0.72", "linewidth": 0.7, "linestyle": (0, (1.
 
 FLAT = 5.0
 """Real parts are drawn logarithmically if the largest is this many times the decade of the imaginary parts."""
+
+RAY = "damping ratio "
+"""Mark of the lines of equal damping ratio, before the ratio."""
+
+APART = 5.0
+"""Room between the ratios and other texts (points)."""
 
 OSCILLATES = 0.1
 """Part of the modulus above which an imaginary part matters to the scale."""
@@ -85,6 +92,7 @@ def spectrum(result: EigenResult, title: str) -> Figure:
                 labels.add(value.real, value.imag, e.name)
         draw_legend(figure, handles)
         labels.draw()
+        name_damping(axes)
         return figure
 
 
@@ -114,26 +122,13 @@ def _plane(axes: Axes, values: Complex, pairs: list[Eigenvalue]) -> list[Artist]
 
 
 def equal_damping(axes: Axes) -> list[Artist]:
-    """Draw lines of equal damping ratio and frequency, with the ratios; return the legend entries."""
+    """Draw lines of equal damping ratio and frequency; return the legend entries. `name_damping` writes the ratios."""
     reach = 2.0 * math.hypot(axes.get_ylim()[1], axes.get_xlim()[0])
     out = np.concatenate([[0.0], np.geomspace(1e-9 * reach, reach, 600)])
-    labelled: list[Any] = []
-    for ratio in DAMPING[::-1]:
+    for ratio in DAMPING:
         x, y = -ratio * out, math.sqrt(1.0 - ratio**2) * out
-        for sign in (1.0, -1.0):
-            axes.plot(x, sign * y, **FAINT, scalex=False, scaley=False)
-        here = axes.transData.transform(np.column_stack([x, -y]))  # below, where no names are
-        inside = here[(axes.transAxes.inverted().transform(here) > (0.06, 0.035)).all(axis=1)]
-        if not len(inside):
-            continue
-        place = inside[-1]
-        if any(np.hypot(*(place - other)) < 0.35 * axes.figure.dpi for other in labelled):
-            continue
-        labelled.append(place)
-        x, y = axes.transAxes.inverted().transform(place)
-        axes.text(x, y, f"{ratio:g}", transform=axes.transAxes, fontsize=scaled(FONT - 2.0), color="0.4",
-                  ha="center", va="center", zorder=2,
-                  bbox={"boxstyle": "square,pad=0.1", "facecolor": "w", "linewidth": 0})  # fmt: skip
+        for sign in (-1.0, 1.0):
+            axes.plot(x, sign * y, **FAINT, scalex=False, scaley=False, gid=f"{RAY}{ratio:g}")
     # Close to the axes too, where logarithmic scales magnify.
     beside = np.geomspace(1e-9, 0.25 * math.pi, 120)
     angles = 0.5 * math.pi + np.concatenate([[0.0], beside, 0.5 * math.pi - beside[::-1], [0.5 * math.pi]])
@@ -141,6 +136,47 @@ def equal_damping(axes: Axes) -> list[Artist]:
     for radius in (tick for tick in axes.get_yticks() if 0.0 < tick < reach):
         axes.plot(radius * np.cos(angles), radius * np.sin(angles), **FAINT, scalex=False, scaley=False)
     return [Line2D([], [], **{k: v for k, v in FAINT.items() if k != "zorder"}, label="equal damping ratio, modulus")]
+
+
+def name_damping(axes: Axes) -> None:
+    """Write the damping ratios on their lines, where they hide neither curves nor other texts; below, if there is room.
+
+    Call it when the picture has its size and its other texts.
+    """
+    scale = 72.0 / axes.figure.dpi
+    busy = drawn_points(axes)
+    boxes = [text.get_window_extent() for text in axes.texts]
+    taken = [(scale * box.x0, scale * box.y0, scale * box.x1, scale * box.y1) for box in boxes]
+    named: set[str] = set()
+    rays = [(str(line.get_gid())[len(RAY) :], line) for line in axes.get_lines() if str(line.get_gid()).startswith(RAY)]
+    for text, line in sorted(rays, key=lambda ray: -float(ray[0])):  # of each ratio the lower one is first
+        if text in named:
+            continue
+        wide, tall = 0.5 * text_width(text, scaled(FONT - 2.0)) + 2.0, 0.5 * scaled(FONT - 2.0) + 2.0
+        for x, y in _along(axes, line).tolist():
+            box = (x - wide, y - tall, x + wide, y + tall)
+            near = (box[0] - APART, box[1] - APART, box[2] + APART, box[3] + APART)
+            if ((busy > box[:2]) & (busy < box[2:])).all(axis=1).any() or any(meet(near, other) for other in taken):
+                continue
+            u, v = axes.transAxes.inverted().transform((x / scale, y / scale)).tolist()
+            axes.text(u, v, text, transform=axes.transAxes, fontsize=scaled(FONT - 2.0), color="0.4",
+                      ha="center", va="center", zorder=2,
+                      bbox={"boxstyle": "square,pad=0.1", "facecolor": "w", "linewidth": 0})  # fmt: skip
+            taken.append(box)
+            named.add(text)
+            break
+
+
+def _along(axes: Axes, line: Line2D) -> Array:
+    """Return places (typographical points) on the outer part of a line from 0 in the panel, from its end inwards."""
+    points = axes.transData.transform(line.get_xydata())
+    part = axes.transAxes.inverted().transform(points)
+    points = points[((part > (0.06, 0.035)) & (part < 0.965)).all(axis=1)] * (72.0 / axes.figure.dpi)
+    if len(points) < 2:
+        return np.zeros((0, 2))
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    even = np.arange(way[-1], 0.4 * way[-1], -PIECE)
+    return np.column_stack([np.interp(even, way, values) for values in points.T])
 
 
 def _set_scales(axes: Axes, values: Complex, size: float) -> None:

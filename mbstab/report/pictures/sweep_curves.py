@@ -140,7 +140,7 @@ class SweepCurves:
                 edges[1:1] = [c.value for c in inside]
                 states = [int(c.unstable[0] > 0) for c in inside] + [int(inside[-1].unstable[1] > 0)]
             elif changes[k]:
-                edges[1:1] = [0.5 * (edges[0] + edges[1])]
+                edges[1:1] = [self._change(k)]
                 states.append(int(sign[k + 1]))
             for (a, b), value in zip(pairwise(edges), states, strict=True):
                 if found and found[-1][2] == value:
@@ -148,6 +148,13 @@ class SweepCurves:
                 elif b - a > 1e-9 * self.span:
                     found.append((a, b, value))
         yield from (piece for piece in found if piece[2])
+
+    def _change(self, k: int) -> float:
+        """Return where the state changes behind a point: at a critical value on a point, or else in the middle."""
+        ends = self.points[k : k + 2]
+        near = 1e-9 * self.span
+        on = (p for p in ends.tolist() for group in self.critical if abs(group[0].value - p) <= near)
+        return float(next(on, ends.mean()))
 
 
 def unanswered_text(unanswered: bool, undecided: bool) -> str:
