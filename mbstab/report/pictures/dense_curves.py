@@ -169,21 +169,26 @@ def _with_rows(curves: Curves, rows: Sequence[tuple[float, Complex, Mask]]) -> C
 
 
 def _divided(x: Array, branches: Complex, growing: Mask) -> Curves:
-    """Return curves that are smooth at their points and have no extrema between them."""
+    """Return curves that are smooth at their points and have no extrema between them.
+
+    Squares of imaginary parts are smooth where those themselves begin as a square root does.
+    """
     if not 2 < len(x) < ENOUGH:
         return x, branches, growing
     steps = np.diff(x)[:, None]
-    chord = np.diff(branches, axis=0) / steps
+    squared = branches.real + 1j * branches.imag * np.abs(branches.imag)
+    chord = np.diff(squared, axis=0) / steps
     slope = _slopes(steps, chord.real) + 1j * _slopes(steps, chord.imag)
     new = [(x[:1], branches[:1], growing[:1])]
     inner = np.arange(1, PARTS + 1)[:, None] / PARTS
     for k, (at, end) in enumerate(pairwise(x.tolist())):
         t = inner if not np.isnan(branches[k : k + 2]).any() else inner[-1:]
         h = end - at
-        curve = branches[k] + t * h * (
+        curve = squared[k] + t * h * (
             slope[k]
             + t * (3.0 * chord[k] - 2.0 * slope[k] - slope[k + 1] + t * (slope[k] + slope[k + 1] - 2.0 * chord[k]))
         )
+        curve.imag = np.sign(curve.imag) * np.sqrt(np.abs(curve.imag))
         curve[-1] = branches[k + 1]
         grown = np.broadcast_to(growing[k] & growing[k + 1], curve.shape).copy()
         grown[-1] = growing[k + 1]
