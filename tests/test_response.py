@@ -372,3 +372,17 @@ def test_outputs_over_time_share_a_panel_if_they_share_a_unit():
         answer(mbstab.load("whipple_bicycle.yaml").state_space(), points=20, duration=1.0, impulse=True), ""
     )
     assert [axes.get_ylabel() for axes in bicycle.axes] == ["after a unit impulse (rad/(N·m))"]
+
+
+def test_fast_oscillations_over_time_are_drawn_as_they_are():
+    """Between 20 printed values an oscillator turns 16 times: y = 1 - cos(100 t)."""
+    text = (
+        "mbstab: 1\nbodies: {p: {type: planar_point, mass: 1}}\nconstraints: {rail: {holonomic: p.y}}\n"
+        "forces: {spring: {type: expression, on: {p.x: -1e4*p.x}}}\n"
+        "inputs: {push: {type: force, at: p, direction: x}}\noutputs: {x: 1e4*p.x}\n"
+        "reference: {coordinates: {p: {x: 0, y: 0}}}\n"
+    )
+    result = answer(mbstab.loads(text).state_space(), points=20, duration=1.0)
+    x, y = np.array(response_picture(result, "").axes[0].get_lines()[0].get_data())
+    np.testing.assert_allclose(y, 1.0 - np.cos(100.0 * x), atol=1e-9)
+    assert np.sum(np.diff(np.sign(np.diff(y))) != 0.0) == 31

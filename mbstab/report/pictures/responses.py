@@ -34,6 +34,9 @@ NEAR = 12.0
 PEAK = 60.0
 """Resonances that are higher than printed gains by less than this are drawn to their tops (dB)."""
 
+PERIOD, MOST = 16.0, 4000
+"""Points of a period of the fastest oscillation, and of all outputs over time."""
+
 RING = np.tan(np.linspace(-1.5, 1.5, 81))
 """Frequencies around a resonance, from the middle in half widths: equal steps along its circle."""
 
@@ -81,14 +84,17 @@ def _bode(result: Response, title: str) -> Figure:
 
 
 def _over_time(result: Response, title: str) -> Figure:
-    """Return outputs over time: those of a unit in a panel."""
+    """Return outputs over time, with points enough for the fastest oscillation: those of a unit in a panel."""
     units = list(dict.fromkeys(unit(channel) for channel in result.channels))
     heights = [3.4] if len(units) == 1 else [max(5.4 / len(units), 1.5)] * len(units)
     figure, panels = titled_figure(title, heights, gap=0.3)
     handles = []
-    for k, (channel, values) in enumerate(zip(result.channels, result.values, strict=True)):
+    fastest = float(np.max(result.poles.imag, initial=0.0))
+    count = min(math.ceil(PERIOD * fastest * (result.x[-1] - result.x[0]) / (2.0 * math.pi)), MOST)
+    x = np.linspace(result.x[0], result.x[-1], max(count, len(result.x)))
+    for k, channel in enumerate(result.channels):
         handles.append(_entry(channel, _style(k)))
-        panels[units.index(unit(channel))].plot(result.x, values, **_style(k))
+        panels[units.index(unit(channel))].plot(x, channel.step(x, result.kind == "impulse"), **_style(k))
     for own, axes in zip(units, panels, strict=True):
         shown = typeset(own)
         axes.set_ylabel(f"after a unit {result.kind}" + (f" ({shown})" if shown else ""))
