@@ -157,6 +157,25 @@ def test_nothing_is_proven_about_a_periodic_motion(name):
     assert "periodic" in result.statement
 
 
+STEADY, POSED = "its steady motion is overdetermined", "the file gives a motion that holds to the digits only"
+NOT_PROVEN = {
+    "bricard": "rows that repeat others",
+    "flyball_governor": STEADY,
+    "governor": STEADY,
+    "governor_paper": STEADY,
+    "rotating_pendulum": STEADY,
+    "four_bar": POSED,
+    "n_four_bar": POSED,
+    "motorcycle": POSED,
+    "whipple_bicycle": POSED,
+    "cart_pendulum": "a family of motions that is only followed",
+    "rolling_disk": "a critical state",
+    "rolling_torus": "a critical state",
+    "turntable": "constants of the motion that are only found",
+}
+"""Examples whose verdict is not proven without conditions, and why."""
+
+
 @pytest.mark.parametrize(
     "path", sample([path for path in MODELS if path.stem not in PERIODIC], 3), ids=lambda path: path.stem
 )
@@ -164,6 +183,7 @@ def test_answers_in_double_precision_lie_inside(path):
     mechanism = mbstab.load(path)
     result, rough = mechanism.certify(), mechanism.eig()
     assert agree(result.verdict, rough.verdict)
+    assert result.proven != (path.stem in NOT_PROVEN)
     if path.stem not in NUMERICAL_ONLY:
         assert rough.verdict == UNDECIDED or rough.verdict in STRENGTH[result.verdict]
         assert result.verdict != rough.verdict or result.modulo == rough.modulo
@@ -840,6 +860,35 @@ def test_a_root_at_a_short_fraction_is_exact(start):
         assert not float(root(Fraction(17, 41)).rad())
         near = root(Fraction(17, 41) + Fraction(1, 10**60))
         assert float(near.rad()) > 0.0
+
+
+FILTERED = """
+mbstab: 1
+bodies: {b: {type: planar, mass: 2, inertia: 1}}
+joints: {rail: {type: prismatic, between: [b, ground], axis: x}}
+forces: {s: {type: joint_spring, joint: rail, stiffness: 30}}
+states: {f: {rate: STATE}, g: {rate: (f - 2*g)/0.2}}
+reference: {coordinates: {b: {x: 0, y: 0, theta: 0}, f: 0, g: 0}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("rate", "verdict"),
+    [
+        ("(b.x - f)/0.1", "stable"),
+        ("(b.x**3 - f)/0.1", "stable"),
+        ("b.x", "marginally stable"),
+        ("(b.x + f)/0.1", "unstable"),
+        ("b.x - 5*g", "stable"),
+    ],
+)
+def test_states_that_only_follow_and_decay_take_nothing_from_a_minimum(rate, verdict):
+    certificate = mbstab.loads(FILTERED.replace("STATE", rate)).certify()
+    assert (certificate.verdict, certificate.proven) == (verdict, True)
+    if verdict == "stable":
+        assert any(
+            "of what the state f and the state g only follow has a strict minimum" in note for note in certificate.notes
+        )
 
 
 def test_a_drive_whose_rate_is_a_multiple_of_pi_is_proven():

@@ -1,6 +1,7 @@
 """Tyres with the Magic Formula: published forces, the linear tyre at small slip, and cars in steady turns."""
 
 import mpmath
+import numpy as np
 import pytest
 
 import mbstab
@@ -227,6 +228,16 @@ def test_a_car_with_aligning_moments_in_a_steady_turn(relaxed, space):
         found = mbstab.loads(in_space(text) if space else text).eig(F_f=6, F_r=5, steer=0.08)
         assert found.verdict == "asymptotically stable up to symmetry"
         assert found_in(found.values(), expected, 1e-13)
+
+
+def test_the_car_of_the_examples_spins_beyond_the_fold_of_its_turns():
+    """Where the determinant of the speeds across and about the vertical vanishes, in 40 digits."""
+    car_turn = mbstab.load("car_turn.yaml")
+    certificate = car_turn.certify()
+    assert (certificate.status, certificate.verdict) == ("proven", "asymptotically stable up to symmetry")
+    (fold,) = car_turn.sweep("steer", np.linspace(0.045, 0.06, 7)).critical
+    assert fold.kind == "fold"
+    assert fold.value == pytest.approx(0.058443095408922281538, rel=1e-11)
 
 
 @pytest.mark.parametrize("more", ["", ", relaxation_length: sigma"])

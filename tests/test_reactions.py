@@ -351,6 +351,46 @@ reference: {find: equilibrium, guess: {p: {x: -1, y: -0.5}}}
     check(found["constraint 'slope'"], push * np.array([-1.0, 2.0]) / math.sqrt(5.0), (), 30.0, "p")
 
 
+TRAIN = """
+mbstab: 1
+bodies:
+  one: {type: planar, mass: 1, inertia: 1}
+  two: {type: planar, mass: 1, inertia: 1}
+  three: {type: planar, mass: 1, inertia: 1}
+joints:
+  a: {type: revolute, between: [one, ground]}
+  b: {type: revolute, between: [two, ground]}
+  c: {type: revolute, between: [three, ground]}
+  train: {KIND}
+forces:
+  push: {type: torque, body: one, value: 8}
+  b: {type: joint_spring, joint: b, stiffness: 50}
+  c: {type: joint_spring, joint: c, stiffness: 70}
+reference: {find: equilibrium}
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "torques"),
+    [
+        ("type: gear, joints: [a, b], teeth: [20, 60]", {"one": -8, "two": -24, "ground": 32}),
+        ("type: gear, joints: [a, b], teeth: [20, 60], internal: true", {"one": -8, "two": 24, "ground": -16}),
+        ("type: belt, joints: [a, b], ratio: 3", {"one": -8, "two": 24, "ground": -16}),
+        ("type: belt, joints: [a, b], ratio: 3, crossed: true", {"one": -8, "two": -24, "ground": 32}),
+        ("type: belt, joints: [a, b], radii: [0.1, 0.3], stiffness: 4e3", {"one": -8, "two": 24, "ground": -16}),
+        ("type: differential, joints: [a, b, c]", {"one": -8, "two": 4, "three": 4, "ground": 0}),
+        ("type: differential, joints: [a, b, c], teeth: [1, 3]", {"one": -8, "two": 2, "three": 6, "ground": 0}),
+    ],
+)
+def test_trains_pass_torques_on_and_leave_the_rest_to_the_ground(kind, torques):
+    """No work is lost: a wheel that turns n times as fast takes 1/n of the torque."""
+    reactions = mbstab.loads(TRAIN.replace("KIND", kind)).equilibria()[0].reactions
+    found = {x.body: x for x in reactions if x.owner == "joint 'train'"}
+    assert found.keys() == torques.keys()
+    for body, torque in torques.items():
+        check(found[body], [0.0, 0.0], [torque], 100.0)
+
+
 def test_redundant_supports_carry_the_weight_in_sum():
     text = """
 mbstab: 1

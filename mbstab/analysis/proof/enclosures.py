@@ -73,6 +73,8 @@ class Reference:
         What is not proven, in full.
     conditions : list of str
         The same as clauses of a sentence.
+    pending : list of str
+        What holds in full if the motion is proven to be steady (`settle`).
     solutions : list of Solution
         Solutions in the order in which they were found; empty: the file gives the motion.
     found : list of str
@@ -104,6 +106,7 @@ class Reference:
         self.model, self.overrides = model, overrides
         self.assumed: list[str] = []
         self.conditions: list[str] = []
+        self.pending: list[str] = []
         self.solutions: list[Solution] = []
         self.found: list[str] = []
         self.closed: set[int] = set()
@@ -436,8 +439,11 @@ class Reference:
         self._vanish(others, f"{what} satisfies the equations besides those that determine it")
         return equations.state(found)
 
-    def _vanish(self, residuals: Sequence[Ball], what: str) -> None:
-        """Record that residuals are zero as far as balls can tell; refuse those that are not."""
+    def _vanish(self, residuals: Sequence[Ball], what: str, later: bool = False) -> None:
+        """Record that residuals are zero as far as balls can tell; refuse those that are not.
+
+        With `later` they are if a symmetry is proven to map the motion to that at later times.
+        """
         wrong = [x for x in residuals if not zero_inside(x)]
         if wrong:
             raise NotProvable(f"{what.replace('satisfies', 'does not satisfy')}: a residual is {wrong[0].str(5)}")
@@ -448,8 +454,18 @@ class Reference:
                 if self.wide
                 else f"residuals are zero to within {largest:.0e}"
             )
-            self.assumed.append(f"{what} ({size})")
-            self.conditions.append(what)
+            (self.pending if later else self.assumed).append(f"{what} ({size})")
+            if not later:
+                self.conditions.append(what)
+
+    def settle(self, steady: bool) -> None:
+        """Turn what is pending into conditions, unless the motion is proven to be steady."""
+        for text in self.pending:
+            what = text.rpartition(" (")[0]
+            if not steady and what not in self.conditions:
+                self.assumed.append(text)
+                self.conditions.append(what)
+        self.pending = []
 
     def _check_rank(self, J: Matrix) -> None:
         """Refuse rows that were taken as redundant but are proven to be independent of the others."""
@@ -490,4 +506,6 @@ class Reference:
         slack = [x + y for x, y in zip(B, ball_matrices.apply(J_all, s.a), strict=True)]
         left = [x for i, x in enumerate(E[: self.system.n_h]) if i not in self.closed]
         left += [x for i, x in enumerate(V) if i not in self.driven]
-        self._vanish([*left, *slack], "the reference satisfies the constraints")
+        held = "the reference satisfies the constraints"
+        self._vanish(left, held)
+        self._vanish(slack, held, later=True)

@@ -198,13 +198,14 @@ class Identities(ElementChanges):
         """Return whether rest satisfies all rows."""
         return self._once("rows at rest", lambda: self._homogeneous(False))
 
-    def _homogeneous(self, moving: bool) -> Finding:
-        """Return whether all rows hold for u = X, or u = 0, at all positions."""
+    def _homogeneous(self, moving: bool, beside: bool = False) -> Finding:
+        """Return whether all rows, or all beside those of states, hold for u = X, or u = 0, at all positions."""
         found: list[Finding] = ["structural"]
+        rows = [i for i in self.reference.rows if not (beside and self.system.rows[i].section == "states")]
         zero = [ball(0)] * self.system.n_q
         for state in self._needed_on_rows():
             X = self.local("the motion itself", self._own(), state).Y if moving else zero
-            found.append(self._satisfied(state, X, self.reference.rows))
+            found.append(self._satisfied(state, X, rows))
         return least(found)
 
     def conserved(self, moving: bool) -> Finding:
@@ -213,11 +214,14 @@ class Identities(ElementChanges):
             return "open"
         return self._once(f"conserved {moving}", lambda: self._relative(moving))
 
-    def decreases(self, system: System) -> Finding:
-        """Return whether the energy in the co-moving frame never increases, for the parameters of a system."""
+    def decreases(self, system: System, beside: bool = False) -> Finding:
+        """Return whether the energy in the co-moving frame never increases, for the parameters of a system.
+
+        With `beside` whatever the rates of first-order states are, which take no force.
+        """
         if self.work.kinds["other"] or not self.states:
             return "open"
-        found = self._once("decreases", self._decreases)
+        found = self._once(f"decreases {beside}", lambda: self._decreases(beside))
         return found if self._takes(system) else "refuted"
 
     def _dampers(self, system: System) -> list[Acting]:
@@ -237,13 +241,13 @@ class Identities(ElementChanges):
                 return False
         return True
 
-    def _decreases(self) -> Finding:
-        return least([self._relative(True), *(self._damps(e) for e in self._dampers(self.system))])
+    def _decreases(self, beside: bool) -> Finding:
+        return least([self._relative(True, beside), *(self._damps(e) for e in self._dampers(self.system))])
 
-    def _relative(self, moving: bool) -> Finding:
-        """Return whether undamped forces and rows do no work in the co-moving frame."""
+    def _relative(self, moving: bool, beside: bool = False) -> Finding:
+        """Return whether undamped forces and rows, or those beside states, do no work in the co-moving frame."""
         damping = {e.path for e in self.work.kinds["damping"]}
-        found: list[Finding] = [self._homogeneous(moving), "structural" if self.states else "open"]
+        found: list[Finding] = [self._homogeneous(moving, beside), "structural" if self.states else "open"]
         for element in self.elements:
             if element.inertia or element.stored or element.path in damping:
                 continue

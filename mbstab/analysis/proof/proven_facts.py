@@ -343,12 +343,14 @@ class Case:
 
     def minimum(self) -> Minimum | None:
         """Return what the energy says, or None if it says nothing."""
-        work, grounds = self.grounds.structure.work, self.grounds
-        finding = self.identities.decreases(self.proof.system)
-        if not work.decreases or not grounds.second_variation.applies or not self._unforced():
+        work, grounds, beside = self.grounds.structure.work, self.grounds, bool(self._following)
+        finding = self.identities.decreases(self.proof.system, beside)
+        decreases = work.decreases or (beside and work.decreases_beside_states)
+        if not decreases or not grounds.second_variation.applies or not self._unforced():
             return None
         turning = grounds.linear.generator is not None and grounds.linear.generator.turns
         name = "the energy in the frame of the motion" if turning or self._moves else "the energy"
+        name += grounds.second_variation.beside
         sign = self._sign()
         text = "the energy is conserved" if sign < 0 else "the energy never increases"
         if sign and self._accepts(self.identities.conserved(True) if sign < 0 else finding, text):
@@ -412,6 +414,18 @@ class Case:
                 H[i][j] = H[i][j] + (r.K_N[i][j] + r.K_N[j][i]) / 2
         return H
 
+    @cached_property
+    def _following(self) -> Matrix:
+        """Disturbances of states that only follow the others, if they are proven to decay by themselves, as columns."""
+        states, r = self.proof.system.following, self.proof.reduced
+        if not states or self._moves or self.grounds.linear.massless is not None:
+            return []
+        places = [r.free.index(i) for i in states]
+        A = [[r.S[i][j] for j in places] for i in places]
+        if ball_polynomials.right_roots(ball_polynomials.characteristic(A)) != 0:
+            return []
+        return [[ball(int(j == i)) for j in range(len(r.S))] for i in places]
+
     def _disturbances(self) -> Matrix:
         """Return disturbances at the given momenta, modulo symmetries, as columns."""
         r = self.proof.reduced
@@ -421,6 +435,7 @@ class Case:
             rows = [self._momentum(x) for x in self.momenta]
         else:
             columns = [[*x[:m], *([ball(0)] * (n - m))] for _, symmetry, x in self._divided[1] if symmetry]
+            columns += self._following
             rows = []
         kernel, _ = null_combinations(rows, n)  # at least as large as the true one
         combinations = self._vanishing(rows, columns, True)
@@ -474,6 +489,7 @@ class Case:
 
 def best(proof: Proof) -> Case:
     """Return the case with the strongest verdict: proven if there is one, else under conditions."""
+    proof.settle(not proof.pending or proof.identities.steady() in ("structural", "enclosed"))
     case = Case(proof, True)
     if case.verdict.word == UNDECIDED and case.left_out:
         other = Case(proof, False)

@@ -136,6 +136,14 @@ class SecondVariation:
         error = float(np.linalg.norm(known, 2)) + TOLERANCES.roundings_of_variation * EPS * entries
         return columns if decays(A, error) else nothing
 
+    @property
+    def beside(self) -> str:
+        """Which states the energy need not contain, in words; empty: none."""
+        if not self.following.size:
+            return ""
+        names = [f"state {self.linear.names[i]}" for i in self.linear.system.following]
+        return f" of what {phrases(names)} only follow{'s' if len(names) == 1 else ''}"
+
     def _splits(self) -> bool:
         """Whether translations that rotate with the frame decouple, because a common speed changes nothing."""
         generator, invariance = self.linear.generator, self.structure.invariance
@@ -210,9 +218,7 @@ class SecondVariation:
             return None
         turning = self.linear.generator is not None and self.linear.generator.turns
         name = "the energy in the frame of the motion" if turning or self.moving else "the energy"
-        if self.following.size:
-            names = [f"state {self.linear.names[i]}" for i in self.linear.system.following]
-            name += f" of what {phrases(names)} only follow{'s' if len(names) == 1 else ''}"
+        name += self.beside
         sign = self.definite()
         if sign < 0 and not self.structure.work.conserved:
             sign = 0
