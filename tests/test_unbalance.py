@@ -1,6 +1,7 @@
 """Unbalance responses against closed forms: the Jeffcott rotor, and a rigid rotor on two bearings."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -66,7 +67,9 @@ def test_the_command_writes_and_draws_it(tmp_path):
     r = 3600 / (4500 - 5 * 3600 + 480j)
     np.testing.assert_allclose([output["real"][1], output["imag"][1]], [(-1j * r).real, (-1j * r).imag], rtol=1e-12)
     lines = run(*arguments, "--points", "2", "--format", "csv").stdout.splitlines()
-    assert lines[0].startswith("n (rad/s),u real (m/(kg*m)),u imag (m/(kg*m))")
+    assert lines[0].startswith("n (rad/s),u real (m/(kg*m)),u imag (m/(kg*m)),u amplitude (m/(kg*m)),u phase (deg),")
+    real, imag, amplitude, angle = map(float, lines[2].split(",")[1:5])
+    assert complex(real, imag) == pytest.approx(amplitude * np.exp(1j * np.radians(angle)), rel=1e-12)
     assert len(lines) == 3
 
 
@@ -106,6 +109,49 @@ def test_speeds_count_in_the_unit_of_the_parameter_and_unstable_ones_are_marked(
     speed = data["speed"][2]
     r = speed**2 / (4500 - 5 * speed**2 + 8j * speed)
     assert complex(data["outputs"][0]["real"][2], data["outputs"][0]["imag"][2]) == pytest.approx(r, rel=1e-12)
+
+
+@pytest.mark.parametrize("c", [8.0, 0.02, 1e-6])
+@pytest.mark.parametrize("points", [2, 7, 40])
+def test_the_peak_is_found_however_coarse_the_speeds_are(c, points):
+    """r = Ω²/√((k - m Ω²)² + c² Ω²) is largest where Ω² = 2 k²/(2 m k - c²)."""
+    k, m = 4500.0, 5.0
+    w = 2 * k**2 / (2 * m * k - c**2)
+    found = unbalance(mbstab.loads(JEFFCOTT).at(c=c).model, "disk", "n", np.linspace(60.0, 5.0, points), ("u", "v"))
+    for peak in found.peaks:
+        assert peak.inside
+        assert peak.speed == pytest.approx(math.sqrt(w), rel=1e-6)
+        assert abs(peak.value) == pytest.approx(w / math.hypot(k - m * w, c * math.sqrt(w)), rel=1e-6)
+
+
+def test_a_peak_without_bound_or_at_an_end_is_told(tmp_path):
+    text = JEFFCOTT.replace("c: {value: 8", "c: {value: 0")
+    (peak,) = unbalance(mbstab.loads(text).model, "disk", "n", np.linspace(5.0, 60.0, 7), ("u",)).peaks
+    assert not peak.bounded
+    assert peak.speed == pytest.approx(30.0, rel=1e-12)
+    path = tmp_path / "rotor.yaml"
+    path.write_text(text)
+    arguments = ("response", str(path), "--unbalance", "disk", "--speed", "n", "--measured", "u", "--from", "10")
+    said = run(*arguments, "--to", "60", "--points", "20", "--plot", "unbalance", "--pictures", str(tmp_path / "a.svg"))
+    assert said.exit_code == 0
+    assert "13 of 20 speeds are shown; --format csv has all" in said.stdout
+    assert "grows without bound at 30 rad/s" in said.stdout
+    assert "no peak inside of the range; largest: 0.16 at 20 rad/s, phase 0" in run(*arguments, "--to", "20").stdout
+    data = json.loads(run(*arguments, "--to", "60", "--format", "json").stdout)
+    assert data["outputs"][0]["peak"] == {"speed": pytest.approx(30.0), "real": None, "imag": None, "inside": True}
+
+
+def test_an_undamped_motion_that_the_unbalance_does_not_reach_makes_no_peak():
+    """Torsion of the disk against ground, 25 rad/s, is not damped; x and y have their peak at the critical speed."""
+    twist = "  twist: {type: expression, on: {ring.theta: -62.5*ring.theta}}\noutputs:"
+    text = JEFFCOTT.replace("outputs:", twist).replace(
+        "inertia: 0.2}", "inertia: 0.2}\n  ring: {type: planar, mass: 1, inertia: 0.1}"
+    )
+    text = text.replace("coordinates: {", "coordinates: {ring: {x: 0, y: 0, theta: 0}, ")
+    text += "joints: {pin: {type: revolute, between: [ring, ground]}}\n"
+    (peak,) = unbalance(mbstab.loads(text).model, "disk", "n", np.linspace(5.0, 60.0, 7), ("u",)).peaks
+    assert peak.bounded
+    assert peak.speed == pytest.approx(30.02135611589204, rel=1e-6)
 
 
 def test_verdicts_are_those_of_eig_where_a_rotor_becomes_unstable():

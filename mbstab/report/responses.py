@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.response.response import Response
     from mbstab.analysis.response.transfer import Channel
     from mbstab.analysis.response.zeros import Zeros
-    from mbstab.analysis.sweep.unbalance import UnbalanceResponse
+    from mbstab.analysis.sweep.unbalance import Peak, UnbalanceResponse
 
 ROWS = 13
 """Rows of a table; the other formats hold all."""
@@ -48,7 +48,7 @@ def unit(channel: Channel) -> str:
 def response_text(result: Response, title: str) -> str:
     """Return the answer of ``mbstab response`` as text."""
     lines = [title, ""] if title else []
-    rows = np.unique(np.linspace(0, len(result.x) - 1, ROWS).round().astype(int))
+    rows = _rows(len(result.x))
     for i, (channel, values, zeros) in enumerate(zip(result.channels, result.values, result.zeros, strict=True)):
         own = unit(channel)
         lines.append(f"From {channel.source} to {channel.goal}" + (f" ({own})" if own else ""))
@@ -58,6 +58,7 @@ def response_text(result: Response, title: str) -> str:
         else:
             body = [[f"{x:.6g}" for x in (result.x[k], values[k])] for k in rows]
             lines.append(table(["time (s)", f"after a unit {result.kind}"], body))
+        lines += _left_out(len(result.x), "frequencies" if result.kind == "frequency" else "times")
         lines += _zeros_text(zeros)
         if result.margins:
             lines += [*_largest_text(result.largest[i]), *_margins_text(result.margins[i], zeros)]
@@ -65,6 +66,16 @@ def response_text(result: Response, title: str) -> str:
             lines.append(f"margins and the largest gain are not computed for {len(result.poles)} states")
         lines.append("")
     return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _rows(number: int) -> Any:
+    """Return which of many values a table shows."""
+    return np.unique(np.linspace(0, number - 1, ROWS).round().astype(int))
+
+
+def _left_out(number: int, what: str) -> list[str]:
+    """Return a line that says how many values a table leaves out, if it does."""
+    return [f"{ROWS} of {number} {what} are shown; --format csv has all"] if number > ROWS else []
 
 
 def _frequency_row(k: int, omega: Any, values: Any, angles: Any, errors: Any) -> list[str]:
@@ -207,8 +218,8 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
 def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: float) -> str:
     """Return the answer of ``mbstab response --unbalance`` as text, speeds in `unit`, which is `factor` rad/s."""
     lines = [title, ""] if title else []
-    rows, speeds = np.unique(np.linspace(0, len(result.speeds) - 1, ROWS).round().astype(int)), result.speeds / factor
-    for name, own, values in zip(result.outputs, result.units, result.values, strict=True):
+    rows, speeds = _rows(len(result.speeds)), result.speeds / factor
+    for name, own, values, peak in zip(result.outputs, result.units, result.values, result.peaks, strict=True):
         lines.append(f"From an unbalance at {result.point} to {name}" + (f" ({own})" if own else ""))
         angle = phase(values)
         body = [
@@ -217,7 +228,8 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
         ]
         heads = [f"{result.parameter} ({unit})", "amplitude", "phase (°)", ""]
         shown = len(heads) if np.any(result.unstable[rows]) else len(heads) - 1
-        lines += [table(heads[:shown], [row[:shown] for row in body]), ""]
+        lines += [table(heads[:shown], [row[:shown] for row in body]), *_left_out(len(speeds), "speeds")]
+        lines += [*wrap(_peak_text(peak, result.speeds, angle, unit, factor), WIDTH), ""]
     if np.any(result.unstable):
         ends = " to ".join(f"{x:.6g}" for x in np.unique(speeds[result.unstable][[0, -1]]))
         lines += wrap(
@@ -228,15 +240,41 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
+def _peak_text(peak: Peak, speeds: Any, angles: Any, unit: str, factor: float) -> str:
+    """Return a peak in words; its phase is counted on from those in the table."""
+    at = f"at {peak.speed / factor:.6g} {unit}"
+    if not peak.bounded:
+        return f"peak: none: the amplitude grows without bound {at}, a critical speed without damping"
+    if peak.value == 0.0:
+        return "no response"
+    angle, order = np.degrees(np.angle(peak.value)), np.argsort(speeds)
+    turns = (np.interp(peak.speed, speeds[order], angles[order]) - angle) / 360.0
+    shown = f"{abs(peak.value):.6g} {at}, phase {angle + 360.0 * np.round(turns):.6g}°"
+    return f"peak: {shown}" if peak.inside else f"no peak inside of the range; largest: {shown}"
+
+
 def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[str, Any]:
     """Return the JSON object of ``mbstab response --unbalance``.
 
     Keys: ``model``, ``title``, ``kind``, ``point``, ``parameter``, ``speed`` (rad/s) and ``outputs``: ``name``,
-    ``unit``, ``real`` and ``imag``, for an unbalance of 1 kg m; ``verdicts`` of the motion without it.
+    ``unit``, ``real`` and ``imag``, for an unbalance of 1 kg m, and ``peak`` with ``speed``, ``real`` and ``imag``
+    (null if the amplitude grows without bound there) and whether it is ``inside`` the range; ``verdicts`` of the
+    motion without it.
     """
     found = [
-        {"name": name, "unit": own, "real": values.real, "imag": values.imag}
-        for name, own, values in zip(result.outputs, result.units, result.values, strict=True)
+        {
+            "name": name,
+            "unit": own,
+            "real": values.real,
+            "imag": values.imag,
+            "peak": {
+                "speed": peak.speed,
+                "real": peak.value.real if peak.bounded else None,
+                "imag": peak.value.imag if peak.bounded else None,
+                "inside": peak.inside,
+            },
+        }
+        for name, own, values, peak in zip(result.outputs, result.units, result.values, result.peaks, strict=True)
     ]
     head = {"model": model, "title": title, "kind": "unbalance", "point": result.point, "parameter": result.parameter}
     return head | {"speed": result.speeds, "outputs": found, "verdicts": list(result.verdicts)}
@@ -246,8 +284,9 @@ def unbalance_csv(result: UnbalanceResponse, unit: str, factor: float) -> str:
     """Return one line for each speed, in `unit`, which is `factor` rad/s, with all outputs."""
     heads = [f"{result.parameter} ({unit})"]
     for name, own in zip(result.outputs, result.units, strict=True):
-        heads += [f"{name} {part}" + (f" ({own})" if own else "") for part in ("real", "imag")]
-    columns = [part for values in result.values for part in (values.real, values.imag)]
+        heads += [f"{name} {part}" + (f" ({own})" if own else "") for part in ("real", "imag", "amplitude")]
+        heads.append(f"{name} phase (deg)")
+    columns = [part for values in result.values for part in (values.real, values.imag, np.abs(values), phase(values))]
     lines = np.column_stack([in_unit(result.speeds, factor), *columns]).tolist()
     return to_csv([*heads, "verdict"], [[*line, verdict] for line, verdict in zip(lines, result.verdicts, strict=True)])
 

@@ -142,6 +142,18 @@ class Tolerances:
     crossing: Final = 1e-10
     """A frequency that differs from its order by more than this fraction at the crossing jumps there."""
 
+    # Unbalance
+    narrow_resonance: Final = 1.0
+    """A resonance is looked for between two speeds if its decay rate is below this part of their distance."""
+    peak_speed: Final = 1e-7
+    """The speed of a peak is found to this fraction …"""
+    peak_steps: Final = 30
+    """… in at most so many steps."""
+    high_peak: Final = 1e4
+    """With an amplitude that is so much larger than those beside it, the eigenvalue is asked whether it is damped."""
+    sure_peak: Final = 0.1
+    """Amplitudes whose error may be a larger part of them are no peaks."""
+
     # Names
     points_followed: Final = 33
     """Points at which eigenvalues are looked at between where a mode is named and where it is asked for …"""

@@ -8,21 +8,24 @@ along e₁ and e₂ is then Re(z exp(iΩt)), z = m e Ω² (G₁(iΩ) - i G₂(i�
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.linear.linearize import linearize
+from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.response.frequency import FrequencyResponse
 from mbstab.analysis.response.state_space import ControlModel, control_model
-from mbstab.analysis.response.transfer import channels, number_of
+from mbstab.analysis.response.transfer import number_of
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues
 from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
-from mbstab.analysis.sweep.blocks import Progress, compute, merged, tasks
+from mbstab.analysis.sweep.blocks import Block, Progress, compute, merged, tasks
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import UNDECIDED, WORDS
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError, UsageError
@@ -36,6 +39,28 @@ from mbstab.records import dataclass
 
 NAMES = ("unbalance along e1", "unbalance along e2")
 """Names of the two forces, which no input of a file can have."""
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest amplitude of an output over the spins of a range, also between those that were asked for.
+
+    Attributes
+    ----------
+    speed : float (rad/s)
+    value : complex
+        z of the module's text; nan without a finite value.
+    inside : bool
+        Whether amplitudes are smaller on both sides; if not, it stands at an end of the range.
+    bounded : bool
+        Whether a largest amplitude was found; if not, it grows on and on towards the speed, a critical speed without
+        damping.
+    """
+
+    speed: float
+    value: complex
+    inside: bool
+    bounded: bool
 
 
 @dataclass(frozen=True)
@@ -56,6 +81,8 @@ class UnbalanceResponse:
         z of the module's text; its phase is relative to the unbalance. Infinite at an undamped critical speed.
     verdicts : tuple of str
         Of the motion without unbalance at each speed. Where it is unstable, no rotor answers like this.
+    peaks : tuple of Peak
+        Of each output.
     """
 
     point: str
@@ -65,6 +92,7 @@ class UnbalanceResponse:
     units: tuple[str, ...]
     values: Complex
     verdicts: tuple[str, ...]
+    peaks: tuple[Peak, ...]
 
     @property
     def unstable(self) -> Array:
@@ -110,29 +138,110 @@ def unbalance(
     points = tuple(model.bodies[body].values.get("points") or ())
     if own:
         number_of(own, points, f"point of {body!r}", "its points")
+    outputs, units = goals or tuple(model.outputs), dict[str, str]()
+
+    def answer(speed: float, sure: bool = False) -> list[complex]:
+        forced = _forced(bound(model, settings_in_si({parameter: speed})), number, own, parameter, speed)
+        units.update(zip(forced.outputs, forced.output_units, strict=True))
+        return _amplitudes(forced, outputs, speed, sure)
+
+    def undamped(speed: float) -> float | None:
+        found = eigenvalues(_linear(bound(plain, settings_in_si({parameter: speed})))).eigenvalues
+        near = min(found, key=lambda e: abs(e.value - 1j * speed))
+        return float(near.value.imag) if abs(near.value.real) <= near.error_bound else None
+
     found = []
     for k, speed in enumerate(speeds.tolist()):
-        forced = _forced(bound(model, settings_in_si({parameter: speed})), number, own, parameter, speed)
-        found.append(_amplitudes(forced, goals, speed))
+        found.append(answer(speed))
         progress(k / len(speeds))
-    outputs = goals or tuple(model.outputs)
-    units = dict(zip(forced.outputs, forced.output_units, strict=True))
+    plain = replace(model, inputs={}, outputs={})
+    # Each speed is solved by itself, here as above.
+    spectra = merged([compute(task) for task in tasks(plain, {parameter: speeds})])
+    values = np.array(found, dtype=complex).T
     return UnbalanceResponse(
-        point, parameter, speeds, outputs, tuple(f"{units[x]}/(kg*m)" if units[x] else "" for x in outputs),
-        np.array(found, dtype=complex).T, _verdicts(model, parameter, speeds),
+        point, parameter, speeds, outputs, tuple(f"{units[x]}/(kg*m)" if units[x] else "" for x in outputs), values,
+        _verdicts(plain, parameter, speeds, spectra),
+        _peaks(speeds, values, spectra.values, partial(answer, sure=True), undamped),
     )  # fmt: skip
 
 
-def _verdicts(model: Model, parameter: str, speeds: Array) -> tuple[str, ...]:
-    """Return the verdicts of the motion at all speeds at once, as sweeps find them; each speed is solved by itself."""
-    plain = replace(model, inputs={}, outputs={})
-    raw = merged([compute(task) for task in tasks(plain, {parameter: speeds}, followed=False)])
-    words = [WORDS[word] for word in raw.words]
+def _verdicts(model: Model, parameter: str, speeds: Array, spectra: Block) -> tuple[str, ...]:
+    """Return the verdicts at all speeds; those that the bounds for many points do not decide one by one."""
+    words = [WORDS[word] for word in spectra.words]
     for k, word in enumerate(words):
         if word == UNDECIDED:
-            here = bound(plain, settings_in_si({parameter: float(speeds[k])}))
-            words[k] = eigenvalues(linearize(system := System(evaluate(here)), reference_motion(system, True))).verdict
+            words[k] = eigenvalues(_linear(bound(model, settings_in_si({parameter: float(speeds[k])})))).verdict
     return tuple(words)
+
+
+def _linear(model: Model) -> Linearization:
+    system = System(evaluate(model))
+    return linearize(system, reference_motion(system, massless=True))
+
+
+def _peaks(
+    speeds: Array,
+    values: Complex,
+    branches: Complex,
+    answer: Callable[[float], list[complex]],
+    undamped: Callable[[float], float | None],
+) -> tuple[Peak, ...]:
+    """Return the peak of each output.
+
+    Beside the speeds themselves, those are looked at where the frequency of a branch is the spin (resonances may be
+    much narrower than the steps between the speeds); the best is refined between its neighbours.
+    """
+    known = dict(zip(speeds.tolist(), values.T.tolist(), strict=True))
+    known |= {x: answer(x) for x in _resonances(speeds, branches) if x not in known}
+
+    def size(speed: float, output: int) -> float:
+        if speed not in known:
+            known[speed] = answer(speed)
+        return abs(known[speed][output])
+
+    def peak(output: int) -> Peak:
+        x = sorted(known)
+        i = max(range(len(x)), key=lambda i: size(x[i], output))
+        best, largest = x[i], size(x[i], output)
+        beside = max((size(y, output) for y in x[max(i - 1, 0) : i + 2] if y != best), default=largest)
+        inside = 0 < i < len(x) - 1 and beside < largest
+        if inside and np.isfinite(largest):
+            best = _refined(partial(size, output=output), x[i - 1 : i + 2])
+        critical = undamped(best) if size(best, output) > TOLERANCES.high_peak * beside else None
+        if critical is not None or not np.isfinite(largest):
+            return Peak(best if critical is None else critical, complex(np.nan, np.nan), inside, bounded=False)
+        return Peak(best, known[best][output], inside, bounded=True)
+
+    return tuple(peak(k) for k in range(len(values)))
+
+
+def _resonances(speeds: Array, branches: Complex) -> list[float]:
+    """Return where the frequency of a branch is the spin, for resonances that are narrow beside the steps."""
+    found = set[float]()
+    order = np.argsort(speeds)
+    x, s = speeds[order], branches[order]
+    for a, b, left, right in zip(x, x[1:], s, s[1:], strict=False):
+        gaps = left.imag - a, right.imag - b
+        with np.errstate(invalid="ignore"):
+            narrow = np.minimum(abs(left.real), abs(right.real)) < TOLERANCES.narrow_resonance * (b - a)
+            crossed = np.flatnonzero((gaps[0] * gaps[1] < 0.0) & narrow)
+        found |= {float(a + (b - a) * gaps[0][j] / (gaps[0][j] - gaps[1][j])) for j in crossed}
+    return sorted(found)
+
+
+def _refined(size: Callable[[float], float], bracket: list[float]) -> float:
+    """Return where an amplitude is largest, between two speeds with a better one in between.
+
+    The inverse square of the amplitude is nearly a parabola at a resonance.
+    """
+    from scipy.optimize import minimize_scalar
+
+    def goal(speed: float) -> float:
+        here = size(min(max(float(speed), bracket[0]), bracket[2]))
+        return 1.0 / here**2 if here > 0.0 else np.inf
+
+    options = {"xtol": TOLERANCES.peak_speed, "maxiter": TOLERANCES.peak_steps}
+    return float(minimize_scalar(goal, bracket=tuple(bracket), method="brent", options=options).x)
 
 
 def _axis(system: System, motion: Motion, body: int, parameter: str, speed: float) -> Array:
@@ -182,11 +291,20 @@ def _directions(axis: Array) -> tuple[Array, Array]:
     return first, np.cross(axis, first)
 
 
-def _amplitudes(model: ControlModel, goals: tuple[str, ...], speed: float) -> list[complex]:
-    """Return z of the module's text for each output."""
+def _amplitudes(model: ControlModel, goals: tuple[str, ...], speed: float, sure: bool) -> list[complex]:
+    """Return z of the module's text for each output; if only what is `sure` counts, 0 where rounding may have made it.
+
+    Rounding does so beside an eigenvalue without damping whose motion the unbalance does not reach.
+    """
     exact = FrequencyResponse(model)
-    values = exact.value(1j * speed)
-    both = [[values[exact.number(c)] for c in channels(model, (name,), goals)] for name in NAMES]
-    with np.errstate(invalid="ignore"):  # on an eigenvalue without damping
-        found = [complex(speed**2 * (one - 1j * other)) for one, other in zip(*both, strict=True)]
-    return [z if np.isfinite(z) else complex(np.inf) for z in found]
+    values, errors, _ = exact.at(1j * speed) if sure else (exact.value(1j * speed), None, None)
+    found = []
+    for goal in goals:
+        row = number_of(goal, model.outputs, "output", "outputs of the file")
+        one, other = ((row, model.inputs.index(name)) for name in NAMES)
+        with np.errstate(invalid="ignore"):  # on an eigenvalue without damping
+            z = complex(speed**2 * (values[one] - 1j * values[other]))
+        if errors is not None and not speed**2 * (errors[one] + errors[other]) <= TOLERANCES.sure_peak * abs(z):
+            z = 0j
+        found.append(z if np.isfinite(z) else complex(np.inf))
+    return found

@@ -121,16 +121,19 @@ def unbalance_picture(result: UnbalanceResponse, title: str, spin: Axis) -> Figu
 
     Speeds at which the motion without unbalance is unstable are shaded.
     """
-    speeds = result.speeds / spin.factor
+    speeds, upward = result.speeds / spin.factor, 1.0 if result.speeds[-1] >= result.speeds[0] else -1.0
     with house_style():
         figure, panels = titled_figure(title, heights=(2.6, 2.0))
         handles, spread = [], 0.0
-        for k, (name, own, values) in enumerate(zip(result.outputs, result.units, result.values, strict=True)):
+        for k, (name, own, peak) in enumerate(zip(result.outputs, result.units, result.peaks, strict=True)):
+            # The peak belongs to the curve, however coarse the steps are; beyond all bounds, the curve has a gap there.
+            at = int(np.searchsorted(result.speeds * upward, peak.speed * upward))
+            x, values = np.insert(speeds, at, peak.speed / spin.factor), np.insert(result.values[k], at, peak.value)
             style, angle = _style(k), phase(values)
-            spread = max(spread, float(angle.max() - angle.min()))
+            spread = max(spread, float(np.nanmax(angle, initial=0.0) - np.nanmin(angle, initial=0.0)))
             handles.append(Line2D([], [], label=name + (f" ({typeset(own)})" if own else ""), **style))
-            panels[0].semilogy(speeds, np.abs(values), **style)
-            panels[1].plot(speeds, angle, **style)
+            panels[0].semilogy(x, np.abs(values), **style)
+            panels[1].plot(x, angle, **style)
         for axes in panels:
             axes.set_xlim(*sorted((speeds[0], speeds[-1])))
             across = axes.get_xaxis_transform()
