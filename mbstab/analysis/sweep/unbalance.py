@@ -197,7 +197,7 @@ def _peaks(
     def size(speed: float, output: int) -> float:
         if speed not in known:
             known[speed] = answer(speed)
-        return abs(known[speed][output])
+        return float(abs(known[speed][output]))
 
     def peak(output: int) -> Peak:
         x = sorted(known)
