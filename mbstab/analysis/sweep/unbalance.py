@@ -145,11 +145,6 @@ def unbalance(
         units.update(zip(forced.outputs, forced.output_units, strict=True))
         return _amplitudes(forced, outputs, speed, sure)
 
-    def undamped(speed: float) -> float | None:
-        found = eigenvalues(_linear(bound(plain, settings_in_si({parameter: speed})))).eigenvalues
-        near = min(found, key=lambda e: abs(e.value - 1j * speed))
-        return float(near.value.imag) if abs(near.value.real) <= near.error_bound else None
-
     found = []
     for k, speed in enumerate(speeds.tolist()):
         found.append(answer(speed))
@@ -161,7 +156,7 @@ def unbalance(
     return UnbalanceResponse(
         point, parameter, speeds, outputs, tuple(f"{units[x]}/(kg*m)" if units[x] else "" for x in outputs), values,
         _verdicts(plain, parameter, speeds, spectra),
-        _peaks(speeds, values, spectra.values, partial(answer, sure=True), undamped),
+        _peaks(speeds, values, spectra.values, partial(answer, sure=True), partial(_undamped, plain, parameter)),
     )  # fmt: skip
 
 
@@ -172,6 +167,13 @@ def _verdicts(model: Model, parameter: str, speeds: Array, spectra: Block) -> tu
         if word == UNDECIDED:
             words[k] = eigenvalues(_linear(bound(model, settings_in_si({parameter: float(speeds[k])})))).verdict
     return tuple(words)
+
+
+def _undamped(model: Model, parameter: str, speed: float) -> float | None:
+    """Return the frequency of the eigenvalue nearest to iΩ if it may be without damping; None if it is damped."""
+    found = eigenvalues(_linear(bound(model, settings_in_si({parameter: speed})))).eigenvalues
+    near = min(found, key=lambda e: abs(e.value - 1j * speed))
+    return float(near.value.imag) if abs(near.value.real) <= near.error_bound else None
 
 
 def _linear(model: Model) -> Linearization:
