@@ -468,6 +468,16 @@ def test_the_kind_of_loss_is_written_where_it_has_room():
     assert written["stable"][0] > 0.6
 
 
+@pytest.mark.parametrize(("columns", "hidden"), [(1, True), (4, False)])
+def test_the_key_says_what_is_too_narrow_to_be_seen(columns, hidden):
+    x = np.linspace(0.0, 1.0, 161)
+    unstable = np.zeros((161, 161), dtype=int)
+    unstable[:, 100 : 100 + columns] = 1
+    found = texts(chart(x, x, unstable, 0 * unstable, [], ("a", "b"), ""))
+    assert ("1 unstable: divergence (hidden by a line)" in found) == hidden
+    assert "stable" in found
+
+
 # --- files ----------------------------------------------------------------------------------------------------------
 
 

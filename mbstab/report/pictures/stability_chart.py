@@ -82,6 +82,7 @@ def chart(
             more = " or more" if number == len(REGIONS) - 1 else ""
             words = [WORDS[k].replace("\n", " ") for k in np.unique(kind[count == number])]
             text = f"{number}{more} unstable: {', '.join(words)}" if number else "stable"
+            text += "" if _seen(axes, x / across.factor, y / up.factor, count == number) else " (hidden by a line)"
             handles.append(Patch(facecolor=REGIONS[number], edgecolor="0.3", linewidth=0.6, label=text))
         if np.any(count < 0):
             handles.append(no_answer_patch(missing))
@@ -107,13 +108,8 @@ def _write_kinds(axes: Axes, x: Array, y: Array, count: Labels, kind: Labels) ->
     """Write into each region that has room how stability is lost there."""
     from scipy import ndimage
 
-    box = axes.get_window_extent()
-    wide, tall = (72.0 / axes.figure.dpi * side for side in (box.width, box.height))
-    columns, rows = (
-        _nearest(along, np.linspace(*limits, int(side / GRAIN)))
-        for along, limits, side in ((x, axes.get_xlim(), wide), (y, axes.get_ylim(), tall))
-    )
-    shown = np.where(count > 0, len(WORDS) * count + kind, count)[np.ix_(rows, columns)]
+    shown = _squares(axes, x, y, np.where(count > 0, len(WORDS) * count + kind, count))
+    rows, columns = shown.shape
     places: list[tuple[float, float, float, str, int]] = []
     for label in (label for label in np.unique(shown).tolist() if label >= 0):
         number = label // len(WORDS)
@@ -128,10 +124,29 @@ def _write_kinds(axes: Axes, x: Array, y: Array, count: Labels, kind: Labels) ->
             if fits.any():
                 depth = np.where(fits, ndimage.distance_transform_edt(inside)[1:-1, 1:-1], 0.0)
                 i, j = np.unravel_index(int(np.argmax(depth)), depth.shape)
-                places.append((-float(depth[i, j]), (j + 0.5) / len(columns), (i + 0.5) / len(rows), text, number))
+                places.append((-float(depth[i, j]), (j + 0.5) / columns, (i + 0.5) / rows, text, number))
     for _, u, v, text, number in sorted(places)[:MOST]:
         ink = "k" if float(REGIONS[number]) > 0.5 else "w"
         axes.text(u, v, text, transform=axes.transAxes, ha="center", va="center", color=ink, zorder=3, style="italic")
+
+
+def _squares(axes: Axes, x: Array, y: Array, values: Any) -> Any:
+    """Return values at the points of a grid as those of squares of the panel."""
+    box = axes.get_window_extent()
+    wide, tall = (72.0 / axes.figure.dpi * side for side in (box.width, box.height))
+    columns, rows = (
+        _nearest(along, np.linspace(*limits, int(side / GRAIN)))
+        for along, limits, side in ((x, axes.get_xlim(), wide), (y, axes.get_ylim(), tall))
+    )
+    return values[np.ix_(rows, columns)]
+
+
+def _seen(axes: Axes, x: Array, y: Array, region: npt.NDArray[np.bool_]) -> bool:
+    """Return whether a region is somewhere wider than the lines along its boundary."""
+    from scipy import ndimage
+
+    inside = np.pad(_squares(axes, x, y, region), 1, mode="edge")
+    return bool(ndimage.minimum_filter(inside, 3, mode="constant")[1:-1, 1:-1].any())
 
 
 def _nearest(values: Array, points: Array) -> npt.NDArray[np.intp]:
