@@ -23,6 +23,7 @@ from mbstab.report.pictures.spectrum import FAINT
 from mbstab.report.pictures.stability_chart import REGIONS, chart
 from mbstab.report.pictures.stability_map import stability_map
 from mbstab.report.pictures.sweep_curves import SweepCurves
+from mbstab.report.sweeps import sweep_text
 
 PICTURES = {"map": stability_map, "locus": root_locus, "campbell": campbell}
 
@@ -174,6 +175,29 @@ def test_colliding_branches_meet_where_they_collide(top):
     row = int(np.argmin(np.abs(picture.x - 5.567728441653741)))
     found = sorted(zip(picture.imag[row], picture.real[row], strict=True))
     np.testing.assert_allclose(found, [(s * 3.52387876, 0.0) for s in (-1, -1, 1, 1)], atol=1e-3)
+
+
+def test_collisions_at_the_same_value_are_all_drawn_as_square_roots():
+    """λ² ∓ cλ + 1 = 0, once with negative and once with positive damping: both pairs collide at c = 2."""
+    model = mbstab.loads(
+        """
+        mbstab: 1
+        parameters: {c: 1}
+        bodies: {p: {type: planar_point, mass: 1}, q: {type: planar_point, mass: 1}}
+        constraints: {one: {holonomic: p.y}, other: {holonomic: q.y}}
+        forces:
+          f: {type: expression, on: {p.x: -p.x + c*rate(p.x), q.x: -q.x - c*rate(q.x)}}
+        reference: {coordinates: {p: {x: 0}, q: {x: 0}}}
+        """
+    )
+    result = model.sweep("c", np.linspace(1.55, 2.45, 10))
+    assert [(round(at, 9), how) for at, how in result.meetings] == [(2.0, "collide")] * 2
+    drawn = SweepCurves(result, Axis("c"))
+    root = np.sqrt(drawn.x**2 - 4.0 + 0j)
+    exact = np.stack([sign * (drawn.x + other * root) / 2.0 for sign in (1, -1) for other in (1, -1)], axis=1)
+    found = drawn.real + 1j * drawn.imag
+    assert np.max(np.min(np.abs(found[:, :, None] - exact[:, None, :]), axis=2)) < 0.02
+    assert "branches meet at c (1): 2 (2 pairs collide)" in sweep_text(result, "1", 1.0, "")
 
 
 def test_descending_sweeps_start_where_they_were_asked_to():

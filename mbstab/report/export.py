@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from io import BytesIO, StringIO
@@ -164,7 +165,8 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     (one for each value), ``neutral``, ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0,
     ``frequency`` in rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``,
     ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none, and ``enclosure``, see below),
-    ``meetings`` (``value``, ``kind``), ``problems`` (``point`` counting from 0, ``reason``),
+    ``meetings`` (``value``, ``kind``, ``pairs``: how many of branches do so), ``problems`` (``point`` counting from
+    0, ``reason``),
     ``warnings``, ``names`` (of the branches, null for those without), ``start`` (from where equilibria were followed,
     null if they are given), ``orders``, ``crossings`` (of frequencies with these: ``value``, ``order``,
     ``frequency`` in rad/s, ``branch``, ``name``, ``whirl``, ``motions``) and ``beyond``: for each path beyond a fold,
@@ -201,7 +203,10 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
             }
             for c in result.critical
         ],
-        "meetings": [{"value": value / factor, "kind": kind} for value, kind in result.meetings],
+        "meetings": [
+            {"value": value / factor, "kind": kind, "pairs": pairs}
+            for (value, kind), pairs in Counter(result.meetings).items()
+        ],
         "problems": [{"point": i, "reason": reason} for i, reason in result.problems.items()],
         "warnings": list(result.warnings),
         "names": [name or None for name in result.names] or [None] * result.branches.shape[1],

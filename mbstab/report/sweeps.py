@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from decimal import Decimal
 from itertools import pairwise
@@ -97,7 +98,10 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
         lines += ["signs of a collision: energies of the two modes that meet (Krein signatures)", ""]
     lines += _ranges(result, factor)
     if result.meetings:
-        shown = [f"{number(_rounded(value, result) / factor, 6)} ({what})" for value, what in result.meetings]
+        shown = [
+            f"{number(_rounded(value, result) / factor, 6)} ({f'{pairs} pairs ' if pairs > 1 else ''}{what})"
+            for (value, what), pairs in Counter(result.meetings).items()
+        ]
         said = ", ".join(shown[:12]) + (" …" if len(shown) > 12 else "")
         lines += ["", *wrap(f"branches meet at {label}: {said}", width=WIDTH)]
     if result.problems:

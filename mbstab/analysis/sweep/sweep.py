@@ -88,7 +88,7 @@ class Sweep:
     critical : tuple of Critical
         In the order of the parameter.
     meetings : tuple of (float, str)
-        Values at which two branches ``cross`` or ``collide``.
+        Values at which two branches ``cross`` or ``collide``; once for each pair of branches that does.
     problems : dict
         By the number of a point, why it has no eigenvalues.
     start : float or None
@@ -216,7 +216,7 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
     warnings = tracker.warnings if path is None else (*tracker.warnings, *idle(model, {parameter: path.start}))
     return Sweep(
         parameter, x, branches, unstable_counts(raw.sides, words), raw.neutral, tuple(critical),
-        tuple(sorted(set(tracker.meetings))), raw.problems, None if path is None else path.start,
+        tuple(sorted(tracker.meetings)), raw.problems, None if path is None else path.start,
         "" if path is None else path.moved, (), words,
         warnings,
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -98,8 +99,8 @@ def _opposed(values: Complex) -> Mask:
 def _places(x: Array, branches: Complex, result: Sweep) -> dict[float, tuple[int, int, int]]:
     """Return where eigenvalues may meet, each with the computed points beside it and the pairs that may collide."""
     # A divergence may be the collision of a pair at zero.
-    wanted = [(c.value, {"divergence": 1, "collision": 2}.get(c.kind, 0)) for c in result.critical]
-    wanted += [(at, 1) for at, how in result.meetings if how == "collide"]
+    wanted = [(c.value, {"divergence": len(c.branches), "collision": 2}.get(c.kind, 0)) for c in result.critical]
+    wanted += Counter(at for at, how in result.meetings if how == "collide").items()
     found: dict[float, tuple[int, int, int]] = {}
     for at, most in sorted(wanted):
         k = int(np.searchsorted(x, at))
