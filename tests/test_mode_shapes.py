@@ -36,6 +36,37 @@ reference:
 """
 
 
+DOUBLE = """\
+mbstab: 1
+parameters: {c: 2}
+bodies: {p: {type: planar_point, mass: 1}, q: {type: planar_point, mass: 1}}
+constraints: {one: {holonomic: p.y}, other: {holonomic: q.y}}
+forces:
+  f: {type: expression, on: {p.x: -p.x + c*rate(p.x), q.x: -q.x - c*rate(q.x)}}
+reference: {coordinates: {p: {x: 0}, q: {x: 0}}}
+"""
+
+FOLLOWER = """\
+mbstab: 1
+parameters: {P: 7/2 - sqrt(2)}
+bodies:
+  A: {type: planar, mass: 0, inertia: 0, points: {tip: [1, 0]}}
+  B: {type: planar, mass: 0, inertia: 0, points: {tip: [1, 0]}}
+  one: {type: planar_point, mass: 2}
+  two: {type: planar_point, mass: 1}
+joints:
+  foot: {type: revolute, between: [A, ground]}
+  knee: {type: revolute, between: [B, A.tip]}
+  at_knee: {type: revolute, between: [one, A.tip]}
+  at_tip: {type: revolute, between: [two, B.tip]}
+forces:
+  lower: {type: joint_spring, joint: foot, stiffness: 1}
+  upper: {type: joint_spring, joint: knee, stiffness: 1}
+  follower: {type: force, at: B.tip, vector: [-P, 0], frame: body}
+reference: {coordinates: {A: {theta: 0}, B: {theta: 0}}}
+"""
+
+
 def modes(result):
     """Return one of each pair of modes with a shape."""
     return [e for e in result.eigenvalues if e.vector is not None and e.value.imag >= 0.0]
@@ -263,3 +294,37 @@ def test_shapes_go_with_the_eigenvalues_only(other, capsys):
         main(["eig", "pendulum.yaml", "--shapes", *other])
     assert stop.value.code == 2
     assert "--shapes goes with none of" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("text", "settings", "count"), [(DOUBLE, {}, 2), (DOUBLE, {"c": -2}, 2), (FOLLOWER, {}, 2)])
+def test_a_defective_eigenvalue_has_one_shape_and_it_is_an_eigenvector(text, settings, count):
+    model = mbstab.loads(text)
+    result, linear = model.eig(energies=True, **settings), model.linearize(**settings)
+    N = linear.spaces.scale[:, None] * linear.spaces.N
+    assert [e.together for e in result.eigenvalues] == [2] * 4
+    shown = modes(result)
+    assert len([e for e in result.eigenvalues if e.vector is not None]) == count
+    for e in shown:
+        # Eigenvalues that are split by rounding have their middle where they meet: on an axis here.
+        s = complex(round(e.value.real, 6), e.value.imag) if e.value.imag else complex(round(e.value.real, 6))
+        Q = s**2 * linear.M + s * linear.R + linear.K
+        assert np.linalg.norm(N.T @ Q @ e.vector) < 1e-8 * np.linalg.norm(N.T @ linear.K @ N)
+        assert e.energy.value.real == pytest.approx(round(e.value.real, 6), abs=1e-12)
+        kinetic = {x.owner: x.kinetic for x in e.energy.shares if x.kinetic}
+        for body, share in e.participation.items():
+            assert kinetic.get(f"body '{body}'", 0.0) == pytest.approx(share, abs=1e-9)
+
+
+def test_eigenvalues_that_share_a_shape_are_told(tmp_path, capsys):
+    file = tmp_path / "double.yaml"
+    file.write_text(DOUBLE)
+    text = printed(capsys, str(file))
+    assert "1 has no mode shape of its own: 2 eigenvalues are not told apart there" in " ".join(text.split())
+    listed = json.loads(printed(capsys, str(file), "--format", "json"))["eigenvalues"]
+    assert [(e["together"], e["vector"] is None) for e in listed] == [(2, False), (2, True)] * 2
+
+
+def test_equal_eigenvalues_with_shapes_of_their_own_keep_them():
+    result = mbstab.loads(DOUBLE).eig(c=0)
+    assert len(modes(result)) == 2
+    assert sorted(max(e.participation, key=e.participation.get) for e in modes(result)) == ["p", "q"]

@@ -347,7 +347,7 @@ def test_frequencies_of_uncoupled_oscillators_cross(seed):
         bad += not np.allclose(ends_of(result), expected, rtol=1e-9)
         kinds += [(kind, abs(at - 1.0) < 1e-9) for at, kind in result.meetings]
     assert bad == 0
-    assert kinds == [("cross", True)] * 4  # both of each pair at once
+    assert kinds == [("cross", True)] * 8  # above and below the real axis
 
 
 def test_every_row_of_oscillators_that_cross_is_right_as_a_set():
@@ -359,7 +359,29 @@ def test_every_row_of_oscillators_that_cross_is_right_as_a_set():
 
 def test_a_collision_at_a_point_of_the_grid_is_one_collision():
     result = mbstab.load("top.yaml").sweep("omega", np.linspace(0.0, 2 * TOP, 101))
-    assert [kind for _, kind in result.meetings] == ["collide"]
+    assert result.meetings == ((result.meetings[0][0], "collide"),) * 2  # above and below the real axis
+
+
+ROLLING_BALL = """
+mbstab: 1
+parameters: {h: 0.01, R: 0.05, n: 10}
+gravity: [0, 0, -9.81]
+bodies:
+  ball: {type: spatial, mass: 0.5, inertia: [5e-4, 5e-4, 6e-4], points: {O: [0, 0, -h]}}
+contacts:
+  roll: {type: ellipsoid, center: ball.O, a: R, b: R, c: R}
+reference:
+  coordinates: {ball: {x: 0, y: 0, z: R+h, phi: 0, theta: 0, psi: 0}}
+  rates: {ball: {psi: n}}
+"""
+
+
+def test_collisions_have_krein_signatures_in_hamiltonian_systems_only():
+    top = mbstab.load("top.yaml").sweep("omega", np.linspace(0.0, 10.0, 41))
+    assert [(c.kind, sorted(c.signatures)) for c in top.critical] == [("collision", [-1, 1])]
+    # A body that rolls is not Hamiltonian: energies of its modes have equal signs, and they leave the axis.
+    ball = mbstab.loads(ROLLING_BALL).sweep("n", np.linspace(5.0, 15.0, 21))
+    assert [(c.kind, c.signatures) for c in ball.critical] == [("collision", None)]
 
 
 def test_springs_that_become_repulsive():

@@ -38,7 +38,7 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     with a ``multiplier``), the keys of `verdict_data`, ``eigenvalues`` (``real`` and ``imag`` in 1/s,
     ``kind``, ``frequency`` in Hz, ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s,
     ``error_bound`` in 1/s, ``condition``, ``backward_error``, ``participation``, ``vector``, ``motions``, ``whirl``,
-    ``energy``, ``name``), ``coordinates`` (their names and units, in the order of the vectors), ``counts``
+    ``energy``, ``name``, ``together``), ``coordinates`` (their names and units, in the order of the vectors), ``counts``
     (`mbstab.analysis.spectrum.results.Counts`), ``neutral_directions`` (what the neutral eigenvalues belong to, in
     words, whatever the verdict), ``warnings``. A ``vector`` has ``magnitude`` (m or rad) and
     ``phase`` (rad) of each coordinate; the one that moves most, lengths relative to the size of the scene,
@@ -46,7 +46,9 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     ones of joints and coordinates that are not small, the largest first: ``name``, and ``magnitude`` and ``phase``
     (rad) relative to it, lengths counted in the size of the scene. ``whirl`` is ``forward``, ``backward`` or
     ``mixed``, null where nothing whirls. ``energy`` is null unless it is asked for: see `energy_data`. ``name`` is
-    that of the file, null where it has none.
+    that of the file, null where it has none. ``together`` is the number of eigenvalues that are not told apart from it,
+    itself included; where they have fewer shapes than they are, the ``vector`` of some is null, and their
+    ``participation`` empty.
     """
     return {
         **_asked(result, model, values),
@@ -71,6 +73,7 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
                 "whirl": e.whirl or None,
                 "name": e.name or None,
                 "energy": None if e.energy is None else energy_data(e.energy),
+                "together": e.together,
             }
             for e in result.eigenvalues
         ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,7 @@ def eigen_text(result: EigenResult, title: str, shapes: bool = False) -> str:
             lines.append(modes_table(told))
         lines.append("Share of the kinetic energy of each mode:")
         lines.append(_participation(shown, bodies))
+    lines += _without_shape(shown)
     if shapes:
         lines.append(shapes_text(result))
     lines += [*verdict_lines(result.judged), "", *_counts(result)]
@@ -155,12 +157,25 @@ def _time(e: Eigenvalue) -> str:
 def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str]) -> str:
     rows = []
     for e, _ in shown:
-        if e.kind == "neutral":
+        if not e.participation:
             continue
         order = sorted(bodies, key=lambda name: -e.participation.get(name, 0.0))
         strong = [f"{name} {e.participation[name]:.1%}" for name in order if e.participation.get(name, 0.0) >= 0.0005]
         rows.append([value_text(e), _fitting(strong, WIDTH - 28)])
     return table(["eigenvalue (1/s)", "bodies"], rows, left=(1,))
+
+
+def _without_shape(shown: Sequence[tuple[Eigenvalue, int]]) -> list[str]:
+    """Return which eigenvalues share the shapes of others, from which they are not told apart."""
+    lines = []
+    for value, group in groupby((e for e, _ in shown if e.vector is None and e.together > 1), key=value_text):
+        members = list(group)
+        none = (
+            "has no mode shape of its own" if len(members) == 1 else f"{len(members)}× have no mode shapes of their own"
+        )
+        text = f"{value} {none}: {members[0].together} eigenvalues are not told apart there, and share those listed"
+        lines += [*wrap(text, width=WIDTH), ""]
+    return lines
 
 
 def _fitting(words: Sequence[str], width: int) -> str:

@@ -540,7 +540,37 @@ class Clusters:
             bounds[members] = radius + np.abs(values[members] - self.centres[g])
         bounds[~np.isfinite(bounds)] = np.inf
         values = values + 0.0  # no −0
+        turn = self._own_vectors()
+        V, x = self.V @ turn, Motions(*(part @ turn for part in self.x))
         return Placed(
-            values, discs, bounds, relative(bounds / EPS, values), self.judge.backward(values, self.x),
-            self.judge.whole(self.V, values, self.x.pos),
+            values, discs, bounds, relative(bounds / EPS, values), self.judge.backward(values, x),
+            self.judge.whole(V, values, x.pos),
         )  # fmt: skip
+
+    def _own_vectors(self) -> Complex:
+        """Return the combinations of columns that are eigenvectors, to within the discs.
+
+        A cluster may have fewer of them than members, as a defective eigenvalue has: the first members have them, the
+        columns of the others are zero.
+        """
+        turn = np.eye(len(self.of), dtype=complex)
+        for g, members in enumerate(self.groups):
+            at, h = at_block(members, members), self.mirror[g]
+            V, block, radius = self.V[:, members], self.T[at], self.radii[g]
+            if len(members) == 1 or h < g or not (np.isfinite(V).all() and np.isfinite(block).all()):
+                continue
+            R = np.linalg.qr(V)[1]
+            off = R @ block @ np.linalg.inv(R) - self.centres[g] * np.eye(len(members))
+            _, sizes, rows = np.linalg.svd(off)
+            alone = rows[sizes <= TOLERANCES.radii_of_eigenvector * radius].conj().T
+            if not 0 < alone.shape[1] < len(members):
+                continue
+            found = np.zeros_like(block, dtype=complex)
+            order = sorted(range(len(members)), key=lambda k: (-self.s[members[k]].real, -self.s[members[k]].imag))
+            for k, column in zip(order, np.linalg.solve(R, alone).T, strict=False):
+                found[:, k] = column
+            turn[at] = found
+            if h != g:
+                others = [self.partner[i] for i in members]
+                turn[at_block(others, others)] = found.conj()
+        return turn

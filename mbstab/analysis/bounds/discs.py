@@ -37,7 +37,7 @@ class Placed:
     backward_error : ndarray, shape (r,)
         Residual of the pair relative to the matrices.
     vectors : ndarray of complex, shape (n_q, r)
-        Δq in scaled coordinates; for members of a cluster a basis of its subspace.
+        Δq in scaled coordinates; zero for members of a cluster that has fewer eigenvectors.
     neutral : tuple of int
         Numbers of the values that belong to T and L, without discs. Empty for the default method.
     column : ndarray of int, optional

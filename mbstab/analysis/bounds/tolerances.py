@@ -53,6 +53,8 @@ class Tolerances:
     """Vectors of equal eigenvalues are independent if the smallest singular value of their unit vectors is larger."""
     defective_distance: Final = 1e-3
     """Eigenvalues of a cluster with parallel vectors differ by less than this, relatively."""
+    radii_of_eigenvector: Final = 2.0
+    """A vector of a cluster is an eigenvector if it is one for an eigenvalue at this many radii from the centre."""
     radius_powers: Final = 20
     """Powers of a matrix that bound its spectral radius, before its eigenvalues are computed."""
 

@@ -98,7 +98,7 @@ def _result(
     for disc, members in zip(discs, (d.members for d in placed.discs), strict=True):
         for i in members:
             kind = kind_in(complex(placed.values[i]), disc, verdict, grounds)
-            listed.append(_eigenvalue(placed, i, kind, modes))
+            listed.append(_eigenvalue(placed, i, kind, modes, len(members)))
     listed = with_saddles(listed)
     listed += [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in neutral]
     listed.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
@@ -132,7 +132,7 @@ def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
     return "undecided"
 
 
-def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes) -> Eigenvalue:
+def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes, together: int) -> Eigenvalue:
     s = complex(placed.values[i])
     # An eigenvalue that is proven to be on the axis is shown there; its error does not grow.
     value = complex(0.0 if kind == "center" else s.real + 0.0, s.imag + 0.0)  # no −0
@@ -140,7 +140,9 @@ def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes) -> Eigenvalue:
     condition, backward_error = float(placed.condition[i]), float(placed.backward_error[i])
     shares, vector, motions = modes.of(i)
     whirl = modes.whirl.of(value, vector)
-    return Eigenvalue(value, kind, bound, condition, backward_error, shares, None, vector, motions, whirl)
+    return Eigenvalue(
+        value, kind, bound, condition, backward_error, shares, None, vector, motions, whirl, together=together
+    )
 
 
 def with_energies(result: EigenResult, linear: Linearization) -> EigenResult:
@@ -160,9 +162,15 @@ def with_energies(result: EigenResult, linear: Linearization) -> EigenResult:
     }
     from mbstab.analysis.spectrum.mode_energy import mode_energies
 
-    found = mode_energies(linear, [(result.eigenvalues[i].value, vector) for i, vector in told.items()])
+    found = mode_energies(linear, [(_middle(result, result.eigenvalues[i]), vector) for i, vector in told.items()])
     energies = dict(zip(told, found, strict=True))
     return replace(result, eigenvalues=[replace(e, energy=energies.get(i)) for i, e in enumerate(result.eigenvalues)])
+
+
+def _middle(result: EigenResult, e: Eigenvalue) -> complex:
+    """Return the mean of an eigenvalue and of those that are not told apart from it: to it the vectors belong."""
+    near = sorted((x.value for x in result.eigenvalues), key=lambda s: abs(s - e.value))
+    return e.value if e.together == 1 else sum(near[: e.together]) / e.together
 
 
 class Modes:
@@ -181,7 +189,8 @@ class Modes:
         """Return the participation of the bodies, the shape of a mode, and the motions by which it is told."""
         placed = self.placed
         j = i if placed.column is None else int(placed.column[i])
-        shares, shape = self._shares[j], self._shapes[j]
+        shape = self._shapes[j]
+        shares = self._shares[j] if shape is not None else {}
         if j not in self._told:
             self._told[j] = self.telling.told(shape)
         told = self._told[j]

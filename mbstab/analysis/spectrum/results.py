@@ -32,13 +32,14 @@ class Eigenvalue:
     condition, backward_error : float
         Relative condition number κ and backward error η.
     participation : dict
-        Share of each body in the kinetic energy of the mode; sums to 1.
+        Share of each body in the kinetic energy of the mode; sums to 1. Empty without a `vector`.
     multiplier : complex or None
         For a periodic motion: the factor of a disturbance in a period; `value` is then
         the Floquet exponent.
     vector : ndarray of complex, shape (n_q,), or None
         Mode shape (m, rad), in the order of `EigenResult.coordinates`; the coordinate that moves most,
-        lengths relative to the size of the scene, is 1. None for neutral eigenvalues and multipliers.
+        lengths relative to the size of the scene, is 1. None for neutral eigenvalues and multipliers, and where an
+        eigenvalue is not told from others that have fewer shapes than they are, as of a defective one.
     motions : tuple of (str, complex)
         The mode in few words: independent motions of joints, such as ``angle(pivot)``, and coordinates that are not
         small, with amplitudes relative to the size of the scene or 1 rad; the first is the largest, and 1.
@@ -48,6 +49,8 @@ class Eigenvalue:
         The name that the file gives the mode under ``modes``; empty if none.
     energy : EnergyBalance or None
         Energies and powers, entry by entry, if they are asked for and the eigenvalue is known not to be zero.
+    together : int
+        Number of eigenvalues in its disc: these are not told apart.
     """
 
     value: complex
@@ -62,6 +65,7 @@ class Eigenvalue:
     whirl: str = field(default="", compare=False)
     name: str = field(default="", compare=False)
     energy: EnergyBalance | None = field(default=None, compare=False, repr=False)
+    together: int = field(default=1, compare=False)
 
     @property
     def significant(self) -> complex:

@@ -442,7 +442,8 @@ class CriticalValues(Branches):
     def _signatures(self, value: float, stable: float, frequency: float) -> tuple[int, int] | None:
         """Return the signs of the energies ω² x̄ᵀM x + x̄ᵀK x of the modes that meet, where they are apart.
 
-        There are such energies where forces have a potential: K symmetric and R antisymmetric.
+        There are such energies where the equations are those of a Hamiltonian system: K symmetric and R
+        antisymmetric on the motions that the rows allow, and no row on speeds that changes along them.
         """
         near = value + float(
             np.clip(stable - value, -TOLERANCES.collision_side * self.width, TOLERANCES.collision_side * self.width)
@@ -451,8 +452,12 @@ class CriticalValues(Branches):
             values, shapes, linear = self.evaluator.modes({self.parameter: near})
         except MbstabError:
             return None
+        if np.max(np.abs(linear.D_q), initial=0.0) > TOLERANCES.potential_misfit * frequency * np.max(
+            np.abs(linear.J[linear.n_h :]), initial=0.0
+        ):
+            return None
         spaces = linear.motion.spaces
-        N = spaces.scale[:, None] * spaces.N
+        N = spaces.scale[:, None] * spaces.allowed
         K, R = N.T @ linear.K @ N, N.T @ linear.R @ N
         if np.max(np.abs(K - K.T)) > TOLERANCES.potential_misfit * np.max(np.abs(K)) or np.max(
             np.abs(R + R.T)

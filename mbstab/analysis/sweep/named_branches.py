@@ -8,6 +8,7 @@ arises from two branches has the names of both.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -43,7 +44,7 @@ def with_names(model: Model, result: EigenResult) -> EigenResult:
     values = _values(result)
     carried, notes = _carried(model, values, result)
     names = iter(paired(carried, values))
-    listed = [replace(e, name=next(names) if e.vector is not None else "") for e in result.eigenvalues]
+    listed = [replace(e, name="" if math.isnan(e.error_bound) else next(names)) for e in result.eigenvalues]
     return replace(result, eigenvalues=listed, warnings=(*result.warnings, *notes))
 
 
@@ -61,7 +62,7 @@ def with_branch_names(model: Model, result: Sweep) -> Sweep:
 
 
 def _values(result: EigenResult) -> Complex:
-    return np.array([e.value for e in result.eigenvalues if e.vector is not None], dtype=complex)
+    return np.array([e.value for e in result.eigenvalues if not math.isnan(e.error_bound)], dtype=complex)
 
 
 def _carried(model: Model, values: Complex, known: EigenResult | None = None) -> tuple[list[str], list[str]]:
