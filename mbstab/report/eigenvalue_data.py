@@ -38,7 +38,7 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     with a ``multiplier``), the keys of `verdict_data`, ``eigenvalues`` (``real`` and ``imag`` in 1/s,
     ``kind``, ``frequency`` in Hz, ``damping_ratio``, ``time_to_double`` and ``time_to_half`` in s,
     ``error_bound`` in 1/s, ``condition``, ``backward_error``, ``participation``, ``vector``, ``motions``, ``whirl``,
-    ``energy``, ``name``, ``together``), ``coordinates`` (their names and units, in the order of the vectors), ``counts``
+    ``energy``, ``name``, ``together``), ``coordinates`` (names and units, in the order of the vectors), ``counts``
     (`mbstab.analysis.spectrum.results.Counts`), ``neutral_directions`` (what the neutral eigenvalues belong to, in
     words, whatever the verdict), ``warnings``. A ``vector`` has ``magnitude`` (m or rad) and
     ``phase`` (rad) of each coordinate; the one that moves most, lengths relative to the size of the scene,

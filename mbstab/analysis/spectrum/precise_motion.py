@@ -202,7 +202,10 @@ def _balanced(f: Refining, balance: Balance, at: State, system: System) -> tuple
     for i in others(system.n_q, open_):
         fixed[i] = scene.coordinates[names[i]] + f.zero
     rates = f.exact([scene.rates[names[i]] for i in balance.given])
-    inverse = np.linalg.pinv(balance.jacobian(at), rcond=TOLERANCES.sharpened_slope)
+    jacobian = balance.jacobian(at)
+    held = _held(jacobian, len(open_))
+    moved = others(jacobian.shape[1], held)
+    inverse = np.linalg.pinv(jacobian[:, moved], rcond=TOLERANCES.sharpened_slope)
 
     def unpacked(x: Matrix) -> tuple[Matrix, Generator]:
         q, c = fixed.copy(), f.exact(at.c)
@@ -227,10 +230,15 @@ def _balanced(f: Refining, balance: Balance, at: State, system: System) -> tuple
             ]
         return f.exact(np.concatenate(parts))
 
+    def placed(y: Matrix) -> Matrix:
+        x = first.copy()
+        x[moved] = y
+        return x
+
     nu = at.nu[rows] * lengths / balance.energy
     first = f.exact(np.concatenate([at.q[open_] / sizes[open_], at.c[free] / balance.speed, nu]))
     try:
-        x = f.polished(first, lambda x: -f.applied(inverse, residual(x)), 1.0)
+        x = placed(f.polished(first[moved], lambda y: -f.applied(inverse, residual(placed(y))), 1.0))
     except Stalled as stalled:
         raise EquilibriumError(
             f"{scene.model.reference.location}: reference: Newton's method does not sharpen the solution of double "
@@ -238,6 +246,23 @@ def _balanced(f: Refining, balance: Balance, at: State, system: System) -> tuple
             "hint: at a critical position the solution is a multiple one; move a parameter away from it"
         ) from None
     return unpacked(x)
+
+
+def _held(jacobian: Array, count: int) -> list[int]:
+    """Return coordinates, among the first `count` unknowns, that equations with a singular slope do not determine.
+
+    They keep their values, so that the others come out with all digits: at a critical position the equations may hold
+    exactly, and only then their residuals vanish.
+    """
+    _, s, right = np.linalg.svd(jacobian)
+    null = right[int(np.sum(s > TOLERANCES.sharpened_slope * np.max(s, initial=0.0))) :, :count]
+    if not null.size:
+        return []
+    from scipy.linalg import qr
+
+    _, R, order = qr(null, mode="economic", pivoting=True)
+    sizes = np.abs(np.diag(R))
+    return [int(k) for k, size in zip(order, sizes, strict=False) if size > TOLERANCES.sharpened_coordinate]
 
 
 def _assembled(f: Refining, start: Start, system: System) -> Matrix:
