@@ -30,7 +30,7 @@ from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.neutral import orthonormal
-from mbstab.compiler.system import Dynamics, System
+from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
@@ -203,8 +203,7 @@ def _balanced(f: Refining, balance: Balance, at: State, system: System) -> tuple
         fixed[i] = scene.coordinates[names[i]] + f.zero
     rates = f.exact([scene.rates[names[i]] for i in balance.given])
     jacobian = balance.jacobian(at)
-    held = _held(jacobian, len(open_))
-    moved = others(jacobian.shape[1], held)
+    moved = others(jacobian.shape[1], _held(jacobian, len(open_)))
     inverse = np.linalg.pinv(jacobian[:, moved], rcond=TOLERANCES.sharpened_slope)
 
     def unpacked(x: Matrix) -> tuple[Matrix, Generator]:
@@ -230,13 +229,14 @@ def _balanced(f: Refining, balance: Balance, at: State, system: System) -> tuple
             ]
         return f.exact(np.concatenate(parts))
 
+    nu = at.nu[rows] * lengths / balance.energy
+    first = f.exact(np.concatenate([at.q[open_] / sizes[open_], at.c[free] / balance.speed, nu]))
+
     def placed(y: Matrix) -> Matrix:
         x = first.copy()
         x[moved] = y
         return x
 
-    nu = at.nu[rows] * lengths / balance.energy
-    first = f.exact(np.concatenate([at.q[open_] / sizes[open_], at.c[free] / balance.speed, nu]))
     try:
         x = placed(f.polished(first[moved], lambda y: -f.applied(inverse, residual(placed(y))), 1.0))
     except Stalled as stalled:
