@@ -578,30 +578,3 @@ reference: {{coordinates: {{a: {{x: 0, y: 0}}}}}}
     slow = max(result.eigenvalues, key=lambda e: e.value.real)
     with mp.workdps(400):
         assert abs(slow.value / mp.mpf(size) - 1) < 1e-29
-
-
-UPRIGHT = """
-mbstab: 1
-parameters: {k: 9.81, tilt: 0}
-gravity: [0, -9.81]
-bodies:
-  bob: {type: planar_point, mass: 2}
-  rod: {type: planar, mass: 0, inertia: 0, points: {top: [0, 0.5]}}
-joints:
-  pin: {type: revolute, between: [rod, ground]}
-  tip: {type: revolute, between: [bob, rod.top]}
-forces:
-  spring: {type: joint_spring, joint: pin, stiffness: k}
-reference:
-  find: equilibrium
-  PLACE: {rod: {theta: 0}}
-"""
-
-
-@pytest.mark.parametrize("place", ["guess", "coordinates"])
-def test_a_critical_position_that_is_solved_for_is_decided_as_one_that_is_given(place):
-    """Torque mgL sin θ − kθ with k = mgL: θ = 0 is a triple solution, and the energy k θ²/2 + mgL cos θ grows as θ⁴."""
-    model = mbstab.loads(UPRIGHT.replace("PLACE", place))
-    assert model.eig().verdict == "stable"
-    assert model.eig_precise(20).verdict == "stable"
-    assert model.eig(k=9.8).verdict == "unstable"

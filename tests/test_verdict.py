@@ -7,6 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+import mbstab
 from mbstab.analysis.verdict.rule import (
     ASYMPTOTIC,
     ASYMPTOTIC_UP_TO,
@@ -156,3 +157,43 @@ def test_sizes_in_sentences(x):
     assert "0.0e" not in amount(x)
     assert amount(1.24e-5) == "1.2e-05"
     assert (percent(0.0), percent(1.23e-9), percent(0.25)) == ("0.0%", "1.2e-07%", "25.0%")
+
+
+UPRIGHT = """
+mbstab: 1
+parameters: {k: 9.81, tilt: 0}
+gravity: [0, -9.81]
+bodies:
+  bob: {type: planar_point, mass: 2}
+  rod: {type: planar, mass: 0, inertia: 0, points: {top: [0, 0.5]}}
+joints:
+  pin: {type: revolute, between: [rod, ground]}
+  tip: {type: revolute, between: [bob, rod.top]}
+forces:
+  spring: {type: joint_spring, joint: pin, stiffness: k}
+reference:
+  find: equilibrium
+  PLACE: {rod: {theta: 0}}
+"""
+
+
+@pytest.mark.parametrize("place", ["guess", "coordinates"])
+def test_a_critical_position_that_is_solved_for_is_decided_as_one_that_is_given(place):
+    """Torque mgL sin θ − kθ with k = mgL: θ = 0 is a triple solution, and the energy k θ²/2 + mgL cos θ grows as θ⁴."""
+    model = mbstab.loads(UPRIGHT.replace("PLACE", place))
+    assert model.eig().verdict == "stable"
+    assert model.eig_precise(20).verdict == "stable"
+    assert model.eig(k=9.8).verdict == "unstable"
+
+
+@pytest.mark.parametrize(("damping", "kinds"), [(0, ["critical"] * 2), (1, ["stable node", "critical"])])
+def test_zeros_that_nonlinear_terms_judge_are_critical_and_not_neutral(damping, kinds):
+    text = UPRIGHT.replace("PLACE", "coordinates").replace("stiffness: k", f"stiffness: k, damping: {damping}")
+    result = mbstab.loads(text).eig()
+    assert [e.kind for e in result.eigenvalues] == kinds
+    assert (result.counts.neutral, result.counts.critical) == (0, kinds.count("critical"))
+    assert result.modulo.names == ()
+    why = " ".join(result.reasons)
+    assert ("damping takes energy" in why) == bool(damping) == (result.verdict == "asymptotically stable")
+    precise = mbstab.loads(text).eig_precise(20)
+    assert sorted(e.kind for e in precise.eigenvalues) == sorted(kinds)

@@ -38,7 +38,7 @@ _OPTIONS = (
         "path",
         type=click.Path(dir_okay=False, path_type=Path),
         metavar="FILE",
-        help="Write a moving picture, .gif or .mp4 (with ffmpeg), as fast as the motion is.",
+        help="Write a moving picture, .gif or .mp4 (with ffmpeg), in real time.",
     ),
     click.option("--fps", type=float, help="Frames per second; 25 if not given."),
     click.option("--speed", type=float, help="Seconds of the motion in a second, such as 0.1 for slow motion."),

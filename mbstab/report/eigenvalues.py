@@ -83,7 +83,9 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
     rows = []
     largest = max((abs(e.value) for e, _ in shown), default=0.0)
     for e, multiplicity in shown:
-        if e.kind == "neutral":
+        if e.kind == "critical":
+            rows.append(["0", "-", "-", "-", "-", f"critical, {multiplicity}×"])
+        elif e.kind == "neutral":
             value = f"0 ± {abs(e.value.imag):.10g}i" if _goes_round(result, e) else _neutral_value(result)
             rows.append([value, "-", "-", "-", "-", f"neutral, {multiplicity}×"])
         elif e.kind == "undecided" and abs(e.value) <= e.error_bound < ZERO * largest:
@@ -133,13 +135,14 @@ def _spread(result: EigenResult) -> float:
 
 
 def _pairs(result: EigenResult) -> list[tuple[Eigenvalue, int]]:
-    """Return one of each conjugate pair, and the neutral ones as one entry with their number."""
+    """Return one of each conjugate pair, and the critical and the neutral ones as one entry each with their number."""
     found = result.eigenvalues
-    shown: list[tuple[Eigenvalue, int]] = [(e, 1) for e in found if e.kind != "neutral" and e.value.imag >= 0.0]
+    shown: list[tuple[Eigenvalue, int]] = [(e, 1) for e in found if not e.exact and e.value.imag >= 0.0]
+    critical = [e for e in found if e.kind == "critical"]
     neutral = [e for e in found if e.kind == "neutral"]
     turning = [e for e in neutral if _goes_round(result, e)]
     zeros = [e for e in neutral if e not in turning]
-    return shown + [(group[0], len(group)) for group in (turning, zeros) if group]
+    return shown + [(group[0], len(group)) for group in (critical, turning, zeros) if group]
 
 
 def _goes_round(result: EigenResult, e: Eigenvalue) -> bool:
@@ -191,8 +194,9 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
     c = result.counts
     rows = f"{counted(c.n_q, 'coordinate')}, {counted(c.n_holonomic, 'holonomic row')} (rank {c.rank_holonomic})"
     rows += f", {counted(c.n_nonholonomic, 'nonholonomic row')} (rank {c.rank_nonholonomic})"
-    found = f"{c.expected} expected, {c.found} found, {c.neutral} of them neutral; method {result.method}"
-    lines = [rows, f"finite eigenvalues: {found}"]
+    critical = f", {c.critical} critical" if c.critical else ""
+    found = f"{c.expected} expected, {c.found} found, {c.neutral} of them neutral{critical}; method {result.method}"
+    lines = [rows, *wrap(f"finite eigenvalues: {found}", width=WIDTH, subsequent_indent="  ")]
     if c.massless:
         lines += wrap(f"without mass: {'; '.join(c.massless)}", width=WIDTH, subsequent_indent="  ")
     if c.counted:

@@ -154,12 +154,12 @@ def verify(
         As `mbstab.analysis.spectrum.eigenvalues.answer`.
     """
     result = answer(system, frozen=frozen, digits=digits)
-    modes = [e for e in result.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
+    modes = [e for e in result.eigenvalues if not e.exact and e.value.imag >= 0.0]
     motion = reference_motion(system, massless=True)
     frame = _frame(system, motion)
     # Unexplained zeros cannot be told from neutral eigenvalues: all of them are tested together. Those that are
     # known to a bound only are taken as 0; the others are known exactly by structure.
-    still = [e for e in result.eigenvalues if e.kind == "neutral" or _zero(e)]
+    still = [e for e in result.eigenvalues if e.exact or _zero(e)]
     exact = [e.value if math.isnan(e.error_bound) else 0j for e in still]
     count = len(exact)
     if isinstance(frame, str):

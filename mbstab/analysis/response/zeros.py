@@ -219,12 +219,12 @@ class TransferZeros:
         self.exact = exact
         found = eigenvalues(exact.model.linear).eigenvalues
         values = np.array([e.value for e in found], dtype=complex)
-        self.axis = np.array([e.value for e in found if e.kind in ("center", "neutral")], dtype=complex)
-        zero = np.array([e.kind == "neutral" for e in found]) & (
+        self.axis = np.array([e.value for e in found if e.exact or e.kind == "center"], dtype=complex)
+        zero = np.array([e.exact for e in found]) & (
             np.abs(values) <= BOUNDS.slow_eigenvalue * np.max(np.abs(values), initial=0.0)
         )
         self.poles = np.where(zero, 0.0, values)
-        self.bounds = np.array([0.0 if e.kind == "neutral" else e.error_bound for e in found])
+        self.bounds = np.array([0.0 if e.exact else e.error_bound for e in found])
         self._known: dict[complex, tuple[Complex, Array, Complex]] = {}
 
     def of(self, channel: Channel, shift: float = 0.0) -> Zeros:

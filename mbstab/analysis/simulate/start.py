@@ -236,7 +236,7 @@ def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
     from mbstab.analysis.linear.linearize import linearize, state_space
     from mbstab.analysis.spectrum.eigenvalues import answer
 
-    listed = [e for e in answer(system).eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
+    listed = [e for e in answer(system).eigenvalues if not e.exact and e.value.imag >= 0.0]
     if not 1 <= number <= len(listed):
         count = "is 1" if len(listed) == 1 else f"are {len(listed)}"
         raise UsageError(f"no mode {number}: there {count} to choose from, as mbstab eig lists them")

@@ -101,13 +101,14 @@ def _result(
             listed.append(_eigenvalue(placed, i, kind, modes, len(members)))
     listed = with_saddles(listed)
     listed += [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in neutral]
-    listed.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
+    listed.sort(key=lambda e: (e.exact, -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
     besides = found or Found(np.zeros(0, dtype=complex), np.zeros((0, 0), dtype=complex))
     light = linear.massless
     counts = Counts(
         linear.M.shape[0], grounds.system.n_h, grounds.system.n_n, spaces.C.rank, spaces.W.rank, linear.n_f,
         len(listed), sum(e.kind == "neutral" for e in listed), besides.infinite, besides.undefined, besides.extra,
         besides.extra_error, massless=() if light is None else light.names,
+        critical=sum(e.kind == "critical" for e in listed),
     )  # fmt: skip
     frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
     shifts = tuple(s.imag for s in grounds.separated.frequencies() if s.imag > 0.0)
@@ -123,8 +124,8 @@ def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
     form = "focus" if s.imag else "node"
     if disc.side in ("left", "right"):
         return ("un" if disc.side == "right" else "") + f"stable {form}"
-    if verdict.at_zero and disc.holds_zero:
-        return "neutral"
+    if verdict.zeros and disc.holds_zero:
+        return verdict.zeros
     # Where a conserved energy has a minimum, all eigenvalues lie on the axis.
     held = verdict.word in (STABLE, STABLE_UP_TO) and grounds.structure.work.conserved
     if (disc.side == "axis" or held) and s.imag:
@@ -305,7 +306,7 @@ def _of_large(system: System, digits: ManyDigits | None) -> EigenResult | None:
     if found is None:
         return None
     # Many of which nothing can be said are no clearer with dense matrices, which take minutes for them.
-    vague = sum(e.kind == "undecided" or e.error_bound == math.inf for e in found.eigenvalues if e.kind != "neutral")
+    vague = sum(e.kind == "undecided" or e.error_bound == math.inf for e in found.eigenvalues if not e.exact)
     settled = found.verdict != UNDECIDED and not any(e.error_bound == math.inf for e in found.eigenvalues)
     return found if settled or not affordable or vague > TOLERANCES.vague_looked_at_again else None
 
@@ -315,7 +316,7 @@ def inexact(found: list[Eigenvalue], remedy: str = "; --precision gives more dig
     few = [
         e
         for e in found
-        if e.kind != "neutral"
+        if not e.exact
         and e.value.imag >= 0.0
         and TOLERANCES.relative_bound_warned * abs(e.value) < e.error_bound < abs(e.value)
     ]

@@ -137,10 +137,10 @@ def _subject(system: System, force: bool) -> _Subject | Linearization:
 
 def _of_all(found: EigenResult, count: int, near: complex, rightmost: bool) -> EigenResult:
     """Return some of all eigenvalues, and the verdict about all."""
-    upper = [e for e in found.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
+    upper = [e for e in found.eigenvalues if not e.exact and e.value.imag >= 0.0]
     upper.sort(key=lambda e: -e.value.real if rightmost else abs(e.value - complex(near.real, abs(near.imag))))
     kept = [e.value for e in upper[:count]]
-    listed = [e for e in found.eigenvalues if e.kind == "neutral" or complex(e.value.real, abs(e.value.imag)) in kept]
+    listed = [e for e in found.eigenvalues if e.exact or complex(e.value.real, abs(e.value.imag)) in kept]
     decided = all(e.kind != "undecided" for e in found.eigenvalues)
     right = sum(e.value.real > e.error_bound for e in found.eigenvalues) if decided else None
     counts = replace(found.counts, unstable_proven=right, counted="all eigenvalues were computed")
@@ -220,7 +220,7 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
             listed.append(replace(e, value=disc.centre.conjugate(), vector=other, motions=telling.told(other)))
     listed = with_saddles(listed)
     listed += [Eigenvalue(0j, "neutral", math.nan, math.nan, math.nan) for _ in range(neutral)]
-    listed.sort(key=lambda e: (e.kind == "neutral", -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
+    listed.sort(key=lambda e: (e.exact, -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
     counts = Counts(
         equations.n_q, subject.n_holonomic, subject.n_nonholonomic, *subject.ranks, equations.n_f, total,
         neutral, 0, 0, unstable_proven=number.right, counted=number.how,

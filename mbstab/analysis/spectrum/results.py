@@ -26,7 +26,8 @@ class Eigenvalue:
     value : complex (1/s)
     kind : str
         ``stable node``, ``unstable node``, ``saddle``, ``stable focus``, ``unstable focus``,
-        ``center``, ``neutral`` (zero), or ``undecided``.
+        ``center``, ``neutral`` (explained by a symmetry or a family), ``critical`` (zero, judged by nonlinear terms),
+        or ``undecided``.
     error_bound : float (1/s)
         Radius of the disc that contains it; nan for neutral eigenvalues, which are exact by structure.
     condition, backward_error : float
@@ -68,11 +69,18 @@ class Eigenvalue:
     together: int = field(default=1, compare=False)
 
     @property
+    def exact(self) -> bool:
+        """Whether it is known exactly, so that it has no digits of its own: neutral, or a critical zero."""
+        return self.kind in ("neutral", "critical")
+
+    @property
     def significant(self) -> complex:
         """The value (1/s); of a center and of what is undecided without the parts that may be zero."""
         real, imag = self.value.real, self.value.imag
         if self.kind == "center":
             return complex(0.0, imag)
+        if self.kind == "critical":
+            return 0j
         if self.kind != "undecided":
             return self.value
         return complex(*(x if abs(x) > self.error_bound else 0.0 for x in (real, imag)))
@@ -84,13 +92,13 @@ class Eigenvalue:
 
     @property
     def damping_ratio(self) -> float:
-        """−Re s/|s|, nan for a neutral eigenvalue."""
-        return -self.value.real / abs(self.value) if self.kind != "neutral" and self.value else math.nan
+        """−Re s/|s|, nan for a neutral or critical eigenvalue."""
+        return -self.value.real / abs(self.value) if not self.exact and self.value else math.nan
 
     @property
     def time_to_double(self) -> float:
         """Time in which a disturbance doubles (s); negative: time in which it halves; inf if it does neither."""
-        if self.kind in ("center", "neutral") or self.value.real == 0.0:
+        if self.exact or self.kind == "center" or self.value.real == 0.0:
             return math.inf
         return math.log(2.0) / self.value.real
 
@@ -123,6 +131,8 @@ class Counts:
         a few are computed. None: not counted.
     counted : str
         How they are counted, or why not; empty: not requested.
+    critical : int
+        Number of critical zeros.
     massless : tuple of str
         Directions without mass: algebraic ones, which take two from `expected`, and those of first order, which take
         one.
@@ -143,6 +153,7 @@ class Counts:
     unstable_proven: int | None = None
     counted: str = ""
     massless: tuple[str, ...] = ()
+    critical: int = 0
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -191,5 +202,5 @@ class EigenResult(Judged):
     neutral_directions: tuple[str, ...] = ()
 
     def values(self) -> Complex:
-        """Return the eigenvalues that are not neutral, shape (n,)."""
-        return np.array([e.value for e in self.eigenvalues if e.kind != "neutral"], dtype=complex)
+        """Return the eigenvalues that are neither neutral nor critical, shape (n,)."""
+        return np.array([e.value for e in self.eigenvalues if not e.exact], dtype=complex)

@@ -215,11 +215,11 @@ def _unfollowed(start: Start, system: System, point: Point, f: Slopes, values: A
 
 def _differentiated(result: EigenResult, vectors: _Vectors, slopes: Array, kink: str) -> list[Derivatives]:
     """Return the derivatives of all eigenvalues that are not neutral; with a kink there are none."""
-    listed = [e for e in result.eigenvalues if e.kind != "neutral"]
-    neutral = [e.value for e in result.eigenvalues if e.kind == "neutral"]
+    listed = [e for e in result.eigenvalues if not e.exact]
+    neutral = [e.value for e in result.eigenvalues if e.exact]
     count, found = len(slopes), []
     for number, e in enumerate(result.eigenvalues):
-        if e.kind == "neutral" or e.value.imag < 0.0:
+        if e.exact or e.value.imag < 0.0:
             continue
         missing = kink or _multiple(e, listed, neutral)
         derivative, error = np.full(count, math.nan + 0j), np.full(count, math.nan)

@@ -107,9 +107,11 @@ def critical_zero(
     if by_energy:
         if k % 2 and sign > 0:
             word = STABLE_UP_TO if neutral else STABLE
+            why = f"{grows} and brings the motion back: the energy has a strict minimum there"
             if others_decay and count == 1:
                 word = ASYMPTOTIC_UP_TO if neutral else ASYMPTOTIC
-            return Critical(word, f"{grows} and brings the motion back: the energy has a strict minimum there")
+                why += ", and damping takes energy from every motion"
+            return Critical(word, why)
         return Critical(UNSTABLE, f"{grows} and does not bring the motion back: the energy has no minimum there")
     yielding = _yielding(structure, separated, line.measure, direction)
     if yielding is None:

@@ -24,7 +24,7 @@ from mbstab.analysis.verdict.neutral import Separated, Structure, complement, dr
 from mbstab.analysis.verdict.rule import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
-from mbstab.errors import MbstabError
+from mbstab.errors import MbstabError, counted
 
 
 def family(structure: Structure, found: Separated, count: int) -> Neutral | None:
@@ -60,7 +60,8 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     T = orthonormal([*symmetries.T, *null.T], n)
     wider = replace(found, T=T, L=np.zeros((0, n)), B=complement(T))
     checked = f"motions of the same kind were found {TOLERANCES.family_reach:g} of the size of the scene to all sides"
-    name = f"motions of the same kind nearby ({size - known} more direction{'s' if size - known > 1 else ''})"
+    directions = counted(size - known, "more direction" if known else "direction")
+    name = f"motions of the same kind nearby ({directions})"
     return Neutral(
         found.neutral.symmetries, (*found.neutral.family, name), T.shape[1], drift_of(wider), "numerical", checked
     )

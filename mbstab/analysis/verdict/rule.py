@@ -7,7 +7,7 @@ verified symmetries and families of steady motions, and A_⊥ the quotient of A 
 1.  unstable: a disc that contains at least one eigenvalue lies right of the imaginary axis
     (Lyapunov 1892);
 2.  asymptotically stable: all eigenvalues lie left of it (Lyapunov 1892);
-3.  asymptotically stable up to symmetry: those of A_⊥ lie left of it (Lyapunov and Malkin 1952; Fenichel
+3.  asymptotically stable up to symmetry: those of A_⊥ lie left of it (Lyapunov 1892, Malkin 1952; Fenichel
     1971; Krupa 1990);
 4.  stable, possibly up to symmetry: a function that never increases has a strict minimum, modulo
     the symmetries and at the given momenta (Lagrange, Dirichlet, Routh; Simo, Lewis, Marsden
@@ -50,6 +50,7 @@ from mbstab.records import dataclass
 
 Side = Literal["left", "right", "axis", "open"]
 Evidence = Literal["structural", "enclosed", "numerical"]
+Zeros = Literal["", "neutral", "critical"]
 
 LINEAR = "up to symmetries the equations are linear and no solution of theirs grows: motions nearby stay near"
 NONLINEAR = "whether disturbances stay small in the long run is up to nonlinear terms"
@@ -281,9 +282,9 @@ class Verdict:
     evidence : str
         The weakest fact it rests on: ``structural``, ``enclosed`` or ``numerical``.
     warnings : tuple of str
-    at_zero : bool
-        Whether eigenvalues that cannot be told from zero are zero: a family of motions explains
-        them, or they are critical.
+    zeros : str
+        What eigenvalues that cannot be told from zero are: ``neutral``, explained by a family of motions, or
+        ``critical``, zeros that nonlinear terms judge; empty: they are not known to be zero.
     """
 
     word: str
@@ -293,7 +294,7 @@ class Verdict:
     in_place: bool | None = None
     evidence: Evidence = "numerical"
     warnings: tuple[str, ...] = ()
-    at_zero: bool = False
+    zeros: Zeros = ""
 
     @property
     def modulo(self) -> Modulo:
@@ -420,7 +421,7 @@ def judge(facts: Facts) -> Verdict:
         return _critical(facts, critical)
     if all(d.holds_zero for d in rest) and (wider := facts.family(zeros)) is not None:
         left_over = tuple(d for d in facts.discs if d not in rest)
-        return replace(judge(replace(facts, discs=left_over, neutral=wider, minimum=lambda: None)), at_zero=True)
+        return replace(judge(replace(facts, discs=left_over, neutral=wider, minimum=lambda: None)), zeros="neutral")
     return Verdict(UNDECIDED, tuple(_unplaced(d, facts) for d in rest if d.centre.imag >= 0.0), warnings=facts.warnings)
 
 
@@ -529,7 +530,8 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
     in_place = critical.verdict in (ASYMPTOTIC, STABLE) or staying
     return Verdict(
         critical.verdict, (reason,), neutral.symmetries if up_to else (), family if up_to else (),
-        True if in_place else None, critical.evidence, facts.warnings, at_zero=True,
+        True if in_place else None, critical.evidence, facts.warnings,
+        zeros="neutral" if critical.family else "critical",
     )  # fmt: skip
 
 

@@ -334,7 +334,7 @@ def _drawn(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:
     def modes() -> Any:
         from mbstab.report.animation.stills import mode_stills
 
-        listed = [e for e in result.eigenvalues if e.kind != "neutral" and e.value.imag >= 0.0]
+        listed = [e for e in result.eigenvalues if not e.exact and e.value.imag >= 0.0]
         shaped = [(k, e) for k, e in enumerate(listed, 1) if e.vector is not None][:MOST_SHAPES]
         swings = [mechanism.swing(number, 4) for number, _ in shaped]
         return mode_stills(mechanism.system(), [e for _, e in shaped], swings, mechanism.model.title)

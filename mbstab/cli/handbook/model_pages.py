@@ -109,7 +109,7 @@ def _compared(mechanism: Mechanism) -> list[str]:
             continue
         given = {name: x.text for name, x in entry.at.items()}
         there = mechanism.at(**given)
-        found = [e.value for e in there.eig(frozen=entry.frozen).eigenvalues if e.kind != "neutral"]
+        found = [e.value for e in there.eig(frozen=entry.frozen).eigenvalues if not e.exact]
         where = ", ".join(f"{name} = {text}" for name, text in given.items()) + (" frozen" if entry.frozen else "")
         for expected in expected_eigenvalues(there.model, entry):
             nearest = min(found, key=lambda s: abs(s - expected))

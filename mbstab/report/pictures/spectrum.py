@@ -48,6 +48,7 @@ MARKERS = {
     "grows": ("s", INK[1], INK[1]),
     "on the axis": ("D", "w", INK[0]),
     "undecided": ("o", "w", INK[0]),
+    "critical": ("P", INK[1], INK[1]),
     "neutral": ("x", INK[0], INK[0]),
 }
 """Marker, face and edge by what an eigenvalue says."""
@@ -60,7 +61,7 @@ def spectrum(result: EigenResult, title: str) -> Figure:
     """
     with house_style():
         figure, (axes,) = titled_figure(title, heights=(5.0,), above=0.18)
-        listed = [e for e in result.eigenvalues if e.kind != "neutral"]
+        listed = [e for e in result.eigenvalues if not e.exact]
         if result.period is None:
             values = np.array([e.value for e in result.eigenvalues], dtype=complex)
             handles = _plane(axes, values, [e for e in listed if e.value.imag])
@@ -77,7 +78,7 @@ def spectrum(result: EigenResult, title: str) -> Figure:
                     "markersize": 6.5,
                 }
                 axes.plot(values[own].real, values[own].imag, marker, **style, zorder=5)
-                text = f"{said}, {len(own)}×" if said == "neutral" else said
+                text = f"{said}, {len(own)}×" if said in ("neutral", "critical") else said
                 text = text.replace("axis", "axis" if result.period is None else "circle")
                 handles.append(Line2D([], [], marker=marker, **style, label=text))
         for e, value in zip(result.eigenvalues, values.tolist(), strict=True):
@@ -98,7 +99,7 @@ def spectrum(result: EigenResult, title: str) -> Figure:
 
 def _said(e: Eigenvalue, periodic: bool) -> str:
     """Return what an eigenvalue says, a key of `MARKERS`."""
-    if e.kind in ("neutral", "undecided"):
+    if e.exact or e.kind == "undecided":
         return e.kind
     if e.kind == "center":
         return "on the axis"
