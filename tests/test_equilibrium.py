@@ -417,6 +417,67 @@ reference:
 """
 
 
+STRETCHED = """
+mbstab: 1
+gravity: {gravity}
+ground: {{points: {{D: [0, -0.7]}}}}
+bodies:
+  a: {{type: planar, mass: 1, shape: {{type: rod, length: 0.1}}, points: {{l: [-0.05, 0], r: [0.05, 0]}}}}
+  b: {{type: planar, mass: 2, shape: {{type: rod, length: 0.25}}, points: {{l: [-0.125, 0], r: [0.125, 0]}}}}
+  c: {{type: planar, mass: 1, shape: {{type: rod, length: 0.35}}, points: {{l: [-0.175, 0], r: [0.175, 0]}}}}
+joints:
+  A: {{type: revolute, between: [a.l, ground]}}
+  B: {{type: revolute, between: [a.r, b.l]}}
+  C: {{type: revolute, between: [b.r, c.l]}}
+  D: {{type: revolute, between: [c.r, ground.D]}}
+reference:
+  find: equilibrium
+  guess: {{a: {{theta: -pi/2 + {off}}}, b: {{theta: -pi/2 - {off}}}, c: {{theta: -pi/2 + {off}/2}}}}
+"""
+
+
+@pytest.mark.parametrize("gravity", ["[0, 0]", "[0, -9.81]", "[9.81, 0]"])
+@pytest.mark.parametrize("off", [0, 0.03, 0.4])
+def test_a_linkage_that_is_stretched_out_is_singular_and_not_out_of_balance(gravity, off):
+    with pytest.raises((EquilibriumError, ConstraintError)) as caught:
+        mbstab.loads(STRETCHED.format(gravity=gravity, off=off)).eig()
+    # Stretched out across the weight, it has no balance.
+    left = re.search(r"at best, (\S+) N", str(caught.value))
+    assert float(left[1]) > 1.0 if left else "singular" in str(caught.value)
+
+
+def test_a_held_coordinate_that_contradicts_a_joint_is_named_with_the_gap():
+    """The plane of the thrust bearing tilts with the rotor, which sags more on one side: z of its middle is not 0."""
+    text = """
+mbstab: 1
+gravity: [0, -9.81, 0]
+ground: {points: {A: [0, 0, -0.55], B: [0, 0, 0.85]}}
+bodies:
+  rotor: {type: spatial, mass: 900, inertia: [210, 210, 45], points: {A: [0, 0, -0.55], B: [0, 0, 0.85]}}
+joints: {thrust: {type: point_on_plane, between: [rotor, ground], axis: z}}
+forces:
+  A: {type: rotor_bearing, between: [rotor.A, ground.A], kxx: 3e7, kyy: 3e7}
+  B: {type: rotor_bearing, between: [rotor.B, ground.B], kxx: 3e7, kyy: 3e7}
+reference:
+  find: steady
+  steady: {axis: z, rate: 0}
+  coordinates: {rotor: {z: 0, psi: 0}}
+  rates: {rotor: {psi: 300}}
+"""
+    message = failure(text)
+    # y = -m g/2k - (b - a)/2 tan(tilt), tilt = m g (b - a)/(k (a + b)²) with a + b = 1.4 m: the gap is y sin(tilt).
+    tilt = math.atan(900 * 9.81 * 0.3 / (3e7 * 1.4**2) / 1.0)
+    sag = 900 * 9.81 / 6e7 + 0.15 * math.tan(tilt)
+    found = re.search(
+        r"forces balance, but joint 'thrust' \(in plane v1\) is not satisfied: \S+ \S+ is (\S+) m", message
+    )
+    assert found, message
+    assert abs(float(found[1])) == pytest.approx(sag * math.sin(tilt), rel=0.01)
+    assert "hint: leave out rotor.z, which is given" in message
+    state, _ = only(text.replace("[rotor, ground]", "[ground, rotor]"))
+    assert state["rotor.y"] == pytest.approx(-sag, rel=1e-6)
+
+
 def test_a_four_bar_linkage_with_all_links_in_a_line_is_refused_by_its_joints():
     message = failure(CHANGE_POINT, ConstraintError)
     assert "singular configuration" in message

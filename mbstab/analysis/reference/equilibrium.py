@@ -24,23 +24,21 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.efforts import Acted, Placement, efforts
 from mbstab.analysis.reference.equations import Balance, State
+from mbstab.analysis.reference.failure import STRATEGIES, Failure, excess
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.guard import coefficients
-from mbstab.analysis.reference.imbalance import force_change, state_rounding
+from mbstab.analysis.reference.imbalance import state_rounding
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.newton import Search, Stalled, newton_step
 from mbstab.analysis.reference.reactions import Reaction, reactions
-from mbstab.analysis.reference.refusals import inertias_too_far_apart
 from mbstab.analysis.reference.rotation import orientation
-from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected, not_round
+from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected
 from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
-from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, UsageError, counted
-from mbstab.model.schema import is_angle, is_length, unit_of
+from mbstab.errors import MbstabError, ModelFileError, UsageError
+from mbstab.model.schema import is_angle
 from mbstab.records import dataclass
-
-STRATEGIES = ("Newton", "relaxation", "spin-up")
 
 
 @dataclass(frozen=True)
@@ -212,17 +210,18 @@ class Problem:
             with np.errstate(all="ignore"):
                 at, strategy = search.solve(start, c, allowed)
         except Stalled as stalled:
-            raise self._failure(search, stalled.state) from None
+            raise Failure(self, search).error(stalled.state) from None
         at = _tidied(search, at)
         finder = Finder(self.system, self.massless)
         finder.solved = [name for name, held in zip(self.system.names, self.held, strict=True) if not held]
-        if not (np.all(np.abs(at.residual) <= TOLERANCES.residual) and self._closed(at) and self._weighed(search, at)):
-            raise self._failure(search, at)
+        small = np.all(np.abs(at.residual) <= TOLERANCES.residual) and np.all(excess(search, at) <= 1.0)
+        if not (small and self._closed(at)):
+            raise Failure(self, search).error(at)
         self._require_rates(search, at)
         try:
             motion = finder.motion(at.q, at.u, steady=at.steady, declared=self.scene.steady is not None)
-        except ModelFileError:
-            raise self._failure(search, at) from None
+        except ModelFileError as error:
+            raise Failure(self, search).error(at, error) from None
         if not at.steady.turns and np.any(at.u):
             motion = replace(motion, generators=tuple(detected(self.system, at.q, at.u, self.finder.sizes)))
         return motion, search, at, strategy
@@ -253,20 +252,6 @@ class Problem:
         good = np.all(np.abs(dynamics.E[:n_h]) <= allowed[:n_h])
         rounding = state_rounding(self.system, at.q, at.u, self.scene.time)
         return bool(good and np.all(np.abs(dynamics.V) <= allowed * max(fastest, 1e-300) + rounding))
-
-    def _weighed(self, search: Search, at: State) -> bool:
-        """Return whether the imbalance is small relative to the forces that balance, for each coordinate by itself."""
-        energy, sizes = search.balance.energy, search.sizes
-        left = np.abs(at.residual[: self.system.n_q]) * energy
-        transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
-        loads = (self.system.loads(at.q, at.u, at.a) + transmitted) * sizes
-        # Where all loads vanish, the forces are only the effect of rounded coordinates.
-        rounding = TOLERANCES.coordinate_rounding * force_change(self.system, (at.q, at.u, at.a, at.nu), sizes, sizes)
-        return bool(
-            np.all(
-                left <= TOLERANCES.residual * loads + min(max(rounding, 1e-14 * energy), TOLERANCES.residual * energy)
-            )
-        )
 
     def _require_rates(self, search: Search, at: State) -> None:
         """Refuse a steady motion some of whose rates are undetermined.
@@ -343,121 +328,6 @@ class Problem:
             return False
         # What a symmetry does not change: the loads and the spectrum of the stiffness.
         return _alike(_signature(self.system, one), _signature(self.system, other))
-
-    def _failure(self, search: Search, state: State | None) -> EquilibriumError:
-        what = "steady motion" if self.family.size else "equilibrium"
-        place = self.scene.model.reference.location
-        if state is None:
-            return EquilibriumError(
-                f"{place}: reference: no {what} found: the equations have no value at the start\n"
-                "hint: give starting values under reference.guess that are nearer to an assembled position"
-            )
-        state = self._closer(search, state)
-        n = self.system.n_q
-        force = state.residual[:n] * search.balance.energy / search.sizes
-        steps = counted(search.iterations, "step")
-        tried = ", ".join(STRATEGIES if search.balance.known else STRATEGIES[:2])
-        lines = [f"{place}: reference: no {what} found in {steps} ({tried})"]
-        found = self._broken_row(search, state) or self._wrong_rate(search, state)
-        worst = int(np.argmax(np.abs(state.residual[:n])))
-        unit = "N" if is_length(self.system.names[worst]) else "N*m"
-        if found:
-            lines.append(found[0])
-            hint = found[1]
-        elif moving := self._moving_row(state):
-            lines.append(f"{moving} is not satisfied at rest: it drives the mechanism")
-            hint = "look for a steady motion with find: steady, or choose a time at which the drive rests"
-        else:
-            name, left = self.system.names[worst], f"{abs(float(force[worst])):.4g} {unit}"
-            ways = np.abs(state.q - self.start) / self.finder.sizes
-            far = int(np.argmax(ways))
-            if ways[far] > TOLERANCES.search_ran_off:
-                there = f"{self.system.names[far]} = {state.q[far]:.6g} {unit_of(self.system.names[far])}"
-                lines.append(f"the search ran off to {there} without a balance of forces: {left} unbalanced on {name}")
-            else:
-                lines.append(f"no balance of forces was found: at best, {left} unbalanced on {name}")
-            hint = "other starting values under reference.guess, or --starts 20"
-            given = [name for name, held in zip(self.system.names, self.held, strict=True) if held]
-            given += [f"rates.{self.system.names[i]}" for i in search.balance.given]
-            if given:
-                shown = f"{', '.join(given[:6])}{' …' if len(given) > 6 else ''}"
-                hint += f"; given are {shown}: a guess leaves them free"
-        flat = [
-            body.name
-            for body, part in zip(self.scene.bodies, self.system.body_slices, strict=True)
-            if len(body.coordinates) == 6 and abs(math.cos(state.q[part.start + 4])) < TOLERANCES.euler_cosine_warned
-        ]
-        if flat:
-            lines.append(f"the Euler angles of {', '.join(map(repr, flat))} are singular there")
-            hint = "give them another base rotation with axes: [phi, theta, psi], so that theta stays away from pi/2"
-        M = self.system.bodily.dynamics(state.q, 0.0 * state.q, self.scene.time).M
-        if apart := inertias_too_far_apart(self.system, M, search.sizes):
-            return EquilibriumError("\n".join([*lines, apart]))
-        if pulled := self._nothing_holds(state):
-            lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
-            hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
-        return EquilibriumError("\n".join([*lines, f"hint: {hint}"]))
-
-    def _broken_row(self, search: Search, state: State) -> tuple[str, str] | None:
-        """Return the constraint that is not satisfied where a search ended, and a hint."""
-        n, n_h = self.system.n_q, search.balance.n_h
-        gap = np.abs(state.residual[n : n + n_h])
-        if not len(gap) or float(np.max(gap)) <= TOLERANCES.gap_of_constraints:
-            return None
-        row = self.system.rows[search.balance.rows[int(np.argmax(gap))]]
-        hint = "correct the lengths, or give starting values under reference.guess"
-        if self.held.any() or len(search.balance.given):
-            hint = "correct or leave out the coordinates that are given, or the lengths"
-        return f"it stalled where {row} is not satisfied: the mechanism does not close there", hint
-
-    def _wrong_rate(self, search: Search, state: State) -> tuple[str, str] | None:
-        """Return the given rate or the constraint that does not fit the motion where a search ended, and a hint."""
-        n, n_h, balance = self.system.n_q, search.balance.n_h, search.balance
-        speeds, rates = np.split(np.abs(state.residual[n + n_h :]), [len(balance.rows) * balance.with_speeds])
-        largest = max((float(np.max(x, initial=0.0)) for x in (speeds, rates)), default=0.0)
-        if largest <= max(1e-6, float(np.max(np.abs(state.residual[:n])))):
-            return None
-        if len(rates) and float(np.max(rates)) == largest:
-            i = search.balance.given[int(np.argmax(rates))]
-            said = f"the given rate of {self.system.names[i]} does not belong to the motion ({state.steady})"
-            if hint := not_round(self.system, i):
-                return said, hint
-        else:
-            row = self.system.rows[search.balance.rows[int(np.argmax(speeds))]]
-            said = f"the motion ({state.steady}) does not satisfy {row}: it drives, blocks or slips"
-        return said, "correct reference.steady or the given rates: axis, point and rate must be those of the mechanism"
-
-    def _closer(self, search: Search, state: State) -> State:
-        """Return a state that satisfies the holonomic constraints, if there is one near this one or the start."""
-        rows = slice(self.system.n_q, self.system.n_q + search.balance.n_h)
-        for start in (state.q, self.start):
-            if np.max(np.abs(state.residual[rows]), initial=0.0) <= TOLERANCES.gap_of_constraints:
-                break
-            try:
-                closed = search.state(start if self.held.all() else self.finder.assemble(start, ~self.held), state.c)
-            except FAILURES:
-                continue
-            state = closed if np.max(np.abs(closed.residual[rows])) <= TOLERANCES.gap_of_constraints else state
-        return state
-
-    def _moving_row(self, state: State) -> str:
-        """Return a row that a state at rest does not satisfy, in words."""
-        if np.any(state.u):
-            return ""
-        V = np.abs(self.system.dynamics(state.q, state.u).V)
-        return str(self.system.rows[int(np.argmax(V))]) if np.max(V, initial=0.0) > 0.0 else ""
-
-    def _nothing_holds(self, state: State) -> str:
-        """Name a coordinate on which a force acts that depends on no position and that no constraint carries."""
-        sizes, load = self.finder.sizes, np.abs(state.residual[: self.system.n_q])
-        places = (state.q, state.q + TOLERANCES.other_position * sizes)
-        try:
-            changes = sum(np.abs(self.system.linearize(q, state.u, state.a, state.nu)[0]) for q in places)
-        except FAILURES:
-            return ""
-        weights = np.max(changes * np.outer(sizes, sizes), axis=0)
-        loose = (load >= 1e-6) & (weights <= 1e-9 * np.max(weights)) & ~np.any(state.J, axis=0)
-        return self.system.names[int(np.argmax(np.where(loose, load, 0.0)))] if np.any(loose) else ""
 
 
 def _tidied(search: Search, at: State) -> State:

@@ -1,0 +1,219 @@
+"""Why no equilibrium or steady motion was found, in words."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.reference.equations import State
+from mbstab.analysis.reference.imbalance import force_change
+from mbstab.analysis.reference.newton import Search
+from mbstab.analysis.reference.refusals import inertias_too_far_apart
+from mbstab.analysis.reference.steady import not_round
+from mbstab.analysis.reference.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
+from mbstab.errors import EquilibriumError, MbstabError, counted
+from mbstab.model.schema import is_length, unit_of
+
+if TYPE_CHECKING:
+    from mbstab.analysis.reference.equilibrium import Problem
+
+STRATEGIES = ("Newton", "relaxation", "spin-up")
+"""What leads to a solution, in the order in which it is tried."""
+
+
+def excess(search: Search, at: State) -> Array:
+    """Return the imbalance of each coordinate relative to what rounding of the forces that balance may leave.
+
+    Those forces are the ones along the coordinate itself, so that large ones elsewhere hide nothing.
+    """
+    system, energy, sizes = search.system, search.balance.energy, search.sizes
+    left = np.abs(at.residual[: system.n_q]) * energy
+    transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
+    loads = (system.loads(at.q, at.u, at.a) + transmitted) * sizes
+    # Where all loads vanish, the forces are only the effect of rounded coordinates.
+    rounding = TOLERANCES.coordinate_rounding * force_change(system, (at.q, at.u, at.a, at.nu), sizes, sizes)
+    least = min(max(rounding, 1e-14 * energy), TOLERANCES.residual * energy)
+    found: Array = left / np.maximum(TOLERANCES.residual * loads + least, 1e-300)
+    return found
+
+
+class Failure:
+    """A search that found no solution.
+
+    Parameters
+    ----------
+    problem : Problem
+    search : Search
+    """
+
+    def __init__(self, problem: Problem, search: Search) -> None:
+        self.search, self.finder, self.family = search, problem.finder, problem.family
+        self.system, self.scene, self.held, self.start = problem.system, problem.scene, problem.held, problem.start
+
+    def error(self, state: State | None, cause: MbstabError | None = None) -> EquilibriumError:
+        """Return what to say of a search that ended at a state, or nowhere; `cause` refused the state that it found."""
+        what = "steady motion" if self.family.size else "equilibrium"
+        place = self.scene.model.reference.location
+        if state is None:
+            return EquilibriumError(
+                f"{place}: reference: no {what} found: the equations have no value at the start\n"
+                "hint: give starting values under reference.guess that are nearer to an assembled position"
+            )
+        state = self._closer(state)
+        steps = counted(self.search.iterations, "step")
+        tried = ", ".join(STRATEGIES if self.search.balance.known else STRATEGIES[:2])
+        lines = [f"{place}: reference: no {what} found in {steps} ({tried})"]
+        said, hint = self._reason(state, cause)
+        lines.append(said)
+        flat = [
+            body.name
+            for body, part in zip(self.scene.bodies, self.system.body_slices, strict=True)
+            if len(body.coordinates) == 6 and abs(math.cos(state.q[part.start + 4])) < TOLERANCES.euler_cosine_warned
+        ]
+        if flat:
+            lines.append(f"the Euler angles of {', '.join(map(repr, flat))} are singular there")
+            hint = "give them another base rotation with axes: [phi, theta, psi], so that theta stays away from pi/2"
+        M = self.system.bodily.dynamics(state.q, 0.0 * state.q, self.scene.time).M
+        if apart := inertias_too_far_apart(self.system, M, self.search.sizes):
+            return EquilibriumError("\n".join([*lines, apart]))
+        if pulled := self._nothing_holds(state):
+            lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
+            hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
+        return EquilibriumError("\n".join([*lines, f"hint: {hint}"]))
+
+    def _reason(self, state: State, cause: MbstabError | None) -> tuple[str, str]:
+        """Return why a state is no solution, and a hint. An imbalance that may be rounding is no reason."""
+        load = np.abs(state.residual[: self.system.n_q])
+        balanced = bool(np.max(load, initial=0.0) <= TOLERANCES.residual)
+        if balanced:
+            load = excess(self.search, state)
+            balanced = bool(np.all(load <= 1.0))
+        if found := self._broken_row(state, balanced) or self._wrong_rate(state, balanced):
+            return found
+        if moving := self._moving_row(state):
+            return (
+                f"{moving} is not satisfied at rest: it drives the mechanism",
+                "look for a steady motion with find: steady, or choose a time at which the drive rests",
+            )
+        if not balanced:
+            return self._unbalanced(state, int(np.argmax(load)))
+        return self._left_out(state) or (
+            "forces balance, but " + (str(cause) if cause else "the search did not settle"),
+            "other starting values under reference.guess, or --starts 20",
+        )
+
+    def _unbalanced(self, state: State, worst: int) -> tuple[str, str]:
+        """Return what to say of forces that do not balance along a coordinate, and a hint."""
+        name, force = self.system.names[worst], state.residual[worst] * self.search.balance.energy
+        left = f"{abs(float(force)) / self.search.sizes[worst]:.4g} {'N' if is_length(name) else 'N*m'}"
+        ways = np.abs(state.q - self.start) / self.finder.sizes
+        far = int(np.argmax(ways))
+        if ways[far] > TOLERANCES.search_ran_off:
+            there = f"{self.system.names[far]} = {state.q[far]:.6g} {unit_of(self.system.names[far])}"
+            said = f"the search ran off to {there} without a balance of forces: {left} unbalanced on {name}"
+        else:
+            said = f"no balance of forces was found: at best, {left} unbalanced on {name}"
+        hint = "other starting values under reference.guess, or --starts 20"
+        given = [name for name, held in zip(self.system.names, self.held, strict=True) if held]
+        given += [f"rates.{self.system.names[i]}" for i in self.search.balance.given]
+        if given:
+            shown = f"{', '.join(given[:6])}{' …' if len(given) > 6 else ''}"
+            hint += f"; given are {shown}: a guess leaves them free"
+        return said, hint
+
+    def _broken_row(self, state: State, balanced: bool) -> tuple[str, str] | None:
+        """Return the constraint that is not satisfied where a search ended, and a hint.
+
+        While forces are out of balance, a search may have left constraints a little; where they balance, it did not.
+        """
+        n, balance = self.system.n_q, self.search.balance
+        gap = np.abs(state.residual[n : n + balance.n_h])
+        if np.max(gap, initial=0.0) <= (TOLERANCES.residual if balanced else TOLERANCES.gap_of_constraints):
+            return None
+        i = balance.rows[int(np.argmax(gap))]
+        hint = "correct the lengths, or give starting values under reference.guess"
+        if self.held.any() or len(balance.given):
+            hint = "correct or leave out the coordinates that are given, or the lengths"
+        if np.max(gap) > TOLERANCES.gap_of_constraints:
+            return f"it stalled where {self.system.rows[i]} is not satisfied: the mechanism does not close there", hint
+        row = self.system.dynamics(state.q, 0.0 * state.q, self.scene.time).J[i]
+        against = [name for name, held, x in zip(self.system.names, self.held, row, strict=True) if held and x]
+        if against:
+            hint = f"leave out {' or '.join(against)}, which is given, or put it under reference.guess"
+        return f"forces balance, but {self._gap(state, i)}", hint
+
+    def _left_out(self, state: State) -> tuple[str, str] | None:
+        """Return a constraint that repeated others where a search began, and is not satisfied where it ended."""
+        at = self.system.dynamics(state.q, 0.0 * state.q, self.scene.time)
+        n_h = self.system.n_h
+        beyond = np.abs(at.E[:n_h]) / (TOLERANCES.residual * np.abs(at.J[:n_h]) @ self.finder.sizes + 1e-300)
+        if np.max(beyond, initial=0.0) <= 1.0:
+            return None
+        return (
+            "the search began at a singular position, where constraints repeat each other that are independent beside "
+            f"it; forces balance only where {self._gap(state, int(np.argmax(beyond)))}",
+            "eigenvalues do not exist at a singular position, such as that of a stretched linkage: give starting "
+            "values away from it under reference.guess, or other lengths",
+        )
+
+    def _gap(self, state: State, i: int) -> str:
+        """Return in words how far a constraint is from being satisfied."""
+        row, left = self.system.rows[i], self.system.dynamics(state.q, 0.0 * state.q, self.scene.time).E[i]
+        unit = "" if row.unit == "1" else f" {row.unit}"
+        return f"{row} is not satisfied: {row.residual} is {left:.4g}{unit}"
+
+    def _wrong_rate(self, state: State, balanced: bool) -> tuple[str, str] | None:
+        """Return the given rate or the constraint that does not fit the motion where a search ended, and a hint."""
+        n, n_h, balance = self.system.n_q, self.search.balance.n_h, self.search.balance
+        speeds, rates = np.split(np.abs(state.residual[n + n_h :]), [len(balance.rows) * balance.with_speeds])
+        largest = max((float(np.max(x, initial=0.0)) for x in (speeds, rates)), default=0.0)
+        allowed = TOLERANCES.residual if balanced else max(1e-6, float(np.max(np.abs(state.residual[:n]))))
+        if largest <= allowed:
+            return None
+        if len(rates) and float(np.max(rates)) == largest:
+            i = self.search.balance.given[int(np.argmax(rates))]
+            said = f"the given rate of {self.system.names[i]} does not belong to the motion ({state.steady})"
+            if hint := not_round(self.system, i):
+                return said, hint
+        else:
+            row = self.system.rows[self.search.balance.rows[int(np.argmax(speeds))]]
+            said = f"the motion ({state.steady}) does not satisfy {row}: it drives, blocks or slips"
+        return said, "correct reference.steady or the given rates: axis, point and rate must be those of the mechanism"
+
+    def _closer(self, state: State) -> State:
+        """Return a state that satisfies the holonomic constraints, if there is one near this one or the start."""
+        rows = slice(self.system.n_q, self.system.n_q + self.search.balance.n_h)
+        for start in (state.q, self.start):
+            if np.max(np.abs(state.residual[rows]), initial=0.0) <= TOLERANCES.gap_of_constraints:
+                break
+            try:
+                closed = self.search.state(
+                    start if self.held.all() else self.finder.assemble(start, ~self.held), state.c
+                )
+            except FAILURES:
+                continue
+            state = closed if np.max(np.abs(closed.residual[rows])) <= TOLERANCES.gap_of_constraints else state
+        return state
+
+    def _moving_row(self, state: State) -> str:
+        """Return a row that a state at rest does not satisfy, in words."""
+        if np.any(state.u):
+            return ""
+        V = np.abs(self.system.dynamics(state.q, state.u).V)
+        return str(self.system.rows[int(np.argmax(V))]) if np.max(V, initial=0.0) > 0.0 else ""
+
+    def _nothing_holds(self, state: State) -> str:
+        """Name a coordinate on which a force acts that depends on no position and that no constraint carries."""
+        sizes, load = self.finder.sizes, np.abs(state.residual[: self.system.n_q])
+        places = (state.q, state.q + TOLERANCES.other_position * sizes)
+        try:
+            changes = sum(np.abs(self.system.linearize(q, state.u, state.a, state.nu)[0]) for q in places)
+        except FAILURES:
+            return ""
+        weights = np.max(changes * np.outer(sizes, sizes), axis=0)
+        loose = (load >= 1e-6) & (weights <= 1e-9 * np.max(weights)) & ~np.any(state.J, axis=0)
+        return self.system.names[int(np.argmax(np.where(loose, load, 0.0)))] if np.any(loose) else ""
