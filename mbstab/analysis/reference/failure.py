@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.equations import State
 from mbstab.analysis.reference.imbalance import force_change
+from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.newton import Search
 from mbstab.analysis.reference.refusals import inertias_too_far_apart
-from mbstab.analysis.reference.steady import not_round
+from mbstab.analysis.reference.steady import Family, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
-from mbstab.compiler.system import Array
+from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError, MbstabError, counted
+from mbstab.model.scene import Scene
 from mbstab.model.schema import is_length, unit_of
-
-if TYPE_CHECKING:
-    from mbstab.analysis.reference.equilibrium import Problem
 
 STRATEGIES = ("Newton", "relaxation", "spin-up")
 """What leads to a solution, in the order in which it is tried."""
@@ -41,16 +41,29 @@ def excess(search: Search, at: State) -> Array:
     return found
 
 
+class Asked(Protocol):
+    """What was looked for: `mbstab.analysis.reference.equilibrium.Problem`."""
+
+    system: System
+    scene: Scene
+    finder: Finder
+    family: Family
+    held: Flags
+
+    @property
+    def start(self) -> Array: ...  # noqa: D102
+
+
 class Failure:
     """A search that found no solution.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Asked
     search : Search
     """
 
-    def __init__(self, problem: Problem, search: Search) -> None:
+    def __init__(self, problem: Asked, search: Search) -> None:
         self.search, self.finder, self.family = search, problem.finder, problem.family
         self.system, self.scene, self.held, self.start = problem.system, problem.scene, problem.held, problem.start
 
