@@ -33,6 +33,7 @@ from mbstab.report.animation.sketch import Sketch
 from mbstab.report.animation.solids import Solid, hidden
 from mbstab.report.animation.stage import TOUCHING, Stage
 from mbstab.report.animation.view import View
+from mbstab.report.picture_sizes import sized
 from mbstab.report.pictures import motion_plots
 from mbstab.report.pictures.drawing import save
 
@@ -568,6 +569,19 @@ def durations(path):
             found.append(image.info["duration"])
         assert image.info["loop"] == 0
     return found
+
+
+@pytest.mark.parametrize("size", ["column", "page"])
+def test_captions_and_titles_cover_nothing_and_are_inside(size):
+    mechanism = mbstab.load("cart_pendulum.yaml")
+    with sized(size):
+        stage = Stage(Sketch.of(mechanism.system()), swing_frames(mechanism.swing(1, 4), 1), mechanism.model.title)
+        list(stage.images())
+    (title,) = [text.get_window_extent() for text in stage.figure.texts]
+    caption, frame, sheet = stage.caption.get_window_extent(), stage.axes.get_window_extent(), stage.figure.bbox
+    assert frame.y1 <= caption.y0 < caption.y1 <= title.y0 < title.y1 <= sheet.y1
+    for box in (caption, title):
+        assert sheet.x0 <= box.x0 < box.x1 <= sheet.x1
 
 
 @pytest.mark.parametrize(

@@ -107,6 +107,8 @@ class Stage:
         above, below = (scaled(room) for room in (0.25 + 0.17 * len(lines) if title else 0.15, 0.55 if ticks else 0.15))
         below += scaled(0.3) if view.traced else 0.0
         wide = width - left - right
+        self.letters = int(72.0 * wide / text_width(" ", scaled(FONT + 1)))
+        above += scaled(0.18) * max(len(wrap(caption, self.letters)) for caption in view.frames.captions)
         tall = min(max(wide * (view.high - view.low)[1] / (view.high - view.low)[0], FLATTEST * part), TALLEST * part)
         tall = (round((tall + above + below) * dpi / 2.0) * 2) / dpi - above - below
         view.fit(wide, tall)
@@ -117,7 +119,6 @@ class Stage:
         self.axes.set_xlim(view.low[0], view.high[0])
         self.axes.set_ylim(view.low[1], view.high[1])
         self.axes.set_aspect("equal")
-        self.letters = int(72.0 * wide / text_width(" ", scaled(FONT + 1)))
         if title:
             draw_title(self.figure, lines)
         if ticks:
@@ -147,8 +148,7 @@ class Stage:
         styles = [_path_style(k) for k in range(len(self.view.traced))]
         self.paths = [self.axes.plot([], [], **style, zorder=layer)[0] for style in styles]
         self.caption = self.axes.text(
-            0.015, 0.98, "", transform=self.axes.transAxes, ha="left", va="top", fontsize=scaled(FONT + 1), zorder=7,
-            bbox={"boxstyle": "square,pad=0.2", "facecolor": "w", "alpha": 0.85, "linewidth": 0},
+            0.0, 1.01, "", transform=self.axes.transAxes, ha="left", va="bottom", fontsize=scaled(FONT + 1), zorder=7,
         )  # fmt: skip
 
     def _add_markers(self) -> None:
