@@ -276,9 +276,9 @@ class Invariance(SymmetryCandidates):
         for speed in (UNEVEN * slow * x for x in TOLERANCES.trial_speeds):
             u, a = speed * Y, speed**2 * (slope @ Y)
             try:
-                if not self.satisfies(motion.q, u):
+                if not self.satisfies(self._followed(u), u):
                     return False
-            except MbstabError:  # a load that follows the motion may be lost at other speeds
+            except (MbstabError, np.linalg.LinAlgError):  # a load that follows the motion may be lost at other speeds
                 return False
             turned = abs(slope) @ np.abs(Y) + motion.sizes * (self.rate / slow) ** 2
             off = rounded * np.abs(u), rounded * speed**2 * turned
@@ -308,6 +308,22 @@ class Invariance(SymmetryCandidates):
             if np.any(np.abs(left) > TOLERANCES.roundings_of_comparison * rounding):
                 return False
         return True
+
+    def _followed(self, u: Array) -> Array:
+        """Return the coordinates of the reference, with followers where these speeds leave them."""
+        system, motion = self.system, self.motion
+        if system.sparse or not system.following:
+            return motion.q
+        q, states = motion.q.copy(), system.following
+        rows = system.states[1][np.isin(system.states[0], states)]
+        for _ in range(TOLERANCES.newton_steps_onto_rows):
+            V = system.dynamics(q, u, motion.time).V[rows]
+            D_q = system.linearize(q, u, 0.0 * q, np.zeros(system.n_c), motion.time)[2]
+            step = np.linalg.lstsq(D_q[rows - system.n_h][:, states], -V, rcond=None)[0]
+            q[states] += step
+            if np.all(np.abs(step) <= EPS * np.abs(q[states])):
+                break
+        return q
 
     def conserves(self, field: Field) -> bool:
         """Return whether the momentum along a symmetry is constant along every motion."""
@@ -378,8 +394,12 @@ class Invariance(SymmetryCandidates):
         written = [e for e in seen if e.written]
         if not written or not isinstance(field, Shift):
             return True
+        reach = np.abs(field.direction / self.motion.sizes)[field.direction != 0.0]
+        wide = 2.0 ** np.ceil(np.log2(np.max(reach) / np.min(reach)))
         for part in TOLERANCES.trial_parts[1:]:
-            images = [self._moved(replace(field, step=part * field.step), state) for state in self.states]
+            # Also the coordinate that moves least must do so by a step of which no bit is lost.
+            step = min(part * wide, 0.5) * field.step
+            images = [self._moved(replace(field, step=step), state) for state in self.states]
             if not all(self._carried(e, images, exact=steps_are_exact(field)) for e in written):
                 return False
         return True

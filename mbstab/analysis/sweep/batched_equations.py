@@ -24,7 +24,8 @@ from mbstab.analysis.reference.many_points import polished
 from mbstab.analysis.reference.steady import Family, Generator, spins_freely
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.sweep.batched_massless import Light
-from mbstab.analysis.sweep.batched_structure import Known, Points
+from mbstab.analysis.sweep.batched_structure import Known
+from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.stacks import transposed
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System

@@ -22,7 +22,8 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.analysis.sweep.batched_structure import Known, Points, Separation
+from mbstab.analysis.sweep.batched_structure import Known, Separation
+from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS, Disc, Facts, Minimum, Side, judge
 from mbstab.compiler.system import Array

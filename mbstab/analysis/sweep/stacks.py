@@ -122,20 +122,17 @@ def reduced(matrix: Array, basis: Array) -> Array:
     return result
 
 
-def following(S: Array, N: Array, spread: Array, good: Flags) -> Array:
-    """Return disturbances of states that only follow; clear `good` where they do not decay by themselves.
+def decaying(S: Array, columns: Array, spread: Array, good: Flags) -> None:
+    """Clear `good` where disturbances of states that only follow do not decay by themselves.
 
     Parameters
     ----------
     S : ndarray, shape (points, n, n)
-    N : ndarray, shape (points, states, positions)
-        What they take part in the positions that are allowed.
+    columns : ndarray, shape (points, n, states)
     spread : ndarray, shape (points,)
         Ratio of the terms of S to their sums.
     """
-    columns = np.zeros((len(S), S.shape[-1], N.shape[-2]))
-    columns[:, : N.shape[-1]] = transposed(N)
-    size = np.linalg.norm(reduced(np.abs(S), np.abs(columns)), axis=(1, 2))
+    inverse = np.linalg.pinv(columns)
+    size = np.linalg.norm(np.abs(inverse) @ np.abs(S) @ np.abs(columns), axis=(1, 2))
     errors = VERDICT.roundings_of_variation * EPS * spread * size
-    good &= np.array([decays(*x) for x in zip(reduced(S, columns), errors.tolist(), strict=True)])
-    return columns
+    good &= np.array([decays(*x) for x in zip(inverse @ S @ columns, errors.tolist(), strict=True)])

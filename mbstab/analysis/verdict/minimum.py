@@ -127,14 +127,13 @@ class SecondVariation:
         nothing = np.zeros((n, 0))
         if not states or self.moving or linear.massless is not None or linear.system.sparse:
             return nothing
-        columns = np.zeros((n, len(states)))
-        columns[: spaces.N.shape[1]] = spaces.N[states].T
-        A = columns.T @ self.separated.S @ columns
-        known = TOLERANCES.roundings_of_variation * EPS * np.abs(columns.T) @ np.abs(self.separated.S) @ np.abs(columns)
+        columns, S = self.structure.followers, self.separated.S
+        inverse = np.linalg.pinv(columns)
+        known = TOLERANCES.roundings_of_variation * EPS * np.abs(inverse) @ np.abs(S) @ np.abs(columns)
         scale = spaces.scale[states]
         entries = float(np.max(linear.entries.D_q[:, states] * scale)) / float(np.min(scale))
         error = float(np.linalg.norm(known, 2)) + TOLERANCES.roundings_of_variation * EPS * entries
-        return columns if decays(A, error) else nothing
+        return columns if decays(inverse @ S @ columns, error) else nothing
 
     @property
     def beside(self) -> str:

@@ -26,6 +26,7 @@ from mbstab.analysis.reference.fields import Combination, Symmetry
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
+from mbstab.analysis.verdict.followers import disturbances, led, left_behind
 from mbstab.analysis.verdict.rule import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.work import Work
@@ -117,6 +118,12 @@ class Structure:
         spaces = self.linear.spaces
         return spaces.scale[:, None] * spaces.N
 
+    @cached_property
+    def followers(self) -> Array:
+        """Disturbances of the states that only follow, as columns in the coordinates of the balanced S."""
+        spaces, n = self.linear.spaces, self.space.n_xi
+        return disturbances(spaces.N, spaces.Z, self.space.A[:n, :n], self.gamma, self.linear.system.following)
+
     # --- into the coordinates of S ----------------------------------------------------------------------------------
 
     def column(self, direction: Array, rate: Array) -> Array:
@@ -192,7 +199,7 @@ class Structure:
         L, kept = self._conserved(T, S)
         family += kept
         # Where conserved functions have other values, the motion need not be steady.
-        moving, speeds, slow = self._moving(T) if not len(L) else ([], [], [])
+        moving, speeds, slow = self._moving(T, S) if not len(L) else ([], [], [])
         family += speeds
         T = orthonormal([*T.T, *moving], n) if moving else T
         d = T.shape[1]
@@ -250,7 +257,7 @@ class Structure:
         further = len(found) - orthonormal(columns, len(S)).shape[1]
         return found, ["position at rest"] if further > 0 else []
 
-    def _moving(self, T: Array) -> tuple[list[Array], list[str], list[str]]:
+    def _moving(self, T: Array, S: Array) -> tuple[list[Array], list[str], list[str]]:
         """Return speeds along symmetries at which a scene may move as steadily as at rest, and as the reference does.
 
         A wheel may roll, and a balanced rotor turn, at any speed, although no momentum along it is conserved. The names
@@ -258,15 +265,19 @@ class Structure:
         """
         invariance, linear = self.invariance, self.linear
         items, u = [x for x in invariance.symmetries if self._commutes(x)], linear.motion.u
-        if not items or not (np.any(u) or self.work.rows_at_rest):
+        if not items or not (np.any(u) or self.work.led_at_rest):
             return [], [], []
-        spaces = linear.spaces
-        directions = np.array([x.direction for x in items]).T
-        columns = self.gamma * np.array([self.column(np.zeros_like(x), x) for x in directions.T]).T
-        directions = directions / spaces.scale[:, None]
+        spaces, states = linear.spaces, linear.system.following
+        directions = np.array([x.direction for x in items]).T / spaces.scale[:, None]
         lengths = np.linalg.norm(directions, axis=0)
-        columns, directions = columns / lengths, directions / lengths
-        c = admissible(directions, spaces.allowed)
+        directions = directions / lengths
+        speeds, across = led(directions, spaces.allowed, states)
+        columns = self.gamma * np.array([self.column(0.0 * x, spaces.scale * x) for x in speeds.T]).T
+        if states:
+            along = self.columns([(x.direction / s, x.rate / s) for x, s in zip(items, lengths, strict=True)])
+            columns, lacking = left_behind(S, self.followers, columns, self.gamma * np.array(along).T)
+            across = np.vstack([across, lacking / self.gamma])
+        c = admissible(across)
         _, s, right = np.linalg.svd(columns @ c - T @ (T.T @ (columns @ c)))
         c = c @ right[: int(np.sum(s > TOLERANCES.independent_direction))].T
         along, own = directions @ c, u / spaces.scale
@@ -366,21 +377,17 @@ class Structure:
         return not all(self.invariance.passing([x.of for x in self.invariance.boosts], self.invariance.conserves))
 
 
-def admissible(directions: Array, allowed: Array) -> Array:
-    """Return the combinations of directions that the rows allow as speeds.
+def admissible(across: Array) -> Array:
+    """Return the combinations of directions that the rows allow as speeds, from what they forbid of each.
 
     Parameters
     ----------
-    directions : ndarray, shape (n_q, k)
-        Unit columns in scaled coordinates.
-    allowed : ndarray, shape (n_q, m)
-        Orthonormal speeds that the rows allow.
+    across : ndarray, shape (rows, k)
 
     Returns
     -------
     c : ndarray, shape (k, number), orthonormal columns
     """
-    across = directions - allowed @ (allowed.T @ directions)
     _, s, right = np.linalg.svd(across)
     result: Array = right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
     return result

@@ -90,6 +90,13 @@ class Work:
         return self._homogeneous(np.zeros_like, self.system)
 
     @cached_property
+    def led_at_rest(self) -> bool:
+        """Whether rest satisfies all rows everywhere, whatever the rates of states that only follow are."""
+        columns, rows = self.system.states
+        followers = rows[np.isin(columns, self.system.following)]
+        return self._homogeneous(np.zeros_like, self.system, np.delete(np.arange(self.system.n_c), followers))
+
+    @cached_property
     def _relative(self) -> bool:
         """Whether undamped forces and rows do no work in the co-moving frame."""
         return self._without_work(self.system)
@@ -102,8 +109,8 @@ class Work:
             and all(self._no_relative_work(element) for element in self.kinds["powerless"])
         )
 
-    def _homogeneous(self, field: Any, system: System) -> bool:
-        """Whether the rows of a system hold for u = X(q), and are linear in u − X."""
+    def _homogeneous(self, field: Any, system: System, rows: Any = slice(None)) -> bool:
+        """Whether the rows of a system, or some of them, hold for u = X(q), and are linear in u − X."""
         motion = self.motion
         if not system.n_c or not self.invariance.seen:
             return self.invariance.seen
@@ -120,10 +127,10 @@ class Work:
                 )
             except MbstabError:  # rows with the slip of a tyre have no value at rest
                 return False
-            if not np.any(X) and np.any(at.V):
+            if not np.any(X) and np.any(at.V[rows]):
                 return False  # a row that rest does not satisfy is not rounding
-            allowed = self.invariance.agreed * fast * (abs(at.J) @ motion.sizes)
-            if np.any(np.abs(at.V) > allowed) or np.any(np.abs(there.V) > 2.0 * allowed):
+            allowed = self.invariance.agreed * fast * (abs(at.J) @ motion.sizes)[rows]
+            if np.any(np.abs(at.V[rows]) > allowed) or np.any(np.abs(there.V[rows]) > 2.0 * allowed):
                 return False
         return True
 

@@ -1,0 +1,149 @@
+"""The linearized equations at many points of a sweep, and disturbances of their motions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Spin, Symmetry
+from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.sweep.stacks import some
+from mbstab.analysis.verdict.followers import disturbances
+from mbstab.compiler.system import Array, System
+from mbstab.records import dataclass
+
+
+@dataclass(frozen=True)
+class Points:
+    """The linearized equations at many points, in scaled coordinates.
+
+    Attributes
+    ----------
+    system : System
+    q, u, a : ndarray, shape (points, n_q)
+    steady : Generator or None
+        The co-moving frame of the motions, if it rotates.
+    scale : ndarray, shape (points, n_q)
+    M, R, K : ndarray, shape (points, n_q, n_q)
+    allowed : ndarray, shape (points, n_q, m)
+        Motions that the constraints alone allow; N obeys the balance of what has no mass as well.
+    N, Z, P : ndarray
+        As in `mbstab.analysis.algebra.subspaces`.
+    S : ndarray, shape (points, n, n)
+        Balanced with …
+    gamma : ndarray, shape (points,)
+        … these rates (1/s).
+    error : ndarray, shape (points,)
+        Norm of the rounding error of S (1/s).
+    across : ndarray, shape (points,)
+        Forces across rows on speeds, relative to all forces.
+    spread : ndarray, shape (points,)
+        Ratio of the terms of the matrices to their sums.
+    """
+
+    system: System
+    q: Array
+    u: Array
+    a: Array
+    steady: Generator | None
+    scale: Array
+    M: Array
+    R: Array
+    K: Array
+    allowed: Array
+    N: Array
+    Z: Array
+    P: Array
+    S: Array
+    gamma: Array
+    error: Array
+    across: Array
+    spread: Array
+
+    @property
+    def n_xi(self) -> int:
+        """Number of positions among the components of y."""
+        return int(self.N.shape[-1])
+
+    def followers(self, states: list[int]) -> Array:
+        """Return disturbances of states that only follow, as columns in the coordinates of S."""
+        return disturbances(self.N, self.Z, self.P, self.gamma, states)
+
+    @cached_property
+    def size(self) -> Array:
+        """Norms of S (1/s)."""
+        result: Array = np.linalg.norm(self.S, axis=(-2, -1))
+        return result
+
+    @cached_property
+    def slope(self) -> Array | None:
+        """Ξ of the rotating frame in scaled coordinates; None without one."""
+        if self.steady is None:
+            return None
+        result: Array = self.steady.frame(self.q)[0] * self.scale[:, None, :] / self.scale[:, :, None]
+        return result
+
+    def at(self, index: Any) -> Points:
+        """Return some of the points."""
+        steady = self.steady
+        if steady is not None:
+            parts = (some(np.asarray(x), index, dims) for x, dims in
+                     ((steady.rate, 1), (steady.velocity, 2), (steady.spins, 2)))  # fmt: skip
+            rate, velocity, spins = parts
+            steady = Generator(steady.system, steady.axis, steady.point, rate, velocity, spins)  # type: ignore[arg-type]
+        arrays = (
+            some(x, index, 0) for x in (
+                self.scale, self.M, self.R, self.K, self.allowed, self.N, self.Z, self.P, self.S, self.gamma,
+                self.error, self.across, self.spread,
+            )
+        )  # fmt: skip
+        return Points(self.system, self.q[index], self.u[index], self.a[index], steady, *arrays)
+
+
+def seen_from(points: Points, step: Generator, rate: Array) -> Points:
+    """Return points in a frame that rotates faster by a rate."""
+    R, K, turn = points.R, points.K, rate
+    if points.steady is not None:
+        first, second = _frame(points, points.steady)
+        R = R - 2.0 * points.M @ first
+        K = K - R @ first - points.M @ second
+        turn = rate + points.steady.rate
+    spins = step.spins * rate[:, None]
+    generator = Generator(step.system, step.axis, step.point, turn, np.zeros(3), spins)  # type: ignore[arg-type]
+    first, second = _frame(points, generator)
+    K = K + R @ first + points.M @ second
+    return replace(points, R=R + 2.0 * points.M @ first, K=K, steady=generator)
+
+
+def _frame(points: Points, generator: Generator) -> tuple[Array, Array]:
+    """Return Ξ and Ξ₂ in scaled coordinates."""
+    first, second = (x * points.scale[:, None, :] / points.scale[:, :, None] for x in generator.frame(points.q))
+    return first, second
+
+
+def disturbance(item: Symmetry, points: Points) -> tuple[Array, Array]:
+    """Return the changes of coordinates and speeds under a symmetry, (Y, DY u), each of shape (points or 1, n_q)."""
+    q, u, field = points.q, points.u, item.of
+    if item.name == "the motion itself":
+        return u, points.a
+    if isinstance(field, Shift):
+        return field.direction[None], 0.0 * field.direction[None]
+    if isinstance(field, OwnTurn):
+        direction, rate = np.zeros_like(q), np.zeros_like(q)
+        cos, sin = np.cos(q[:, field.part.stop - 1]), np.sin(q[:, field.part.stop - 1])
+        center = points.system.scene.bodies[points.system.body_slices.index(field.part)].center
+        first, second = (np.asarray(x, dtype=float) for x in center[:2])
+        lever = np.stack([cos * first - sin * second, sin * first + cos * second], axis=1)
+        start, turn = field.part.start, u[:, field.part.stop - 1, None]
+        direction[:, start], direction[:, start + 1], direction[:, start + 2] = lever[:, 1], -lever[:, 0], 1.0
+        rate[:, start : start + 2] = lever * turn
+        return direction, rate
+    if isinstance(field, (Spin, Combination)):
+        pairs = [(field.field(x), field.slope(x) @ y) for x, y in zip(q, u, strict=True)]
+        return np.array([x for x, _ in pairs]), np.array([y for _, y in pairs])
+    generator: Any = getattr(field, "generator")  # noqa: B009 (a Turn)
+    direction, slope = generator.field(q), generator.frame(q)[0]
+    return direction, (slope @ u[..., None])[..., 0]
