@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +10,8 @@ from mbstab.compiler.scatter import signals_at
 from mbstab.mechanics.elements import ELEMENTS
 from mbstab.mechanics.vectors import plain_zero
 from mbstab.model.arithmetic import FLOAT, Arithmetic
+from mbstab.model.scene import Scene
+from mbstab.model.schema import is_state
 from mbstab.records import dataclass
 
 
@@ -141,13 +143,28 @@ class Acting:
         return found["K"], found["R"]
 
 
-def following(elements: Iterable[Placed], states: Iterable[int], rows: Iterable[int]) -> list[int]:
+def unfelt_states(scene: Scene, names: Sequence[str]) -> dict[str, set[int]]:
+    """Return by the path of an entry the numbers of the states in its expressions that only have a factor zero."""
+    found = {}
+    for item in scene.items:
+        written = item.entry.equations.values()
+        felt = set[str]().union(*(x.felt(scene.parameters, scene.arithmetic) for x in written))
+        there = {name for x in written for name in (*x.names(), *x.rates())}
+        found[item.entry.path] = {i for i, name in enumerate(names) if is_state(name) and name in there - felt}
+    return found
+
+
+def following(
+    elements: Iterable[Placed], states: Iterable[int], rows: Iterable[int], unfelt: Mapping[str, set[int]]
+) -> list[int]:
     """Return the numbers of those states that no element contains but the rows of their own rates and of each other.
 
     Parameters
     ----------
     states, rows
         Numbers of the coordinates that are first-order states, and of the rows of their rates, in the same order.
+    unfelt
+        As `unfelt_states` returns.
     """
     own = dict(zip(map(int, rows), map(int, states), strict=True))
     found, before = set(own.values()), -1
@@ -155,5 +172,5 @@ def following(elements: Iterable[Placed], states: Iterable[int], rows: Iterable[
         before = len(found)
         for element in elements:
             if not element.rows or any(own.get(row) not in found for row in element.rows):
-                found.difference_update(element.columns)
+                found.difference_update(set(element.columns) - unfelt.get(element.path, set()))
     return sorted(found)

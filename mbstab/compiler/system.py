@@ -37,7 +37,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbstab.compiler.placed import Acting, Placed, following
+from mbstab.compiler.placed import Acting, Placed, following, unfelt_states
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
@@ -198,7 +198,7 @@ class System:
     @cached_property
     def following(self) -> list[int]:
         """Numbers of the first-order states that only follow: no force, no row and no other state contains them."""
-        return following(self._elements, *self.states)
+        return following(self._elements, *self.states, unfelt_states(self.scene, self.names))
 
     def with_state_rates(self, q: Array, u: Array, time: Any = None) -> Array:
         """Return speeds in which the rates of the states follow from the others, shape (n_q,) or (points, n_q)."""

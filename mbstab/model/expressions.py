@@ -180,6 +180,28 @@ class Expression:
             found.append(_evaluate(self.root, names, {}, arithmetic))
         return found
 
+    def felt(self, names: Mapping[str, Any], arithmetic: Arithmetic) -> set[str]:
+        """Return the other names and rates on which the value depends, given the values of these: none in 0*x."""
+
+        def found(node: Node) -> set[str]:
+            if isinstance(node, Rate) or (isinstance(node, Name) and node.name not in (*names, *CONSTANTS)):
+                return {node.name}
+            parts = [found(part) for part in _parts(node)]
+            if isinstance(node, Binary) and node.operator in "*/":
+                factors = (node.left, node.right) if node.operator == "*" else (node.left,)
+                if any(not own and zero(x) for own, x in zip(parts, factors, strict=False)):
+                    return set()
+            return set().union(*parts)
+
+        def zero(node: Node) -> bool:
+            try:
+                nothing = _evaluate(node, names, {}, arithmetic) == 0
+            except (ExpressionError, KeyError):
+                return False
+            return bool(nothing.all() if hasattr(nothing, "all") else nothing)
+
+        return found(self.root)
+
     def evaluate(self, names: Mapping[str, Any], arithmetic: Arithmetic, rates: Mapping[str, Any] | None = None) -> Any:
         """Return the value.
 
