@@ -88,6 +88,37 @@ def test_a_single_free_shaft_turns_at_any_speed(states):
     assert "goes on growing like t" in found.reasons[0]
 
 
+ARM = """
+mbstab: 1
+title: Two links in the plane, the elbow held by a spring, the shoulder free
+parameters: {{loop: {loop}}}
+bodies:
+  upper: {{type: planar, mass: 8, shape: {{type: rod, length: 0.4}}, points: {{a: [-0.2, 0], b: [0.2, 0]}}}}
+  lower: {{type: planar, mass: 5, shape: {{type: rod, length: 0.3}}, points: {{a: [-0.15, 0]}}}}
+joints:
+  shoulder: {{type: revolute, between: [upper.a, ground]}}
+  elbow: {{type: revolute, between: [lower.a, upper.b]}}
+states:
+  u: {{rate: (-15*angle(shoulder) - 10*rate(angle(shoulder)) - u)/0.005}}
+forces:
+  act: {{type: expression, on: {{angle(shoulder): loop*u}}}}
+  hold: {{type: joint_spring, joint: elbow, stiffness: 400, damping: 20, rest: 1}}
+reference:
+  coordinates: {{upper: {{theta: 0}}, lower: {{theta: 1}}}}
+"""
+
+
+def test_an_open_loop_on_a_free_shoulder_leaves_its_turn_and_its_momentum():
+    """Turned with the links, the state has another value; a factor zero takes it out of the force."""
+    found = mbstab.loads(ARM.format(loop=0)).eig()
+    assert (found.verdict, found.counts.neutral) == (ASYMPTOTIC_UP_TO, 2)
+    assert set(found.modulo.names) == {"rotation in the plane", "speed of rotation in the plane"}
+    assert "goes on growing like t" in found.reasons[0]
+    assert any(e.value == pytest.approx(-200.0, rel=1e-12) for e in found.eigenvalues)
+    closed = mbstab.loads(ARM.format(loop=1)).eig()
+    assert closed.counts.neutral == 0
+
+
 @pytest.mark.parametrize(("states", "expected"), [(RATES, [-10.0]), (CASCADE, [-10.0, -1.0])])
 def test_disturbances_of_states_alone_stay_such(states, expected):
     """S F = F A with the eigenvalues of the states alone, although their rates contain those of bodies."""

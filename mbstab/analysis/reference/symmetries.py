@@ -361,13 +361,15 @@ class Invariance(SymmetryCandidates):
         return True
 
     def _horizontal(self, field: Field) -> bool:
-        """Whether no constraint row resists a field, at all states that satisfy the rows."""
+        """Whether no constraint row resists a field, at all states that satisfy the rows; those of states never do."""
         if not self.system.n_c or not self.seen:
             return self.seen
-        sizes = self.motion.sizes
+        sizes, resisting = self.motion.sizes, np.ones(self.system.n_c, dtype=bool)
+        resisting[self.system.states[1]] = False
         for state, (J, size) in zip(self.on_rows, self.rows_there, strict=True):
             Y = field.field(state.q)
-            if np.any(np.abs(J @ Y) > TOLERANCES.row_residual * size * float(np.max(np.abs(Y / sizes)))):
+            off = np.abs(J @ Y) > TOLERANCES.row_residual * size * float(np.max(np.abs(Y / sizes)))
+            if np.any(off & resisting):
                 return False
         return True
 

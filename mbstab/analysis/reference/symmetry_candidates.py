@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.sparse import largest, row_norms, scaled
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import (
     ElementComparison,
@@ -34,10 +36,8 @@ class SymmetryCandidates(ElementComparison):
         yield from self._shifts()
         system = self.system
         for name, axis, point in self._axes():
-            yield (
-                name,
-                Turn(Generator(system, axis, point, 1.0, np.zeros(3), np.zeros(system.n_q)), TOLERANCES.trial_move),
-            )
+            plain = Generator(system, axis, point, 1.0, np.zeros(3), np.zeros(system.n_q))
+            yield name, Turn(replace(plain, spins=self._carried_states(plain)), TOLERANCES.trial_move)
         for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
             if not body.orientation:
                 continue
@@ -49,6 +49,25 @@ class SymmetryCandidates(ElementComparison):
             for axis in _own_axes(body):
                 words = axis_text(axis)
                 yield f"turn of {body.name} about its axis {words}", Spin(body, part, axis)
+
+    def _carried_states(self, generator: Generator) -> Array:
+        """Return the rates of first-order states that go with a turn, so that their rows do not change."""
+        system, found = self.system, np.zeros(self.system.n_q)
+        columns, rows = system.states
+        if system.sparse or not len(columns):
+            return found
+        blocks, changes, sizes = [], [], self.motion.sizes[columns]
+        for state in self.on_rows:
+            V_q = system.linearize_rows(state.q, state.u, state.a, self.motion.time)[0][rows]
+            moved, turned, J = generator.field(state.q), generator.slope(state.q) @ state.u, state.dynamics.J[rows]
+            change = V_q @ moved + J @ turned
+            rounding = TOLERANCES.roundings_of_comparison * EPS * (abs(V_q) @ abs(moved) + abs(J) @ abs(turned))
+            blocks.append(V_q[:, columns] * sizes)
+            changes.append(np.where(np.abs(change) > rounding, change, 0.0))
+        rates = -np.linalg.pinv(np.vstack(blocks), rcond=TOLERANCES.independent_fields) @ np.concatenate(changes)
+        rates = np.where(np.abs(rates) > 1e-12 * np.max(np.abs(rates)), rates, 0.0) * sizes
+        found[columns] = in_whole_numbers(rates)
+        return found
 
     def _shifts(self) -> Iterator[tuple[str, Field]]:
         """Yield constant shifts that do not change the equations at the reference: named ones, then combinations."""
