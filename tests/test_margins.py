@@ -243,3 +243,43 @@ def test_wrong_questions_are_refused(arguments, message):
     result = run("response", "whipple_bicycle.yaml", *arguments)
     assert result.exit_code == 2
     assert message in result.stderr
+
+
+@pytest.mark.parametrize("output", ["here", "there"])
+def test_margins_of_a_free_axis_whose_phase_leaves_180_degrees_with_the_cube_of_the_frequency(tmp_path, output):
+    """Two inertias on a damped spring, as closed forms have it: without a frame, the damping has no force at first."""
+    J, J2, k, c = 1.5, 1.1, 4000.0, 2.0
+    path = tmp_path / "shafts.yaml"
+    path.write_text(f"""
+mbstab: 1
+bodies:
+  rotor: {{type: planar, mass: 1, inertia: {J}}}
+  arm: {{type: planar, mass: 1, inertia: {J2}}}
+joints:
+  a1: {{type: revolute, between: [rotor, ground]}}
+  a2: {{type: revolute, between: [arm, ground]}}
+forces:
+  flex:
+    type: expression
+    on: {{angle(a1): -moment, angle(a2): moment}}
+definitions: {{moment: {k}*(angle(a1) - angle(a2)) + {c}*(rate(angle(a1)) - rate(angle(a2)))}}
+inputs: {{push: {{type: joint, joint: a1}}}}
+outputs: {{there: angle(a2), here: angle(a1)}}
+reference: {{coordinates: {{rotor: {{theta: 0}}, arm: {{theta: 0}}}}}}
+""")
+    result = run("response", str(path), "--format", "json")
+    assert not result.exit_code, result.stderr
+    channels = json.loads(result.stdout)["channels"]
+    (found,) = (x["margins"] for x in channels if x["output"] == output)
+    above = [c, k] if output == "there" else [J2, c, k]
+    below = [J * J2, (J + J2) * c, (J + J2) * k, 0.0, 0.0]
+    # |above|² = |below|² at s = iω
+    at = np.polyadd(np.polymul(above, np.array(above) * (-1.0) ** np.arange(len(above))[::-1]),
+                    -np.polymul(below, np.array(below) * (-1.0) ** np.arange(len(below))[::-1]))  # fmt: skip
+    squares = -(np.roots(at) ** 2)
+    omega = np.unique(np.sqrt(squares[(abs(squares.imag) < 1e-6) & (squares.real > 0)].real).round(9))
+    assert found["gain"] == []
+    assert [x["frequency"] for x in found["phase"]] == pytest.approx(list(omega), rel=1e-8)
+    for x in found["phase"]:
+        G = np.polyval(above, 1j * x["frequency"]) / np.polyval(below, 1j * x["frequency"])
+        assert x["phase"] == pytest.approx(np.degrees(np.angle(-G)), rel=1e-6)

@@ -283,3 +283,16 @@ def test_names_are_not_carried_where_points_have_nothing_in_common(monkeypatch):
     result = mbstab.load("motorcycle.yaml").eig(tilt=1e200)
     assert not any(e.name for e in result.eigenvalues)
     assert any("cannot be told apart all the way from tilt = 0.4715 to 1e+200" in x for x in result.warnings)
+
+
+def test_a_neutral_mode_with_a_shape_is_listed_as_zero():
+    result = mbstab.load("cart_pendulum.yaml").eig()
+    assert any(e.kind == "neutral" and e.motions for e in result.eigenvalues)
+    assert all(e.significant == 0.0 for e in result.eigenvalues if e.kind == "neutral")
+    undecided = mbstab.loads(
+        "mbstab: 1\nbodies: {p: {type: planar_point, mass: 1}}\nconstraints: {rail: {holonomic: p.y}}\n"
+        "forces: {s: {type: expression, on: {p.x: -7*p.x - rate(p.x)**3}}}\n"
+        "reference: {coordinates: {p: {x: 0, y: 0}}}\n"
+    ).eig()
+    assert undecided.verdict == "undecided"
+    assert "the eigenvalue 0 ± 2.64575i 1/s" in undecided.reasons[0]

@@ -203,12 +203,13 @@ class Factored:
             total, (first, third) = self.expansion(far)
             if abs(np.cos(0.5 * total)) > 1e-6 or not len(self.sizes):
                 continue
-            end, sizes = (1.0 / high, self.sizes) if far else (low, 1.0 / self.sizes)
+            sizes = self.sizes if far else 1.0 / self.sizes
+            # As far as the next coefficient does not matter; nearer to the end errors would hide the side.
             if abs(first[0]) > 2.0 * first[1]:
-                end = min(end, float(np.sqrt(abs(first[0]) / (4.0 * np.sum(sizes**3)))))
+                end = float(np.sqrt(abs(first[0]) / (4.0 * np.sum(sizes**3))))
             else:
                 # What the first coefficient may be counts only where the gain is next to nothing, or without limit.
-                end = min(end, float(np.sqrt(abs(third[0]) / (4.0 * np.sum(sizes**5)))))
+                end = float(np.sqrt(abs(third[0]) / (4.0 * np.sum(sizes**5))))
                 if not (abs(third[0]) > 2.0 * third[1] and abs(third[0]) * end**2 > 4.0 * first[1]):
                     where = "high" if far else "low"
                     raise Undecided(f"how the phase comes to 180° at {where} frequencies is beyond the errors")

@@ -75,13 +75,13 @@ class Eigenvalue:
 
     @property
     def significant(self) -> complex:
-        """The value (1/s); of a center and of what is undecided without the parts that may be zero."""
+        """The value (1/s); of a center and of what is undecided or neutral without the parts that may be zero."""
         real, imag = self.value.real, self.value.imag
         if self.kind == "center":
             return complex(0.0, imag)
         if self.kind == "critical":
             return 0j
-        if self.kind != "undecided":
+        if self.kind not in ("undecided", "neutral") or math.isnan(self.error_bound):
             return self.value
         return complex(*(x if abs(x) > self.error_bound else 0.0 for x in (real, imag)))
 

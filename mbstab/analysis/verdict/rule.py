@@ -572,7 +572,8 @@ def _unplaced(disc: Disc, facts: Facts) -> str:
             f"{what} within {disc.radius:.1e} 1/s of zero, and no symmetry or family of motions explains it: a "
             "critical state, or motions so slow that rounding hides on which side of the imaginary axis they are"
         )
-    value = f"{show(disc.centre)} 1/s"
+    known = abs(disc.centre.real) > disc.radius
+    value = f"{show(disc.centre if known else complex(0.0, disc.centre.imag))} 1/s"
     if many and disc.radius:
         return (
             f"{disc.count} eigenvalues lie within {disc.radius:.1e} 1/s of {value}, and this disc reaches over the "
