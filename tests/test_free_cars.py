@@ -7,6 +7,7 @@ import random
 import re
 
 import mpmath
+import numpy as np
 import pytest
 
 import mbstab
@@ -77,3 +78,40 @@ def test_a_car_that_a_force_brakes_is_not_proven_to_roll_at_any_speed():
         proof = Proof(mbstab.loads(text.replace("reference:", f"{drag}reference:")).model, {})
         (along,) = (x for x in proof.identities.invariance.symmetries if x.name == "c.x")
         assert proof.identities.at_any_speed(along) == finding
+
+
+STEERED = """
+mbstab: 1
+title: Car whose front wheel without mass the driver holds at a constant angle to it
+parameters: {{v: 20, a: 1.2, b: 1.0, C: 80000, m: 1500}}
+bodies:
+  car: {{type: planar, mass: m, inertia: 2500, points: {{front: [a, 0], rear: [-b, 0]}}}}
+  wheel: {{type: planar, mass: 0, inertia: 0}}
+joints: {{king: {{type: revolute, between: [wheel, car.front]}}}}
+constraints:
+  cruise: {{nonholonomic: vx(car) - v}}
+  driver: {{nonholonomic: rate(angle(king))}}
+forces:
+  front: {{type: tyre, at: wheel, cornering_stiffness: C}}
+  rear: {{type: tyre, at: car.rear, cornering_stiffness: C}}
+reference:
+  coordinates: {{car: {{x: 0, y: 0, theta: 0}}, wheel: {{theta: 0}}}}
+  rates: {{car: {{x: v, y: 0, theta: 0}}, wheel: {{theta: 0}}}}
+""".format()
+
+
+def test_the_zero_of_a_held_steering_angle_is_neutral_whatever_else_grows():
+    """Each angle of the steering is a circle of its own, on both sides of the speed √(C (a + b)²/(m (a − b)))."""
+    car = mbstab.loads(STEERED)
+    critical = np.sqrt(80000 * 2.2**2 / (1500 * 0.2))
+    for v, word in ((0.6 * critical, "asymptotically stable up to symmetry"), (1.6 * critical, "unstable")):
+        found = car.eig(v=v)
+        assert (found.verdict, found.counts.neutral) == (word, 4)
+        assert all(e.kind != "undecided" for e in found.eigenvalues)
+        assert (
+            any("motions of the same kind" in name for name in found.neutral_directions)
+            or len(found.neutral_directions) == 4
+        )
+    (change,) = car.sweep("v", np.linspace(5.0, 60.0, 12)).critical
+    assert (change.kind, change.unstable) == ("divergence", (0, 1))
+    assert change.value == pytest.approx(critical, rel=1e-11)

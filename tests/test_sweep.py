@@ -1315,3 +1315,19 @@ def test_a_critical_value_on_a_point_is_found_once():
         (found,) = mbstab.loads(text).sweep("k", np.linspace(-0.5, 0.5, points)).critical
         assert (found.kind, found.unstable) == ("divergence", (1, 0))
         assert abs(found.value) < 1e-12
+
+
+@pytest.mark.parametrize("other", ["-a.y**3 - rate(a.y)", "-9*a.y - rate(a.y)**3", "-rate(a.y)**3"])
+@pytest.mark.parametrize("points", [2, 5, 40])
+def test_an_eigenvalue_that_passes_zero_beside_an_open_one_is_found(other, points):
+    """Unstable on both sides: two eigenvalues grow always, one more for negative p; another one is on the axis."""
+    text = (
+        "mbstab: 1\nparameters: {p: 1}\n"
+        "bodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 1}}\n"
+        "constraints: {rail: {holonomic: b.y}}\nforces:\n"
+        f"  f: {{type: expression, on: {{a.x: -a.x + 0.1*rate(a.x), a.y: {other}, b.x: -p*b.x - rate(b.x)}}}}\n"
+        "reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}}\n"
+    )
+    (found,) = mbstab.loads(text).sweep("p", np.linspace(-1.0, 1.0, points)).critical
+    assert (found.kind, found.unstable) == ("divergence", (3, 2))
+    assert abs(found.value) < 1e-12

@@ -30,7 +30,17 @@ from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
-from mbstab.analysis.verdict.rule import STABLE, STABLE_UP_TO, UNDECIDED, Disc, Verdict, judge, place, show
+from mbstab.analysis.verdict.rule import (
+    STABLE,
+    STABLE_UP_TO,
+    UNDECIDED,
+    UNSTABLE,
+    Disc,
+    Verdict,
+    judge,
+    place,
+    show,
+)
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, MbstabError, NumericalError, UsageError
 
@@ -93,6 +103,12 @@ def _result(
     discs = place(centres, [d.radius for d in placed.discs], [len(d.members) for d in placed.discs], grounds.mirrored)
     facts = grounds.facts(discs, number + (len(neutral) if found is None else 0))
     verdict = judge(facts)
+    # A family of motions explains zeros whatever else grows.
+    zeros = sum(d.count for d in discs if d.side == "open" and d.holds_zero)
+    sure = verdict.word == UNSTABLE and not facts.doubts and facts.found == facts.expected
+    wider = facts.family(zeros) if zeros and sure else None
+    if wider is not None:
+        verdict = replace(verdict, at_zero=True)
     listed: list[Eigenvalue] = []
     modes = Modes(linear, placed)
     for disc, members in zip(discs, (d.members for d in placed.discs), strict=True):
@@ -115,7 +131,7 @@ def _result(
     return EigenResult(
         listed, verdict, counts, method, (*linear.motion.warnings, *inexact(listed), *verdict.warnings), frame,
         not linear.constant or linear.frozen, shifts, coordinates=tuple(linear.names),
-        neutral_directions=verdict.modulo.names or facts.neutral.names,
+        neutral_directions=verdict.modulo.names or (wider or facts.neutral).names,
     )  # fmt: skip
 
 

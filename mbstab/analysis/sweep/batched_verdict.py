@@ -174,13 +174,14 @@ def settled(sides: Sides, words: npt.NDArray[np.int8], number: int) -> Index:
 
 
 def pinned(values: Complex, sides: Sides, sizes: Array, number: int) -> Complex:
-    """Return spectra, shape (points, r), with `number` unexplained zeros set to zero: their values are noise."""
+    """Return spectra, shape (points, r), with `number` unexplained zeros set to zero: their values are noise.
+
+    Where more may be zero, nothing tells which of them are; their sum is known much better than each of them.
+    """
     if not number:
         return values
-    size = np.abs(values)
-    rank = np.argsort(np.argsort(size, axis=1, kind="stable"), axis=1, kind="stable")
-    tiny = (sides == OPEN) & (rank < number) & (size <= TOLERANCES.unexplained_zero * sizes[:, None])
-    return np.where(tiny, 0.0, values)
+    tiny = (sides == OPEN) & (np.abs(values) <= TOLERANCES.unexplained_zero * sizes[:, None])
+    return np.where(tiny & (np.sum(tiny, axis=1, keepdims=True) <= number), 0.0, values)
 
 
 # --- eigenvalues ------------------------------------------------------------------------------------------------------

@@ -120,7 +120,12 @@ class CriticalValues(Branches):
                 found.append(critical)
             elif bracket[:2] not in doubtful:
                 doubtful.append(bracket[:2])
-        doubtful += self._unexplained(part, found, doubtful)
+        for a, b in self._unexplained(part, found, doubtful):
+            critical = self._located(part, (*self._beyond_zeros(part, a, b), "divergence", self._product), branches)
+            if critical is None:
+                doubtful.append((a, b))
+            else:
+                found.append(critical)
         for a, b in doubtful:
             crossings = [value for value in self.crossings if x[a] < value < x[b]]
             if crossings:  # near other equilibria those of the path are hard to identify
@@ -172,6 +177,19 @@ class CriticalValues(Branches):
             if part.counts[a] != part.counts[b] and not said and not asked:
                 missing.append((a, b))
         return missing
+
+    def _beyond_zeros(self, part: _Stretch, a: int, b: int) -> tuple[int, int]:
+        """Return points with the same numbers of unstable eigenvalues, at which no more are on the axis than elsewhere.
+
+        Where one passes zero beside another zero, branches may be exchanged, but their product changes its sign.
+        """
+        on_axis = np.sum(signs(part.sides) == 0, axis=1) > self.unplaced
+        i, j = a, b
+        while i > 0 and on_axis[i] and part.counts[i - 1] in (part.counts[a], -1):
+            i -= 1
+        while j < len(on_axis) - 1 and on_axis[j] and part.counts[j + 1] in (part.counts[b], -1):
+            j += 1
+        return (i, j) if part.counts[i] == part.counts[a] and part.counts[j] == part.counts[b] else (a, b)
 
     def _suspects(self, branches: Complex) -> list[tuple[int, int]]:
         """Return ranges of points, without gaps, in which stability may change."""
