@@ -36,6 +36,8 @@ from mbstab.analysis.verdict.rule import (
     UNDECIDED,
     UNSTABLE,
     Disc,
+    Facts,
+    Neutral,
     Verdict,
     judge,
     place,
@@ -103,10 +105,7 @@ def _result(
     discs = place(centres, [d.radius for d in placed.discs], [len(d.members) for d in placed.discs], grounds.mirrored)
     facts = grounds.facts(discs, number + (len(neutral) if found is None else 0))
     verdict = judge(facts)
-    # A family of motions explains zeros whatever else grows.
-    zeros = sum(d.count for d in discs if d.side == "open" and d.holds_zero)
-    sure = verdict.word == UNSTABLE and not facts.doubts and facts.found == facts.expected
-    wider = facts.family(zeros) if zeros and sure else None
+    wider = _family_beside_growth(facts, verdict)
     if wider is not None:
         verdict = replace(verdict, at_zero=True)
     listed: list[Eigenvalue] = []
@@ -133,6 +132,14 @@ def _result(
         not linear.constant or linear.frozen, shifts, coordinates=tuple(linear.names),
         neutral_directions=verdict.modulo.names or (wider or facts.neutral).names,
     )  # fmt: skip
+
+
+def _family_beside_growth(facts: Facts, verdict: Verdict) -> Neutral | None:
+    """Return the neutral directions if a family of motions explains all zeros of a motion with others that grow."""
+    zeros = sum(d.count for d in facts.discs if d.side == "open" and d.holds_zero)
+    if verdict.word != UNSTABLE or not zeros or facts.doubts or facts.found != facts.expected:
+        return None
+    return facts.family(zeros)
 
 
 def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
