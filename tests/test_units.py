@@ -69,6 +69,7 @@ def infer(text):
         ("Pa", 1.0, dimension(1, -1, -2)),
         ("A", 1.0, dimension(0, 0, 0, 1)),
         ("mA", 1e-3, dimension(0, 0, 0, 1)),
+        ("C", 1.0, dimension(0, 0, 1, 1)),
         ("V", 1.0, dimension(1, 2, -3, -1)),
         ("ohm", 1.0, dimension(1, 2, -3, -2)),
         ("H", 1.0, dimension(1, 2, -2, -2)),
@@ -278,7 +279,7 @@ reference: {{rates: {{disk: {{theta: "{rate}"}}}}}}
     ],
 )
 def test_turns_are_no_angle(unit, rate):
-    with pytest.raises(ModelFileError, match="f counts turns") as caught:
+    with pytest.raises(ModelFileError, match=r"f counts turns") as caught:
         mbstab.loads(TURNING.format(unit=unit, rate=rate))
     assert "write 2*pi*f" in str(caught.value)
 
@@ -360,3 +361,68 @@ def test_the_units_of_a_driven_coordinate_are_its_own(name, right, wrong):
     mbstab.loads(text.replace("UNIT", right))
     with pytest.raises(ModelFileError, match=f"expected {right}"):
         mbstab.loads(text.replace("UNIT", wrong))
+
+
+GAINED = """
+mbstab: 1
+parameters:
+  K: {{value: 2, unit: {K}}}
+  f: {{value: 2, unit: Hz}}
+  x0: {{value: 2, unit: m}}
+bodies:
+  a: {{type: planar, mass: 1, inertia: 1}}
+joints:
+  pin: {{type: revolute, between: [a, ground]}}
+{more}
+reference: {{coordinates: {{a: {{x: 0, y: 0, theta: 0}}}}}}
+"""
+PID = "forces: {{c: {{type: pid, joint: pin, of: angle(pin), {}: K}}}}"
+GAINS = "forces: {{c: {{type: state_feedback, joint: pin, gains: {{{}: K}}}}}}"
+ON = "forces: {{c: {{type: expression, on: {{{}}}}}}}"
+
+
+@pytest.mark.parametrize(
+    ("more", "unit", "wrong", "expected"),
+    [
+        (PID.format("P"), "N*m/deg", "N/m", "expected N\\*m/rad"),
+        (PID.format("I"), "N*m/(rad*s)", "N*m/rad", "expected N\\*m/\\(rad\\*s\\)"),
+        (PID.format("D"), "N*m*s/rad", "N*m/rad", "expected N\\*m\\*s/rad"),
+        (PID.format("P: 1, target"), "deg", "m", "expected rad"),
+        (GAINS.format("rate(angle(pin))"), "N*m*s", "N*m", "expected kg\\*m\\^2/s"),
+        (GAINS.format("a.x - x0"), "N", "N/m", "expected kg\\*m/s\\^2"),
+        (ON.format("a.theta: -K*a.theta"), "N*m/rad", "N/rad", "expected N\\*m"),
+        (ON.format("angle(pin): -K*rate(angle(pin))"), "N*m*s", "N*m", "expected N\\*m"),
+        (ON.format("a.x: -K*(a.x - x0)"), "N/m", "N", "expected N"),
+        (ON.format("a.x: -K*a.x**2"), "N/m^2", "N/m", "expected N"),
+        (ON.format("a.x: -K*rate(a.x)**(1/2)"), "N*s", "m", None),
+    ],
+)
+def test_gains_and_forces_of_the_motion_have_the_units_of_their_places(more, unit, wrong, expected):
+    """Numbers beside what moves may be coefficients in any unit; declared units must fit."""
+    if expected is not None:
+        mbstab.loads(GAINED.format(K=unit, more=more))
+    with pytest.raises(ModelFileError, match=expected or "expected N") as caught:
+        mbstab.loads(GAINED.format(K=wrong, more=more))
+    assert len(caught.value.problems) == 1
+
+
+@pytest.mark.parametrize(
+    "law", ["-a.x", "-3*a.x - rate(a.x)**3", "-7*(a.x - x0)", "a.y*a.x - 2*a.theta*a.x", "-K*a.x - a.y**3"]
+)
+def test_numbers_beside_what_moves_fit_everywhere(law):
+    assert mbstab.loads(GAINED.format(K="N/m", more=ON.format(f"a.x: {law}")))
+
+
+def test_turns_are_told_from_radians_in_constraints():
+    more = "constraints: {{spin: {{nonholonomic: rate(a.theta) - {}f}}}}"
+    with pytest.raises(ModelFileError, match=r"f counts turns .* added to an angle or to a turn rate"):
+        mbstab.loads(GAINED.format(K="m", more=more.format("")))
+    assert mbstab.loads(GAINED.format(K="m", more=more.format("2*pi*")))
+
+
+@pytest.mark.parametrize(("power", "unit"), [("(1/2)", "m"), ("-(1/2)", "1/m"), ("(3 - 1)/4", "m^2"), ("(1 + 1)", "m")])
+def test_an_exponent_may_be_computed(power, unit):
+    names = {"L": parse_unit("m")[1]}
+    found = dimension_of(parse(f"L**({power})"), names)
+    exponent = {"(1/2)": Fraction(1, 2), "-(1/2)": Fraction(-1, 2), "(3 - 1)/4": Fraction(1, 2), "(1 + 1)": Fraction(2)}
+    assert found == tuple(Fraction(i == 1) * exponent[power] for i in range(4))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from mbstab.errors import suggestion
-from mbstab.mechanics.measures import is_measure, parts
+from mbstab.mechanics.measures import MEASURES, is_measure, parts
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import Expression, ExpressionError, filled_in
@@ -19,8 +19,9 @@ from mbstab.model.schema import (
     is_state,
     owner_of_point,
     parse_finite,
+    unit_of,
 )
-from mbstab.model.turns import require_angle
+from mbstab.model.turns import counted_by, require_angle
 from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
 
 AXES = {"x": 0, "y": 1, "z": 2}
@@ -150,14 +151,38 @@ class QuantityReader:
         ------
         ExpressionError
         """
-        require_angle(expression, self.names.counted, unit)
-        found = units.dimension_of(expression, self.names.units)
-        if unit in ("", "1") or isinstance(found, str):
+        moving = {name: x for name in {*expression.names(), *expression.rates()} if (x := self.unit_of(name))}
+        counted = {name: counted_by(x) for name, x in moving.items()}
+        require_angle(expression, {**self.names.counted, **counted}, unit)
+        found = self.dimension_of(expression)
+        # What only moves, as in -rate(a.x), may have the coefficient 1 in any unit.
+        if unit in ("", "1") or isinstance(found, (str, units.Moving)):
             return
         expected = units.parse_unit(unit)[1]
         if found != expected:
             message = f"{expression.text!r} has the unit {units.show(found)}, expected {unit}"
             raise ExpressionError(message, 0, "check the units declared under parameters")
+
+    def dimension_of(self, expression: Expression) -> units.Known:
+        """Return what is known of the dimension of an expression of the motion.
+
+        Raises
+        ------
+        ExpressionError
+            If quantities of different dimensions are added, or a function gets one.
+        """
+        names = {*expression.names(), *expression.rates()}
+        moving = {name: units.moving(x) for name in names if (x := self.unit_of(name))}
+        return units.dimension_of(expression, {**self.names.units, **moving})
+
+    def unit_of(self, name: str) -> str:
+        """Return the unit of a coordinate or a measure; of others an empty text."""
+        if is_measure(name):
+            measure = MEASURES.get(parts(name)[0])
+            return measure.unit if measure is not None and measure.formula is not None else ""
+        if "." in name and name in self.names.coordinates:
+            return unit_of(name)
+        return ""
 
     # --- vectors ----------------------------------------------------------------------------------------------------
 

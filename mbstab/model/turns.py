@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from mbstab.model.expressions import Binary, Call, Expression, ExpressionError, Name, Negative, Node, Number
+from mbstab.model.expressions import Binary, Call, Expression, ExpressionError, Name, Negative, Node, Number, Rate
 from mbstab.model.functions import CALLED
 from mbstab.model.units import factors
 
@@ -89,6 +89,8 @@ def _count(node: Node, names: Mapping[str, Counted]) -> Counted:
         case Name():
             known = names.get(node.name, NOTHING)
             return Counted(known.radians, known.turns, node.name, node.position) if known.turns else known
+        case Rate():
+            return names.get(node.name, NOTHING)
         case Negative():
             return _count(node.operand, names)
         case Call():
@@ -121,6 +123,9 @@ def _power(base: Counted, power: float) -> Counted:
 
 def _combined(node: Binary, left: Counted, right: Counted) -> Counted:
     if node.operator in "+-":
+        for one, other in ((left, right), (right, left)):
+            if one.lacks and other.radians == 1 and not other.turns:
+                raise _missing(one, "it is added to an angle or to a turn rate")
         return left if left.lacks or not right.lacks else right
     if node.operator == "**":
         sign, power = (-1, node.right.operand) if isinstance(node.right, Negative) else (1, node.right)

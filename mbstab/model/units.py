@@ -7,10 +7,11 @@ numbers have none. Quantities without a declared unit always fit.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from functools import partial, reduce
-from typing import Any
+from operator import add, mul, sub
+from typing import Any, NamedTuple
 
 from mbstab.errors import suggestion
 from mbstab.model.arithmetic import CONSTANTS, Arithmetic
@@ -59,6 +60,7 @@ UNITS: dict[str, tuple[float, Dimension]] = {
     "GPa": (1e9, _dimension(1, -1, -2)),
     "A": (1.0, _dimension(0, 0, 0, 1)),
     "mA": (1e-3, _dimension(0, 0, 0, 1)),
+    "C": (1.0, _dimension(0, 0, 1, 1)),
     "V": (1.0, _dimension(1, 2, -3, -1)),
     "ohm": (1.0, _dimension(1, 2, -3, -2)),
     "H": (1.0, _dimension(1, 2, -2, -2)),
@@ -196,6 +198,11 @@ def _times(a: Dimension, b: Dimension, power: Fraction | int = 1) -> Dimension:
     return first, second, third, fourth
 
 
+def inverse(dimension: Dimension) -> Dimension:
+    """Return the dimension of the inverse of a quantity."""
+    return _times(NONE, dimension, -1)
+
+
 def show(dimension: Dimension) -> str:
     """Return a dimension in SI units, such as ``kg*m^2/s^2``."""
     over = [_power(n, e) for n, e in zip(_BASE, dimension, strict=True) if e > 0]
@@ -209,7 +216,28 @@ def _power(name: str, exponent: Fraction) -> str:
 
 LITERAL = "literal"
 UNKNOWN = "unknown"
-Known = Dimension | str
+
+
+class Moving(NamedTuple):
+    """The dimension of coordinates, measures, their rates and states: a number beside one may be a coefficient."""
+
+    dimension: Dimension
+
+
+Known = Dimension | Moving | str
+
+
+def moving(unit: str) -> Moving:
+    """Return what is known of something that moves, in a unit."""
+    return Moving(parse_unit(unit)[1])
+
+
+def per(effort: str, signal: Known, seconds: int) -> Dimension | None:
+    """Return the dimension of a gain: of an effort per signal, times a power of seconds; None if it is not known."""
+    if isinstance(signal, str):
+        return None
+    whole = signal.dimension if isinstance(signal, Moving) else signal
+    return _times(_times(parse_unit(effort)[1], whole, -1), UNITS["s"][1], seconds)
 
 
 def dimension_of(expression: Expression, names: Mapping[str, Known]) -> Known:
@@ -242,7 +270,8 @@ def _infer(node: Node, names: Mapping[str, Known]) -> Known:
         case Name():
             return LITERAL if node.name in CONSTANTS else names.get(node.name, UNKNOWN)
         case Rate():
-            return UNKNOWN
+            found = names.get(node.name, UNKNOWN)
+            return Moving(_times(_plain(found), UNITS["s"][1], -1)) if isinstance(found, Moving) else UNKNOWN
         case Negative():
             return _infer(node.operand, names)
         case Call():
@@ -255,13 +284,23 @@ def _infer(node: Node, names: Mapping[str, Known]) -> Known:
                 return _raise(left, right, node)
             if left == UNKNOWN or right == UNKNOWN:
                 return UNKNOWN
+            if isinstance(left, Moving) or isinstance(right, Moving):
+                return _of_moving(left, right, 1 if node.operator == "*" else -1)
             if {left, right} <= {LITERAL, NONE} and LITERAL in (left, right):
                 return LITERAL  # 10*ratio may be a length: a bare number stands for any unit
             return _times(_plain(left), _plain(right), 1 if node.operator == "*" else -1)
 
 
 def _plain(known: Known) -> Dimension:
-    return NONE if isinstance(known, str) else known
+    return NONE if isinstance(known, str) else known.dimension if isinstance(known, Moving) else known
+
+
+def _of_moving(left: Known, right: Known, power: int) -> Known:
+    """Return what is known of a product with something that moves: all, if the other one has a declared unit."""
+    if LITERAL in (left, right):
+        return UNKNOWN
+    found = _times(_plain(left), _plain(right), power)
+    return Moving(found) if isinstance(left, Moving) and isinstance(right, Moving) else found
 
 
 def _same(left: Known, right: Known, position: int) -> Known:
@@ -269,21 +308,45 @@ def _same(left: Known, right: Known, position: int) -> Known:
         return right if left == LITERAL else UNKNOWN
     if right in (LITERAL, UNKNOWN):
         return left if right == LITERAL else UNKNOWN
+    if isinstance(left, Moving) or isinstance(right, Moving):
+        return Moving(_plain(left)) if _plain(left) == _plain(right) else UNKNOWN
     if left != right:
         raise ExpressionError(f"{_name(left)} and {_name(right)} cannot be added or compared", position)
     return left
 
 
 def _raise(base: Known, exponent: Known, node: Binary) -> Known:
+    if isinstance(exponent, Moving):
+        return UNKNOWN
     if exponent not in (LITERAL, UNKNOWN, NONE):
         raise ExpressionError(f"an exponent is a plain number, this one has the unit {_name(exponent)}", node.position)
     if isinstance(base, str) or base == NONE:
         return base
-    power = node.right.operand if isinstance(node.right, Negative) else node.right
-    if not isinstance(power, Number):
+    value = _fraction(node.right)
+    if value is None:
         return UNKNOWN
-    value = Fraction(power.text) * (-1 if isinstance(node.right, Negative) else 1)
-    return _times(NONE, base, value)
+    found = _times(NONE, _plain(base), value)
+    return Moving(found) if isinstance(base, Moving) else found
+
+
+_EXACT: dict[str, Callable[[Fraction, Fraction], Fraction]] = {"+": add, "-": sub, "*": mul}
+
+
+def _fraction(node: Node) -> Fraction | None:
+    """Return the value of an exponent that is made of numbers, such as -(1/2); None of others."""
+    match node:
+        case Number():
+            return Fraction(node.text)
+        case Negative():
+            value = _fraction(node.operand)
+            return None if value is None else -value
+        case Binary(operator="+" | "-" | "*" | "/"):
+            left, right = _fraction(node.left), _fraction(node.right)
+            if left is None or right is None or (node.operator == "/" and not right):
+                return None
+            return left / right if node.operator == "/" else _EXACT[node.operator](left, right)
+        case _:
+            return None
 
 
 def _infer_call(node: Call, names: Mapping[str, Known]) -> Known:
@@ -292,10 +355,15 @@ def _infer_call(node: Call, names: Mapping[str, Known]) -> Known:
     if rule == "free":
         return UNKNOWN
     if rule == "root":
-        return arguments[0] if isinstance(arguments[0], str) else _times(NONE, arguments[0], Fraction(1, 2))
+        if isinstance(arguments[0], str):
+            return arguments[0]
+        found = _times(NONE, _plain(arguments[0]), Fraction(1, 2))
+        return Moving(found) if isinstance(arguments[0], Moving) else found
     if rule != "plain":
         common = reduce(partial(_same, position=node.position), arguments)
         return common if rule == "same" else LITERAL
+    if isinstance(arguments[0], Moving):
+        return LITERAL
     if arguments[0] not in (LITERAL, UNKNOWN, NONE):
         raise ExpressionError(
             f"{node.function}() takes a plain number or an angle, its argument has the unit {_name(arguments[0])}",
@@ -305,4 +373,4 @@ def _infer_call(node: Call, names: Mapping[str, Known]) -> Known:
 
 
 def _name(dimension: Known) -> str:
-    return dimension if isinstance(dimension, str) else show(dimension)
+    return dimension if isinstance(dimension, str) else show(_plain(dimension))

@@ -293,6 +293,9 @@ class _Composer:
         except yaml.MarkedYAMLError as error:
             reason = error.problem or error.context or "the text is not YAML"
             place = self._at(error.problem_mark or error.context_mark)
+            if "nesting" in reason and error.problem_mark is not None:
+                # The parser looks ahead: what stands before tells where it becomes too deep.
+                return _Composer(self.document).run(text[: error.problem_mark.index])
             line = self.document.lines[place.line - 1]
             if "\t" in line[: len(line) - len(line.lstrip())]:
                 hint = "indent with blanks only: YAML forbids tabs there"

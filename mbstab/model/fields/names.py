@@ -185,6 +185,11 @@ class ParameterField(FieldKind):
         return {**TEXT}
 
 
+def effort_unit(unit: str) -> str:
+    """Return the unit of a force along a motion that has a unit: N*m along an angle or a turn rate."""
+    return {"rad": "N*m", "rad/s": "N*m", "m": "N", "m/s": "N"}.get(unit, "")
+
+
 class LoadsField(FieldKind):
     """Generalized forces by coordinate, as expressions of coordinates, rates and time."""
 
@@ -199,7 +204,9 @@ class LoadsField(FieldKind):
             return None
         loads = {}
         for key, item in mapping.pairs():
-            expression = reading.quantities.expression(item, f"{path}.{key.text}", time=True, state=True)
+            # Of what is made, the gains have been checked.
+            unit = "" if field.made else effort_unit(reading.quantities.unit_of(key.text))
+            expression = reading.quantities.expression(item, f"{path}.{key.text}", unit, time=True, state=True)
             name = self._along(reading, key, path)
             if name is not None:
                 loads[name] = expression

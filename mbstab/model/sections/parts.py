@@ -5,8 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from mbstab.mechanics.catalogue import Kind, Part
+from mbstab.model import units
+from mbstab.model.expressions import ExpressionError
 from mbstab.model.fields.base import Reading
 from mbstab.model.fields.catalogue import kind_of
+from mbstab.model.fields.names import effort_unit
+from mbstab.model.schema import Quantity
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 
 
@@ -43,6 +47,43 @@ def part_of(kind: Kind, name: str, node: Mapping, motions: tuple[str, ...] = ())
     return kind.part(_along(node, motions), name, given)
 
 
+GAINS = {"P": ("of", 0), "I": ("of", -1), "D": ("of", 1), "target": ("of", 0)}
+"""Gains of a `pid`: what they multiply, and the power of seconds they have besides; its target is measured alike."""
+
+
+def _check_gains(reading: Reading, kind: Kind, effort: str) -> None:
+    """Refuse gains that do not make an effort of what they multiply, as far as units are declared."""
+    values = reading.values
+    if kind.name == "pid":
+        for key, (signal, seconds) in GAINS.items():
+            if key in values:
+                _check_gain(reading, values[key], values[signal], effort if key != "target" else "", seconds)
+    elif kind.name == "state_feedback":
+        half = len(values["gains"]) // 2
+        for signal, gain in zip(values["gains"][:half], values["gains"][half:], strict=True):
+            _check_gain(reading, gain, signal, effort, 0)
+
+
+def _check_gain(reading: Reading, gain: Quantity, signal: Quantity, effort: str, seconds: int) -> None:
+    """Refuse a gain that is not an effort per signal; without an effort, what is not the same as the signal."""
+    quantities = reading.quantities
+    try:
+        found, of = quantities.dimension_of(gain), quantities.dimension_of(signal)
+        expected = units.per(effort or "1", of, seconds)
+        if not effort and expected is not None:
+            expected = units.inverse(expected)
+    except ExpressionError:
+        return  # told where it was read
+    if expected is None or isinstance(found, (str, units.Moving)) or found == expected:
+        return
+    unit = quantities.unit_of(signal.text)
+    below = f"({unit}*s)" if seconds < 0 else unit
+    wanted = f"{effort}{'*s' * (seconds > 0)}/{below}" if effort else unit
+    message = f"{gain.text!r} has the unit {units.show(found)}, expected {wanted if unit else units.show(expected)}"
+    hint = f"it multiplies {signal.text}" if effort else f"it is compared with {signal.text}"
+    reading.nodes.complain(gain.location, gain.path, message, hint)
+
+
 def write_effort(reading: Reading, kind: Kind, name: str, node: Mapping) -> Part | None:
     """Give an entry its effort along the motion it acts on; return what it stands for, None after a problem."""
     asked = {field.name for field in kind.fields if field.required}
@@ -52,6 +93,10 @@ def write_effort(reading: Reading, kind: Kind, name: str, node: Mapping) -> Part
     along, part = _along(node, motions), part_of(kind, name, node, motions)
     at = node.location
     loads = Mapping({along: Scalar(part.effort, at)}, {along: Scalar(along, at)}, at)
+    told = len(reading.nodes.document.problems)
+    _check_gains(reading, kind, effort_unit(reading.quantities.unit_of(along)))
+    if len(reading.nodes.document.problems) > told:
+        return None
     field = kind.field("on")
     reading.read(kind_of(field), field, loads)
     return part
