@@ -26,6 +26,20 @@ CASES = {
     ),
     CONTROLLED.replace("GIVEN", "pivt").replace("LAG", ""): ("5:", "did you mean 'pivot'?"),
     CONTROLLED.replace("GIVEN", "pivot").replace("LAG", ", lag: 0"): ("5:", "leave it out: without it"),
+    "parameters: {T: 5 ms}\n" + ROD: ("3:17", "write {value: 5, unit: ms}"),
+    HELD + "forces: {c: {type: pid, joint: pivto, of: angle(pivot), P: 1}}\n": ("5:", "did you mean 'pivot'?"),
+    HELD + "forces: {c: {type: pid, joint: pivot, of: rod.phi, P: 1}}\n": ("5:", "rod has the coordinates x, y, theta"),
+    HELD + "forces: {c: {type: joint_spring, joint: pivot, stifness: 1}}\n": ("5:", "did you mean 'stiffness'?"),
+    HELD + "forces: {c: {type: transfer_function, joint: pivot, signal: angle(pivot), numerator: 0.5, "
+    "denominator: [1, 2]}}\n": ("5:", "for example [1, 0.5]"),
+    HELD + "forces: {c: {type: state_space, joint: pivot, signal: angle(pivot), A: -20, B: [1], C: [1]}}\n": (
+        "5:", "for example [[0, 1], [-2, -3]]"
+    ),
+    HELD + "forces: {c: {type: expression, on: {angle(pivot): -effort(c)}}}\n": ("5:", "the state NAME_effort"),
+    HELD + "states: {u: {rate: acceleration(rod.theta)}}\n": ("5:", "take rate(w)"),
+    ROD + "constraints: {c: {nonholonomic: rate(rod.x) = 1}}\n": ("4:", "what is zero: left - (right)"),
+    HELD + "forces: {c: {type: pid, joint: pivot, of: angle(pivot), target: 1, P: 3, I: 1}}\n"
+    "reference: {find: equilibrium, coordinates: {rod: {theta: 0}}}\n": ("6:", "they settle where the rate is zero"),
     ROTOR.replace("INERTIA", "[0.01, 0.012, 0.02]"): ("5:", "only with equal moments of inertia xx and yy"),
 }  # fmt: skip
 

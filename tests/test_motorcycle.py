@@ -205,3 +205,10 @@ def test_a_wheel_that_is_held_across_its_track_takes_no_tyre():
 def test_a_tyre_without_a_contact_is_refused(contact, message):
     with pytest.raises(ModelFileError, match=message):
         mbstab.loads(MOTORCYCLE.replace("{type: tyre, contact: rear,", f"{{type: tyre, contact: {contact},"))
+
+
+def test_lengths_of_nanometres_have_the_verdict_of_feet():
+    """Speeds that are tried then stop the wheels within rounding, where the slip of a tyre has no value."""
+    small = mbstab.load("motorcycle.yaml").eig(ft=0.3048e-9)
+    assert small.verdict == mbstab.load("motorcycle.yaml").eig().verdict
+    assert small.counts.neutral == 5

@@ -386,3 +386,20 @@ def test_fast_oscillations_over_time_are_drawn_as_they_are():
     x, y = np.array(response_picture(result, "").axes[0].get_lines()[0].get_data())
     np.testing.assert_allclose(y, 1.0 - np.cos(100.0 * x), atol=1e-9)
     assert np.sum(np.diff(np.sign(np.diff(y))) != 0.0) == 31
+
+
+def test_a_response_that_is_zero_by_a_gain_is_told(tmp_path):
+    """A PID whose gains a parameter of 0 multiplies: its effort is identically zero, whatever the structure."""
+    path = tmp_path / "cut.yaml"
+    path.write_text(
+        "mbstab: 1\nparameters: {loop: 0, K: 20}\nbodies: {rod: {type: planar, mass: 1, inertia: 1}}\n"
+        "joints: {pin: {type: revolute, between: [rod, ground]}}\nforces:\n"
+        "  hold: {type: joint_spring, joint: pin, stiffness: 3, damping: 1}\n"
+        "  c: {type: pid, joint: pin, of: angle(pin), P: loop*K, lag: 0.01}\n"
+        "inputs: {push: {type: joint, joint: pin}}\noutputs: {back: -effort(c), turn: angle(pin)}\n"
+        "reference: {coordinates: {rod: {theta: 0}}}\n"
+    )
+    channels = json.loads(run("response", str(path), "--format", "json").stdout)["channels"]
+    assert [x["vanishes"] for x in channels] == [True, False]
+    assert "does not respond to the input" in run("response", str(path)).stdout
+    assert run("response", str(path), "--set", "loop=1").stdout.count("does not respond") == 0

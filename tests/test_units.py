@@ -395,6 +395,8 @@ ON = "forces: {{c: {{type: expression, on: {{{}}}}}}}"
         (ON.format("a.x: -K*(a.x - x0)"), "N/m", "N", "expected N"),
         (ON.format("a.x: -K*a.x**2"), "N/m^2", "N/m", "expected N"),
         (ON.format("a.x: -K*rate(a.x)**(1/2)"), "N*s", "m", None),
+        (ON.format("vx(a): -K*vx(a)"), "N*s/m", "N/m", "expected N"),
+        (ON.format("a.theta: -K*tanh(vx(a)/(x0*f))"), "N*m", "N", "expected N\\*m"),
     ],
 )
 def test_gains_and_forces_of_the_motion_have_the_units_of_their_places(more, unit, wrong, expected):

@@ -20,6 +20,20 @@ def _none(item: Item) -> Iterable[ElementUse]:
     return ()
 
 
+def _list(given: Mapping[Any, Any], *keys: Any) -> list[Any]:
+    """Return lists of numbers.
+
+    Raises
+    ------
+    TypeError
+        If one is no list; where the key is read, this is told.
+    """
+    found = [given[key] for key in keys]
+    if any(isinstance(x, str) for x in found):
+        raise TypeError
+    return found
+
+
 def _sum(terms: Iterable[tuple[str, str]]) -> str:
     """Return Σ (factor)·(text)."""
     return " + ".join(f"({factor})*({text})" for factor, text in terms) or "0"
@@ -71,7 +85,7 @@ def _space(name: str, A: Sequence[Sequence[str]], B: Sequence[str], C: Sequence[
 
 
 def _transfer(name: str, given: Mapping[str, Any]) -> Part:
-    above, below = given["numerator"], given["denominator"]
+    above, below = _list(given, "numerator", "denominator")
     n = len(below) - 1
     if len(above) > n + 1:
         message = f"the numerator has the degree {len(above) - 1}, the denominator only {n}"
@@ -88,8 +102,9 @@ def _transfer(name: str, given: Mapping[str, Any]) -> Part:
 
 
 def _state_space(name: str, given: Mapping[str, Any]) -> Part:
-    A, B, C = given["A"], given["B"], given["C"]
+    A, B, C = _list(given, "A", "B", "C")
     n = len(A)
+    _list(dict(enumerate(A)), *range(n))
     for row in A:
         if len(row) != n:
             raise PartError("A", f"A must be square: it has {n} rows, and one of them {len(row)} numbers")
@@ -152,7 +167,9 @@ _CONTROLLERS = (
     ),
     _kind(
         "transfer_function",
-        "controller: a transfer function from a signal to the effort; states NAME_1, ..., and NAME_effort with lag",
+        "controller: a transfer function from a signal u to the effort, realized in controllable form: with the "
+        "denominator divided by its first coefficient, rate(NAME_i) = NAME_(i+1) and the rate of the last state is u - "
+        "(sum of a_i*NAME_i); states NAME_1, ..., and NAME_effort with lag",
         (
             _SIGNAL,
             Field("numerator", "numbers", "coefficients, the highest power of s first", required=True),

@@ -20,6 +20,8 @@ from mbstab.model.arithmetic import CONSTANTS, Arithmetic
 from mbstab.model.functions import CALLED, PIECED
 from mbstab.records import dataclass
 
+_WRITTEN = {"^": "powers are written **", "=": "an equation is written as what is zero: left - (right)"}
+"""What stands for characters that expressions do not have."""
 MAX_LENGTH = 5_000
 MAX_DEPTH = 60
 MAX_CHAIN = 480
@@ -372,7 +374,7 @@ class _Parser:
             match = _TOKEN.match(text, at)
             if match is None:
                 at += len(text[at:]) - len(text[at:].lstrip())
-                hint = "powers are written **" if text[at] == "^" else ""
+                hint = _WRITTEN.get(text[at], "")
                 raise ExpressionError(f"unexpected character {text[at]!r} in an expression", at, hint)
             kind = match.lastgroup or ""
             yield kind, match.group(kind), match.start(kind)

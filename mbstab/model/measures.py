@@ -23,6 +23,12 @@ from mbstab.records import dataclass
 
 TRANSMITTED = ("force", "torque", "effort")
 
+_INSTEAD = {
+    "effort": "share the expression of a force by definitions; of a controller with lag it is the state NAME_effort",
+    "acceleration": "filter the rate, states: {w: {rate: (rate(x) - w)/T}}, and take rate(w)",
+}
+"""What expressions of the motion may contain instead of what stands in outputs only."""
+
 
 @dataclass(frozen=True)
 class Measurement:
@@ -106,7 +112,7 @@ class Places:
             If there is no such joint, point or body.
         """
         if kind not in MEASURES or MEASURES[kind].formula is None:
-            raise ExpressionError(f"{kind}() stands in outputs only", at)
+            raise ExpressionError(f"{kind}() stands in outputs only", at, _INSTEAD.get(kind, ""))
         if self.dimension not in MEASURES[kind].dimensions:
             hint = "turn rates in the plane are rate(body.theta)" if kind.startswith("w") else ""
             raise ExpressionError(f"{kind}() does not exist in a planar scene", at, hint)

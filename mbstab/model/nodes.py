@@ -25,13 +25,15 @@ class NodeReader:
         location = node if isinstance(node, Location) else node.location
         self.document.complain(location, path, message, hint)
 
-    def known_keys(self, node: Mapping, path: str, known: Iterable[str]) -> None:
-        """Refuse every key that is not among the known ones."""
-        known = list(known)
+    def known_keys(self, node: Mapping, path: str, known: Iterable[str]) -> set[str]:
+        """Refuse every key that is not among the known ones; return those that are likely to be meant."""
+        known, meant = list(known), set[str]()
         for key, scalar in node.keys.items():
             if key not in known:
                 hint = suggestion(key, known) or "known keys: " + ", ".join(known)
                 self.complain(scalar, path, f"unknown key {key!r}", hint)
+                meant.update(x for x in known if x not in node.keys and repr(x) in hint)
+        return meant
 
     def check_name(self, key: Scalar, path: str, what: str, reserved: Iterable[str] = ()) -> bool:
         """Whether a key can be the name of something; refuse it if not."""

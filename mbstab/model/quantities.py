@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from mbstab.errors import suggestion
+from mbstab.errors import nearest, suggestion
 from mbstab.mechanics.measures import MEASURES, is_measure, parts
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
@@ -123,7 +123,11 @@ class QuantityReader:
             return
         coordinates = self.names.coordinates
         if name not in coordinates and not self.names.unread(name):
-            raise ExpressionError(f"unknown coordinate {name!r}", at, suggestion(name, coordinates))
+            body, _, word = name.partition(".")
+            own = [x.partition(".")[2] for x in coordinates if x.startswith(f"{body}.")]
+            near = nearest(word, own)
+            hint = f"did you mean {f'{body}.{near}'!r}?" if near else f"{body} has the coordinates {', '.join(own)}"
+            raise ExpressionError(f"unknown coordinate {name!r}", at, hint if own else suggestion(name, coordinates))
 
     def measure(self, name: str, at: int = 0) -> None:
         """Note what a measure names.
@@ -172,7 +176,8 @@ class QuantityReader:
             If quantities of different dimensions are added, or a function gets one.
         """
         names = {*expression.names(), *expression.rates()}
-        moving = {name: units.moving(x) for name in names if (x := self.unit_of(name))}
+        # A speed such as vx(point) counts as the rate of itself.
+        moving = {name: units.moving(x.removesuffix("/s")) for name in names if (x := self.unit_of(name))}
         return units.dimension_of(expression, {**self.names.units, **moving})
 
     def unit_of(self, name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import groupby
-from textwrap import wrap
+from textwrap import fill, wrap
 from typing import TYPE_CHECKING
 
 from mbstab.analysis.linear.methods import DEFAULT
@@ -192,10 +192,15 @@ def _fitting(words: Sequence[str], width: int) -> str:
 
 def _counts(result: EigenResult | PreciseResult) -> list[str]:
     c = result.counts
-    rows = f"{counted(c.n_q, 'coordinate')}, {counted(c.n_holonomic, 'holonomic row')} (rank {c.rank_holonomic})"
-    rows += f", {counted(c.n_nonholonomic, 'nonholonomic row')} (rank {c.rank_nonholonomic})"
+    states = c.states
+    rows = f"{counted(c.n_q - states, 'coordinate')}, "
+    rows += f"{counted(states, 'first-order state')}, " if states else ""
+    rows += f"{counted(c.n_holonomic, 'holonomic row')} (rank {c.rank_holonomic}), "
+    # Each state has a row of its own.
+    rows += f"{counted(c.n_nonholonomic - states, 'nonholonomic row')} (rank {c.rank_nonholonomic - states})"
     critical = f", {c.critical} critical" if c.critical else ""
     found = f"{c.expected} expected, {c.found} found, {c.neutral} of them neutral{critical}; method {result.method}"
+    rows = fill(rows, WIDTH, subsequent_indent="  ")
     lines = [rows, *wrap(f"finite eigenvalues: {found}", width=WIDTH, subsequent_indent="  ")]
     if c.massless:
         lines += wrap(f"without mass: {'; '.join(c.massless)}", width=WIDTH, subsequent_indent="  ")

@@ -91,7 +91,7 @@ def _zeros_text(zeros: Zeros) -> list[str]:
     if zeros.doubt:
         return wrap(f"zeros: not decided: {zeros.doubt}", WIDTH)
     if zeros.vanishes:
-        return ["the output does not respond to the input: nothing leads from one to the other"]
+        return ["the output does not respond to the input: nothing but gains of 0 leads from one to the other"]
     # One of each pair stands for both.
     pairs = [(z if abs(z) > e else 0j, e) for z, e in zip(zeros.values, zeros.errors, strict=True) if z.imag >= 0.0]
     each = [f"{eigenvalue(z)} ± {e:.0e}" for z, e in pairs]

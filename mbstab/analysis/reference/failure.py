@@ -194,6 +194,9 @@ class Failure:
                 return said, hint
         else:
             row = self.system.rows[self.search.balance.rows[int(np.argmax(speeds))]]
+            if row.section == "states" and not np.any(state.u):
+                said = f"the rate of the state {row.name} is not zero at rest"
+                return said, "leave out coordinates that are given: they settle where the rate is zero"
             said = f"the motion ({state.steady}) does not satisfy {row}: it drives, blocks or slips"
         return said, "correct reference.steady or the given rates: axis, point and rate must be those of the mechanism"
 

@@ -170,7 +170,8 @@ class Finder:
 
     def _residual(self, i: int, value: float, per: str, hint: str) -> Problem:
         row = self.system.rows[i]
-        unit = "" if row.unit == "1" else f" {row.unit}{per}"
+        own = row.unit.startswith("unit")
+        unit = "" if row.unit == "1" else f"{' in the' * own} {row.unit}{per}"
         return self._problem(i, f"the reference does not satisfy {row}: {row.residual} is {value:.6g}{unit}", hint)
 
     def check_chart(self, q: Array, skip: npt.NDArray[np.bool_]) -> None:

@@ -121,7 +121,10 @@ class Invariance(SymmetryCandidates):
                 if not self.same(element, state, there, unchanged(len(direction)), exact=True):
                     return False
         touched = self._containing(shift)
-        faithful = all(self.satisfies(state.q, state.u + faster, part=touched) for state in self.on_rows)
+        try:
+            faithful = all(self.satisfies(state.q, state.u + faster, part=touched) for state in self.on_rows)
+        except MbstabError:  # rows with the slip of a tyre have no value at some speeds
+            return False
         faithful = faithful and states_unmoved(self.system, self.on_rows, shift, self.motion.time)
         return faithful and self._horizontal(shift)
 

@@ -27,6 +27,8 @@ class Tolerances:
     """Two zeros are a pair if their imaginary parts differ by less than this fraction, and real parts by no more."""
     rounds_of_zeros: Final = 60
     """Maximum number of rounds of Aberth's iteration."""
+    places_of_nothing: Final = (0.37j, 1.3 + 0.7j, 23.0j)
+    """Where a response is asked for being exactly zero, relative to the largest eigenvalue."""
     zero_states: Final = 80
     """Zeros of channels with more states are not computed: that would take minutes."""
     sparse_response: Final = 100

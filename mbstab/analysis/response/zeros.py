@@ -244,6 +244,10 @@ class TransferZeros:
             G, error, slope = (x[at] for x in self._known[s])
             return complex(G) + shift, float(error) + EPS * abs(shift), complex(slope)
 
+        size = float(np.max(np.abs(self.poles), initial=0.0)) or 1.0
+        if not shift and all(values(s * size)[:2] == (0.0, 0.0) for s in TOLERANCES.places_of_nothing):
+            # Zero without an error: a gain of 0 leads from the input to the output.
+            return Zeros.vanishing(self.poles, self.bounds)
         return find(values, self.poles, self.bounds, self.axis)
 
 

@@ -107,7 +107,7 @@ def _result(
     verdict = judge(facts)
     wider = _family_beside_growth(facts, verdict)
     if wider is not None:
-        verdict = replace(verdict, at_zero=True)
+        verdict = replace(verdict, zeros="neutral")
     listed: list[Eigenvalue] = []
     modes = Modes(linear, placed)
     for disc, members in zip(discs, (d.members for d in placed.discs), strict=True):
@@ -123,7 +123,7 @@ def _result(
         linear.M.shape[0], grounds.system.n_h, grounds.system.n_n, spaces.C.rank, spaces.W.rank, linear.n_f,
         len(listed), sum(e.kind == "neutral" for e in listed), besides.infinite, besides.undefined, besides.extra,
         besides.extra_error, massless=() if light is None else light.names,
-        critical=sum(e.kind == "critical" for e in listed),
+        critical=sum(e.kind == "critical" for e in listed), states=len(grounds.system.states[0]),
     )  # fmt: skip
     frame = str(linear.generator) if linear.generator is not None and linear.generator.turns else ""
     shifts = tuple(s.imag for s in grounds.separated.frequencies() if s.imag > 0.0)

@@ -37,6 +37,7 @@ from mbstab.analysis.verdict.rule import Census, Disc, Facts, Minimum, Side, jud
 from mbstab.analysis.verdict.smoothness import kinks
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
+from mbstab.model.schema import is_state
 from mbstab.records import dataclass
 
 METHOD = "shift-invert"
@@ -223,7 +224,7 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
     listed.sort(key=lambda e: (e.exact, -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
     counts = Counts(
         equations.n_q, subject.n_holonomic, subject.n_nonholonomic, *subject.ranks, equations.n_f, total,
-        neutral, 0, 0, unstable_proven=number.right, counted=number.how,
+        neutral, 0, 0, unstable_proven=number.right, counted=number.how, states=sum(map(is_state, subject.names)),
     )  # fmt: skip
     return EigenResult(
         listed, verdict, counts, METHOD, (*subject.warnings, *inexact(listed, ""), *warnings, *verdict.warnings),

@@ -89,7 +89,8 @@ def periodic_answer(
     found += [Eigenvalue(cmath.log(x) / period, "neutral", math.nan, math.nan, math.nan, multiplier=x) for x in neutral]
     spaces = motion.spaces
     counts = Counts(
-        system.n_q, system.n_h, system.n_n, spaces.C.rank, spaces.W.rank, spaces.n_f, len(found), len(neutral), 0, 0
+        system.n_q, system.n_h, system.n_n, spaces.C.rank, spaces.W.rank, spaces.n_f, len(found), len(neutral), 0, 0,
+        states=len(system.states[0]),
     )  # fmt: skip
     return EigenResult(
         found, judged, counts, "floquet", (*motion.warnings, *judged.warnings), period=period,

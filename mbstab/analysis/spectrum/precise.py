@@ -372,6 +372,7 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
     counts = Counts(
         start.system.n_q, start.system.n_h, start.system.n_n, spaces.C.rank, spaces.W.rank, fine.n_f, number, neutral,
         0, 0, massless=start.plain.counts.massless, critical=sum(e.kind == "critical" for e in found),
+        states=start.plain.counts.states,
     )  # fmt: skip
     warnings = [*start.motion.warnings, *verdict.warnings, *_differences(start, found, counts, verdict.word)]
     excess, where = fine.excess

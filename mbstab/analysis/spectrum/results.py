@@ -136,6 +136,8 @@ class Counts:
     massless : tuple of str
         Directions without mass: algebraic ones, which take two from `expected`, and those of first order, which take
         one.
+    states : int
+        How many of the coordinates are first-order states, each with a nonholonomic row for its rate.
     """
 
     n_q: int
@@ -154,6 +156,7 @@ class Counts:
     counted: str = ""
     massless: tuple[str, ...] = ()
     critical: int = 0
+    states: int = 0
 
     @property
     def degrees_of_freedom(self) -> int:

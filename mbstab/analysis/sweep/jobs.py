@@ -26,7 +26,7 @@ import mbstab
 from mbstab.analysis.sweep.blocks import ARRAYS, Block, Progress, Task, compute
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.errors import NumericalError, OutputError, UsageError
+from mbstab.errors import NumericalError, OutputError, UsageError, counted
 
 LABEL, LOCK = "sweep.json", "lock"
 """Files that name the sweep of a directory of blocks, and the process at work in it."""
@@ -348,7 +348,8 @@ def _in_processes(
                 tries += 1
                 if tries > TOLERANCES.block_retries:
                     raise NumericalError(
-                        f"a worker process died {tries} times; {len(waiting)} blocks are missing\n"
+                        f"{counted(tries, 'worker process', 'worker processes')} died; "
+                        f"{counted(len(waiting), 'block')} missing\n"
                         f"hint: {_cause_of_death()}finished blocks are kept with --output, go on with --resume and "
                         "fewer --jobs"
                     ) from None

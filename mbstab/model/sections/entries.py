@@ -294,11 +294,11 @@ class EntryReader:
         path = f"{section}.{name}"
         fields = [field for field in kind.fields if self.names.dimension in field.dimensions and not field.made]
         typed = [] if kind is STATE_KIND else ["type"]
-        self.nodes.known_keys(node, path, [*typed, *[field.name for field in fields]])
+        misspelt = self.nodes.known_keys(node, path, [*typed, *[field.name for field in fields]])
         reading, told = Reading(self.quantities, node, path), len(self.nodes.document.problems)
         for field in fields:
             item = node.entries.get(field.name)
-            if item is None and field.required:
+            if item is None and field.required and field.name not in misspelt:
                 self.nodes.complain(node, path, f"the key {field.name!r} is missing", field.doc)
             if item is None and field.default is not None:
                 item = Scalar(field.default, node.location)
@@ -320,7 +320,7 @@ class EntryReader:
         """Refuse keys that exclude each other, or that need one which is missing."""
         node, path = reading.node, reading.path
         for group in kind.one_of:
-            given = [key for key in group if key in reading.values]
+            given = [key for key in group if key in reading.values or key in node.entries]
             if len(given) != 1:
                 said = " and ".join(map(repr, given)) if len(group) > 2 and given else "both" if given else "none"
                 self.nodes.complain(node, path, f"give one of {' and '.join(map(repr, group))}, {said} given")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from mbstab.mechanics.catalogue import Sign
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
@@ -16,6 +18,16 @@ from mbstab.records import dataclass
 
 RESERVED = ("t", "rate", *CALLED, *CONSTANTS)
 """Names that expressions use for something else."""
+_WITH_UNIT = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s+(\S+)\s*")
+
+
+def _is_unit(text: str) -> bool:
+    """Whether a text is a unit."""
+    try:
+        units.parse_unit(text)
+    except ExpressionError:
+        return False
+    return True
 
 
 @dataclass(frozen=True)
@@ -95,7 +107,13 @@ class ParameterReader:
 
     def _parameter(self, name: str, written: _Written) -> Parameter:
         value, unit, factor = written.value, written.unit, written.factor
-        expression = self.quantities.expression(value, f"parameters.{name}")
+        path = f"parameters.{name}"
+        if (apart := _WITH_UNIT.fullmatch(value.text)) and not unit and _is_unit(apart.group(2)):
+            hint = f"write {{value: {apart.group(1)}, unit: {apart.group(2)}}}"
+            self.nodes.complain(value, path, f"{value.text!r}: a number and its unit stand apart", hint)
+            expression = constant("1", value.location, path)
+        else:
+            expression = self.quantities.expression(value, path)
         self.names.counted[name] = counted_by(unit) if unit else count(expression, self.names.counted)
         if unit:
             self.names.units[name] = units.parse_unit(unit)[1]
