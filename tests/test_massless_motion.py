@@ -334,3 +334,32 @@ def test_a_motion_starts_in_a_mode():
     assert np.max(np.abs(run.q[0, [i, j]])) == pytest.approx(0.01, rel=1e-9)
     assert run.u[0, i] == pytest.approx(real * run.q[0, i], rel=1e-9)
     assert run.q[:, i] == pytest.approx(run.q[0, i] * np.exp(real * run.times), abs=1e-8)
+
+
+HINGED = """
+mbstab: 1
+bodies:
+  load: {type: planar, mass: 2, inertia: 1}
+  lever: {type: planar, mass: 0, inertia: 0, points: {A: [X, 1], B: [0, 0.4]}}
+joints:
+  rail: {type: prismatic, between: [load, {body: ground, point: [0, 1]}], axis: x}
+  hinge: {type: revolute, between: [lever, ground]}
+forces:
+  link: {type: spring, between: [lever.A, load], stiffness: 300, length: 1 - X}
+  mount: {type: bearing, between: [lever.B, {body: ground, point: [0, 0.4]}], stiffness: 20, damping: C}
+reference: {coordinates: {load: {x: 1, y: 1, theta: 0}, lever: {x: 0, y: 0, theta: 0}}}
+"""
+
+
+@pytest.mark.parametrize("x", ["0", "0.2"])
+@pytest.mark.parametrize(("c", "verdict"), [(5, "asymptotically stable"), (0, "stable")])
+def test_a_lever_without_mass_on_a_hinge_is_proven(x, c, verdict):
+    """2 s^2 (300 + z) + 300 z = 0 with z = 0.4^2 (20 + c s), wherever the link is fixed along its line."""
+    pytest.importorskip("flint")
+    certificate = mbstab.loads(HINGED.replace("X", x).replace("C}", f"{c}}}")).certify()
+    assert (certificate.status, certificate.verdict) == ("proven", verdict)
+    h = 0.4**2
+    expected = np.roots([2 * h * c, 2 * (300 + 20 * h), 300 * h * c, 300 * 20 * h][0 if c else 1 :])
+    assert sum(e.count for e in certificate.eigenvalues) == len(expected)
+    for s in expected:
+        assert any(e.contains(s, 1e-11 * abs(s)) for e in certificate.eigenvalues), s

@@ -190,10 +190,11 @@ class Proof(Reference):
         row_scale = [float(self.rough.motion.spaces.row_scale[i]) for i in self.rows]
         scale_h, scale_n = row_scale[: self.r_h], row_scale[self.r_h :]
         # The balance of forces on what carries no mass is a row as well: on positions, or on speeds if it is damped.
-        for i, damped in self._light(M, R).items():
-            (D if damped else C).append(R[i] if damped else K[i])
-            (scale_n if damped else scale_h).append(_row_scale(R[i] if damped else K[i], scale))
-            D_q += [K[i]] if damped else []
+        for direction, damped in self._light(M, R, C, D, scale_h):
+            balance, rates = (ball_matrices.apply(ball_matrices.transposed(x), direction) for x in (K, R))
+            (D if damped else C).append(rates if damped else balance)
+            (scale_n if damped else scale_h).append(_row_scale(rates if damped else balance, scale))
+            D_q += [balance] if damped else []
         pivots, T = ball_matrices.eliminate(C, len(C), n, scale_h, scale)
         free, N = ball_matrices.null_space(pivots, T, n)
         m = len(free)
@@ -209,8 +210,10 @@ class Proof(Reference):
         S = _state_matrix(M_N, R_N, K_N, P, Z, len(moving))
         return Reduced(M, R, N, M_N, K_N, P, Z, S, free, moving)
 
-    def _light(self, M: Matrix, R: Matrix) -> dict[int, bool]:
-        """Return the coordinates that carry no mass and are in no constraint, and whether a force there is damped.
+    def _light(
+        self, M: Matrix, R: Matrix, C: Matrix, D: Matrix, row_scale: Sequence[float]
+    ) -> list[tuple[list[Ball], bool]]:
+        """Return directions that holonomic rows C allow and that carry no mass, and whether a force there is damped.
 
         Raises
         ------
@@ -219,21 +222,25 @@ class Proof(Reference):
         """
         light = self.rough.linear.massless
         if light is None:
-            return {}
-        names, own = self.system.names, {}
-        J = ball_matrices.matrix(self.system.dynamics(self.state.q, self.state.u, self.time).J)
-        for directions, damped in ((light.algebraic, False), (light.first_order, True)):
-            for direction in directions:
-                i = int(np.argmax(np.abs(direction)))
-                alone = light.exact and self.rough.motion.at_rest
-                alone = alone and all(row[i].is_zero() for row in [*J, *M]) and all(x.is_zero() for x in M[i])
-                if not alone or not (damped or all(x.is_zero() for x in R[i])):
-                    raise NotProvable(
-                        "motions without mass are proven about a rest, along single coordinates in no constraint; "
-                        f"{names[i]} carries a mass, meets a constraint or a damper, or moves along with others"
-                    )
-                own[i] = damped
-        return own
+            return []
+        scale, n = self.rough.motion.spaces.scale.tolist(), self.system.n_q
+        pivots, T = ball_matrices.eliminate(C, len(C), n, list(row_scale), scale)
+        directions = ball_matrices.transposed(ball_matrices.null_space(pivots, T, n)[1])
+        found = []
+        for d in directions:
+            if all(x.is_zero() for A in (M, ball_matrices.transposed(M), D) for x in ball_matrices.apply(A, d)):
+                damped = any(
+                    not x.is_zero() for A in (R, ball_matrices.transposed(R)) for x in ball_matrices.apply(A, d)
+                )
+                found.append((d, damped))
+        known = (len(light.first_order), len(light.algebraic))
+        counted = sum(damped for _, damped in found)
+        if not self.rough.motion.at_rest or known != (counted, len(found) - counted):
+            raise NotProvable(
+                "motions without mass are proven about a rest, where they are in no row on speeds and constraints tie "
+                "them to no mass; here one of them is not, or moves along with others"
+            )
+        return found
 
     def column(self, direction: Sequence[Ball], rate: Sequence[Ball]) -> list[Ball]:
         """Return an admissible disturbance (Δq, Δu) in the coordinates of S."""
