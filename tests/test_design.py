@@ -116,6 +116,27 @@ def test_the_worst_inside_of_a_box():
     assert found.worst["w"] == pytest.approx(0.37, abs=0.01)
 
 
+def test_the_stated_margin_over_a_box_is_the_worst_although_it_is_narrow():
+    """Two oscillators with a circulatory coupling e: (s² + c s + 1)(s² + c s + p) + e² = 0, at p = 1 Re s = (e − c)/2."""
+    window = loads("""
+mbstab: 1
+parameters: {p: 1, e: 1e-3, c: 0.99999e-3}
+bodies: {b: {type: planar_point, mass: 1}, d: {type: planar_point, mass: 1}}
+constraints: {r: {holonomic: b.y}, s: {holonomic: d.y}}
+forces: {f: {type: expression, on: {b.x: -c*rate(b.x)-b.x+e*d.x, d.x: -c*rate(d.x)-p*d.x-e*b.x}}}
+""")
+    for e, c in ((1e-3, 0.99999e-3), (1e-3, 1.1e-3), (1e-2, 2e-2)):
+        at = window.at(e=e, c=c)
+        found = at.design(
+            vary={"c": (c * (1.0 - 1e-5), c * (1.0 + 1e-5))}, goal="decay", over={"p": (0.53, 1.51)}, steps=1
+        )
+        # At p = 1 the pair is s = (−c + e)/2 to first order.
+        for stated, damping in ((found.first, c), (found.best, found.values["c"])):
+            assert stated <= 0.5 * (damping - e) + 1e-9
+            assert stated >= 0.5 * (damping - e) - 1e-6
+        assert found.decays == (found.values["c"] > e)
+
+
 def test_the_widest_stable_range():
     """Shimmy: stable for a between (l ± sqrt(l**2 - 4 I/m))/2."""
     found = load("shimmy.yaml").design({"I": (0.1, 0.21), "l": (0.9, 1.1)}, "range:a=0.05..1.05")

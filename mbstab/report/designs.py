@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from mbstab.analysis.design.tolerances import TOLERANCES
 from mbstab.errors import NumericalError, counted
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import evaluate_parameters
@@ -84,6 +83,8 @@ def _gain(found: Design, model: Model) -> list[str]:
         size = max((abs(x.value) for x in found.active), default=0.0) if task.goal == "decay" else 1.0
         first, best = (0.0 if abs(x) <= SHOWN * size else x for x in (found.first, found.best))
         lines = [f"{GOALS[task.goal]}: {number(first, 8)}{unit} before, {number(best, 8)}{unit} now"]
+        if task.over:
+            lines.append(f"(as {found.checked} places show: what is narrower than their distance may be missed)")
         if not found.decays:
             lines.append("no motion was found about which all disturbances decay")
     else:
@@ -96,9 +97,7 @@ def _gain(found: Design, model: Model) -> list[str]:
             if ends is not None:
                 text = f"{_interval(own.name, ends, model)}, {number(width / own.factor, 8)} wide"
             lines.append(f"stable {when}: {text}")
-        lines.append(
-            f"(as {TOLERANCES.range_points_checked} values show: what is narrower than their distance may be missed)"
-        )
+        lines.append(f"(as {found.checked} values show: what is narrower than their distance may be missed)")
     if task.limits.least is not None:
         lines.append(f"at least {task.limits.least:g} was asked for: {'' if found.reached else 'not '}reached")
     return [part for line in lines for part in wrap(line, WIDTH, subsequent_indent="  ")]

@@ -78,7 +78,7 @@ def _crossings(result: Sweep, label: str, factor: float) -> list[str]:
 def _path(result: Sweep, label: str, factor: float) -> list[str]:
     """Return the events along one path of a sweep."""
     alike = len({*result.words.tolist()}) == 1 and len(result.words) and result.words[0] != WORDS.index(UNDECIDED)
-    lines = ["stability does not change in this range", ""] if alike else []
+    lines = ["no change of stability was found at these points or between them", ""] if alike else []
     if result.critical:
         rows = [
             [

@@ -49,6 +49,8 @@ class Design:
     steps : int
     ended : str
         Why the search ended.
+    checked : int
+        Number of places of the box, or of values of the range, at which the result is checked.
     """
 
     task: Task
@@ -64,6 +66,7 @@ class Design:
     result: EigenResult
     steps: int
     ended: str
+    checked: int
 
     @property
     def reached(self) -> bool:
@@ -106,7 +109,8 @@ def design(model: Model, task: Task, progress: Callable[[float], object] = lambd
     goal = _goal(plant, cube, task)
     # The present values may lie outside of the ranges.
     given = (np.array([before[name] for name in cube.names]) - cube.low) / cube.size
-    first, interval = float(goal.values(given[None])[0]), _interval(goal, given)
+    first = goal.worst(given)[0] if isinstance(goal, Margin) else float(goal.values(given[None])[0])
+    interval = _interval(goal, given)
     found = _stable(plant, cube, task, start, float(goal.values(start[None])[0]), others, progress)
     value = float(goal.values(found.x[None])[0])
     if found.ended != STOPPED and (
@@ -174,14 +178,13 @@ def _checked(
         best = -np.inf if interval is None else interval[1] - interval[0]
         worst = {task.parameter: 0.5 * sum(interval or task.window)}
     elif isinstance(goal, Margin):
-        best = float(goal.values(x[None])[0])
-        worst = goal.places(x)[0]
+        best, worst = goal.worst(x)
     values = cube.at(x)
     result = answer(System(evaluate(bound(model, settings_in_si(values | worst)))))
     ends = {name: "first" if x[i] < 0.5 else "last" for i, name in enumerate(cube.names) if _at_end(float(x[i]))}
     return Design(
         task, before, values, first, best, interval_before, interval, ends, goal.active(x), worst, result, found.steps,
-        found.ended,
+        found.ended, goal.checked**goal.sides if isinstance(goal, Margin) else TOLERANCES.range_points_checked,
     )  # fmt: skip
 
 

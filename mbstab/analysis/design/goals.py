@@ -117,14 +117,16 @@ class Margin:
         self.box, self.sides = Cube(over) if over else None, len(over)
         few = self.sides <= len(TOLERANCES.grid)
         self.count = TOLERANCES.grid[self.sides - 1] if few else TOLERANCES.grid_of_many
+        self.checked = TOLERANCES.grid_checked[self.sides - 1] if few else TOLERANCES.grid_of_many
         self.finer = TOLERANCES.finer[self.sides - 1] if few else 2
 
     def values(self, x: Array) -> Array:
         """Return the worst margins at points of the unit cube."""
         if self.box is None:
             return self._at(x, None)[:, 0]
-        worst, found = self._coarse(x)
-        return np.asarray(np.min(self._refined(x, worst[:, None], np.min(found, axis=1)[:, None])[1], axis=1))
+        worst, found = self._coarse(x, self.count)
+        lowest = np.min(found, axis=1)[:, None]
+        return np.asarray(np.min(self._refined(x, worst[:, None], lowest, self.count)[1], axis=1))
 
     def _at(self, x: Array, box: Array | None) -> Array:
         """Return the margins at points, shape (points, k), for places in the box, shape (points, k, sides)."""
@@ -143,18 +145,20 @@ class Margin:
         axes = np.meshgrid(*[np.linspace(0.0, 1.0, count)] * self.sides, indexing="ij")
         return np.stack([axis.ravel() for axis in axes], axis=1)
 
-    def _coarse(self, x: Array) -> tuple[Array, Array]:
+    def _coarse(self, x: Array, count: int) -> tuple[Array, Array]:
         """Return the worst place of a grid for each point, and the margins at all of them."""
-        grid = self._grid(self.count)
+        grid = self._grid(count)
         found = self._at(x, np.broadcast_to(grid, (len(x), *grid.shape)))
         return grid[np.argmin(found, axis=1)], found
 
-    def _refined(self, x: Array, places: Array, margins: Array) -> tuple[Array, Array]:
-        """Return places that are worse than given ones, shape (points, k, sides), and their margins."""
-        width = 1.0 / (self.count - 1)
+    def _refined(
+        self, x: Array, places: Array, margins: Array, count: int, rounds: int = TOLERANCES.finer_rounds
+    ) -> tuple[Array, Array]:
+        """Return places that are worse than given ones of a grid, shape (points, k, sides), and their margins."""
+        width = 1.0 / (count - 1)
         cell = 2.0 * self._grid(self.finer) - 1.0
         k = places.shape[1]
-        for _ in range(TOLERANCES.finer_rounds):
+        for _ in range(rounds):
             near = np.clip(places[:, :, None, :] + width * cell, 0.0, 1.0)
             found = self._at(x, near.reshape(len(x), -1, self.sides)).reshape(len(x), k, -1)
             best = np.argmin(found, axis=2)
@@ -165,12 +169,24 @@ class Margin:
             width *= 2.0 / (self.finer - 1)
         return places, margins
 
+    def worst(self, x: Array) -> tuple[float, dict[str, float]]:
+        """Return the margin at a point as the result is checked, on a fine grid, and where in the box it is reached."""
+        if self.box is None:
+            return float(self.values(x[None])[0]), {}
+        count, rounds = self.checked, TOLERANCES.checked_rounds
+        (margin, place), *_ = self._minima(x, count, rounds)
+        return min(margin, float(self.values(x[None])[0])), self.box.at(place)
+
     def places(self, x: Array) -> list[dict[str, float]]:
         """Return where in the box the margin has its smallest minima, the smallest first."""
         if self.box is None:
             return [{}]
-        _, found = self._coarse(x[None])
-        grid, step = self._grid(self.count), 1.5 / (self.count - 1)
+        return [self.box.at(place) for _, place in self._minima(x, self.count, TOLERANCES.finer_rounds)]
+
+    def _minima(self, x: Array, count: int, rounds: int) -> list[tuple[float, Array]]:
+        """Return the smallest minima of the margin over the box and their places, the smallest first."""
+        _, found = self._coarse(x[None], count)
+        grid, step = self._grid(count), 1.5 / (count - 1)
         chosen: list[int] = []
         for i in np.argsort(found[0], kind="stable").tolist():
             near = np.max(np.abs(grid - grid[i]), axis=1) <= step
@@ -178,11 +194,17 @@ class Margin:
                 chosen.append(i)
             if len(chosen) == TOLERANCES.places:
                 break
-        places, margins = self._refined(x[None], grid[chosen][None], found[:, chosen])
-        return [self.box.at(places[0, i]) for i in np.argsort(margins[0], kind="stable")]
+        places, margins = self._refined(x[None], grid[chosen][None], found[:, chosen], count, rounds)
+        return [(float(margins[0, i]), places[0, i]) for i in np.argsort(margins[0], kind="stable")]
 
-    def _locals(self, x: Array) -> Iterator[tuple[dict[str, float], Local]]:
-        for place in self.places(x):
+    def _locals(self, x: Array, checked: bool = False) -> Iterator[tuple[dict[str, float], Local]]:
+        """Yield the eigenvalues at the worst places, the very worst as it is checked where that is asked for."""
+        places = self.places(x)
+        if checked and self.box is not None:
+            worst = self.worst(x)[1]
+            near, at = 1.5 / (self.count - 1), self.box.of(worst)
+            places = [worst, *(place for place in places if np.max(np.abs(self.box.of(place) - at)) > near)]
+        for place in places:
             local = self.plant.known(self.cube.at(x) | place, self.cube.names)
             if local is not None:
                 yield place, local
@@ -236,7 +258,7 @@ class Margin:
     def active(self, x: Array) -> list[Active]:
         """Return the eigenvalues with the smallest margins."""
         found = []
-        for place, local in self._locals(x):
+        for place, local in self._locals(x, checked=True):
             margins = measure(self.kind, local.values)
             sizes = np.abs(local.values) if self.kind == "decay" else np.ones(len(margins))
             found += [(float(margins[i]), float(sizes[i]), local, i, place) for i in range(len(margins))]

@@ -45,6 +45,10 @@ class Tolerances:
     """Points along each side of a box with so many sides …"""
     grid_of_many: Final = 4
     """… and with more of them."""
+    grid_checked: Final = (401, 41, 13)
+    """Points along each side of the grid on which the result is checked …"""
+    checked_rounds: Final = 12
+    """… and how often it is made finer."""
     finer: Final = (9, 5, 3)
     """Points along each side of a finer grid about the worst one …"""
     finer_rounds: Final = 2
