@@ -117,7 +117,7 @@ def test_the_worst_inside_of_a_box():
 
 
 def test_the_stated_margin_over_a_box_is_the_worst_although_it_is_narrow():
-    """Two oscillators with a circulatory coupling e: (s² + c s + 1)(s² + c s + p) + e² = 0, at p = 1 Re s = (e − c)/2."""
+    """Two oscillators with a circulatory coupling e: damped by (c − e)/2 where they are alike, by c/2 elsewhere."""
     window = loads("""
 mbstab: 1
 parameters: {p: 1, e: 1e-3, c: 0.99999e-3}
