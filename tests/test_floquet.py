@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg
 from sampling import sample
 from scipy.integrate import solve_ivp
-from scipy.special import ellipe, ellipk
+from scipy.special import ellipe, ellipk, i0e
 
 import mbstab
 from mbstab.analysis.algebra.matching import matched
@@ -446,3 +446,42 @@ def test_a_period_is_followed_by_straight_line_functions(monkeypatch):
     found = of(mbstab.load("kapitza.yaml"), 2.0 * math.pi / 200.0)
     assert found.evaluations > 500
     assert len(asked) < 100
+
+
+# --- pulses that are short beside the period ------------------------------------------------------------------------
+
+PULSE = """
+mbstab: 1
+parameters: {{w: {w}, a: {a}, t0: {t0}}}
+bodies: {{b: {{type: planar_point, mass: 1}}}}
+constraints: {{r: {{holonomic: b.y}}}}
+forces: {{f: {{type: expression, on: {{b.x: -b.x - 0.01*rate(b.x) + a*exp(-(sin((t - t0)/2)/w)**2)*{on}}}}}}}
+reference: {{period: 2*pi, coordinates: {{b: {{x: 0}}}}, rates: {{b: {{x: 0}}}}}}
+"""
+
+
+@pytest.mark.parametrize("w", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("t0", [0.0, 2.5, 4.0])
+def test_a_short_pulse_on_the_rate_changes_the_product_of_the_multipliers_as_liouville_says(w, t0):
+    a = 1.5 / w
+    result = mbstab.loads(PULSE.format(w=w, a=a, t0=t0, on="rate(b.x)")).eig()
+    # The mean of exp(−sin²(x/2)/w²) is exp(−z) I0(z) with z = 1/(2w²).
+    truth = math.exp(2.0 * math.pi * (a * i0e(0.5 / w**2) - 0.01))
+    first, second = result.eigenvalues
+    assert (first.multiplier * second.multiplier).real == pytest.approx(truth, rel=1e-8)
+    assert result.verdict == "unstable"
+
+
+@pytest.mark.parametrize("w", [1e-3, 1e-4])
+@pytest.mark.parametrize("height", [1.5, -1.5])
+def test_a_short_pulse_on_the_place_turns_the_state(w, height):
+    """A pulse far shorter than the period changes the speed by b·x, b being its integral, up to terms of its width."""
+    a, t0 = height / w, 2.5
+    result = mbstab.loads(PULSE.format(w=w, a=a, t0=t0, on="b.x")).eig()
+    A = np.array([[0.0, 1.0], [-1.0, -0.01]])
+    push = np.array([[1.0, 0.0], [2.0 * math.pi * a * i0e(0.5 / w**2), 1.0]])
+    truth = np.linalg.eigvals(scipy.linalg.expm(A * (2.0 * math.pi - t0)) @ push @ scipy.linalg.expm(A * t0))
+    found = sorted(abs(e.multiplier) for e in result.eigenvalues)
+    assert found == pytest.approx(sorted(abs(truth)), rel=30.0 * w)
+    assert (result.verdict == "unstable") == (max(abs(truth)) > 1.0)
+    assert result.verdict in ("unstable", "asymptotically stable")

@@ -34,7 +34,9 @@ import numpy as np
 
 from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.failures import guarded
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.spectrum.time_features import short_steps
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
@@ -250,7 +252,7 @@ def _integrate(
     flow: _Flow, tolerance: float, longest: float, progress: Callable[[float], object]
 ) -> tuple[Array, Array, int]:
     """Return all steps through a period, as fractions of it, the states there, and the number of evaluations."""
-    from scipy.integrate import solve_ivp
+    from scipy.integrate import DOP853
 
     done, evaluations = 0.0, 0
 
@@ -281,17 +283,24 @@ def _integrate(
             time = flow.motion.time + part * flow.period
             raise type(error)(f"the motion cannot be followed beyond t = {time:.6g} s: {error}") from None
 
-    found: Any = solve_ivp(
-        slope, (0.0, 1.0), flow.begin.ravel(), "DOP853", rtol=tolerance, atol=tolerance, max_step=longest
-    )
-    if not found.success:
-        raise NumericalError(
-            f"the motion cannot be followed beyond t = {flow.motion.time + found.t[-1] * flow.period:.6g} s: "
-            f"{found.message[:1].lower()}{found.message[1:].rstrip('.')}\n"
-            "hint: look for a jump in a given function of time, or an expression at a kink"
-        )
+    solver: Any = DOP853(slope, 0.0, flow.begin.ravel(), 1.0, rtol=tolerance, atol=tolerance, max_step=longest)
+    parts, states = [solver.t], [solver.y]
+    places = [*short_steps(flow.system, flow.motion.time, flow.period, longest).tolist(), math.inf]
+    while solver.status == "running":
+        while places[0] <= solver.t + 2.0 * EPS:
+            del places[0]
+        solver.max_step = min(longest, places[0] - solver.t)
+        message = solver.step()
+        if message:
+            raise NumericalError(
+                f"the motion cannot be followed beyond t = {flow.motion.time + solver.t * flow.period:.6g} s: "
+                f"{message[:1].lower()}{message[1:].rstrip('.')}\n"
+                "hint: look for a jump in a given function of time, or an expression at a kink"
+            )
+        parts.append(solver.t)
+        states.append(solver.y)
     progress(1.0)
-    return found.t, found.y.T.reshape(-1, *flow.begin.shape), evaluations
+    return np.array(parts), np.array(states).reshape(-1, *flow.begin.shape), evaluations
 
 
 def _part(progress: Callable[[float], object] | None, number: int, count: int) -> Callable[[float], object]:

@@ -112,6 +112,14 @@ class Tolerances:
     """Local errors of two integrations, relative to values and sizes: the second is the result, the first a check."""
     monodromy_steps: Final = (1.0 / 24.0, 1.0 / 32.0)
     """Their longest steps in periods, as given functions may rest and then start; their ratio is that of order 8."""
+    time_samples: Final = 2**16
+    """Instants of a period at which functions of time are sampled: what is shorter than their distance is not seen."""
+    change_in_time: Final = 1e-12
+    """A function is constant if its variation is below this fraction of its size."""
+    change_in_step: Final = 1.5
+    """A step passes over this many times its part of the period of the variation of a function, at most …"""
+    feature_of_step: Final = 0.25
+    """… where that makes it shorter than this fraction of the longest one."""
     periodicity: Final = 1e-7
     """Speeds and coefficients are the same after a period if they agree to this, relative to their largest values."""
     monodromy_rounding: Final = 10.0 * EPS

@@ -1,0 +1,61 @@
+"""Where functions of time change so fast that the steps of an integration must be short to see it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.spectrum.tolerances import TOLERANCES
+from mbstab.analysis.verdict.written import expressions
+from mbstab.compiler.system import Array, System
+from mbstab.errors import MbstabError
+from mbstab.model.arithmetic import array_arithmetic
+from mbstab.model.expressions import ExpressionError
+from mbstab.model.jets import Jet, jet_arithmetic
+
+
+def short_steps(system: System, start: float, period: float, longest: float) -> Array:
+    """Return places within a period, as fractions of it, that steps must not pass over: features are between them.
+
+    Functions of time are sampled densely. Between two places none changes by more than a fraction of its whole
+    variation; places that are no closer than steps anyway are left out.
+
+    Parameters
+    ----------
+    start, period : float (s)
+    longest : float
+        The longest step, as a fraction of the period.
+    """
+    part = np.linspace(0.0, 1.0, TOLERANCES.time_samples + 1)
+    change = np.zeros(TOLERANCES.time_samples)
+    for values in _functions(system, start + period * part):
+        own = np.abs(np.diff(values))
+        total, size = float(np.sum(own)), float(np.max(np.abs(values)))
+        if np.isfinite(total) and total > TOLERANCES.change_in_time * size:
+            change = np.maximum(change, own / total)
+    done = np.concatenate([[0.0], np.cumsum(change)])
+    count = int(done[-1] / (TOLERANCES.change_in_step * longest))
+    places = np.interp(np.linspace(0.0, done[-1], count + 2), done, part) if count else np.zeros(0)
+    near = np.diff(places) < TOLERANCES.feature_of_step * longest
+    kept: Array = places[np.append(near, False) | np.append(False, near)] if count else places
+    return kept
+
+
+def _functions(system: System, times: Array) -> Iterator[Array]:
+    """Yield the values of all parts of expressions that depend on the time alone; of given motions what accelerates."""
+    f, names = jet_arithmetic(array_arithmetic()), {x: Jet(y) for x, y in system.scene.parameters.items()}
+    names["t"] = Jet(times, np.ones_like(times), np.zeros_like(times))
+    for _, role, expression, _ in expressions(system):
+        if "t" not in expression.names():
+            continue
+        try:
+            with np.errstate(all="ignore"):
+                found = [Jet.of(x) for x in expression.coefficients(names, f)]
+        except (ExpressionError, MbstabError, ArithmeticError, ValueError, TypeError):
+            continue  # what has no value is told where it is evaluated
+        for x in found:
+            values: Any = x.second if role in ("position", "holonomic") else x.rate if role == "velocity" else x.value
+            if np.shape(values) == times.shape:
+                yield np.asarray(values, dtype=float)
