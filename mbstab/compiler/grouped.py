@@ -68,6 +68,11 @@ class Numbers:
         """Return a vector with one fixed coordinate appended."""
         return np.append(x, 0.0)
 
+    def taken(self, x: Any, places: Index) -> list[Any]:
+        """Return what the places of the elements hold, shape (places of one, elements): arrays, or plain numbers."""
+        found = x[places]
+        return list(found) if places.shape[1] > 1 else found[:, 0].tolist()
+
     def together(self, values: tuple[Any, ...]) -> Any:
         """Return the same number of all elements, or all of them."""
         return values[0] if all(x == values[0] for x in values) else np.array(values, dtype=float)
@@ -76,7 +81,7 @@ class Numbers:
         """Return the number system in which elements are evaluated."""
         return arithmetic_of(arguments)
 
-    def stacked(self, found: Any, count: int) -> Array:
+    def stacked(self, found: Any, count: int) -> Any:
         """Return the results of a kernel, shape (layers, outputs, elements)."""
         result = np.empty((1, len(found), count))
         for row, value in zip(result[0], found, strict=True):
@@ -107,20 +112,17 @@ class Group:
         self.rows = np.array([e.rows for e in elements], dtype=np.intp).reshape(self.count, -1).T
         self.parameters = tuple(map(numbers.together, zip(*(e.parameters for e in elements), strict=True)))
 
-    def values(self, function: str, at: State) -> Array:
-        """Return the results of the kernel, shape (layers, outputs, elements)."""
-        places = at.q[self.columns], at.u[self.columns]
-        arguments: list[Any] = [*map(self._each, places), self.parameters]
+    def values(self, function: str, at: State) -> Any:
+        """Return the results of the kernel as the numbers stack them: of floats, shape (layers, outputs, elements)."""
+        taken = self.numbers.taken
+        arguments: list[Any] = [taken(at.q, self.columns), taken(at.u, self.columns), self.parameters]
         arguments.append(signals_at(self.laws, at.time) if self.laws else ())
         if at.a is not None and (function == "linearize_rows" or self.takes_acceleration):
-            arguments.append(self._each(at.a[self.columns]))
+            arguments.append(taken(at.a, self.columns))
         elif at.nu is not None and len(self.rows):
-            arguments.append(self._each(at.nu[self.rows]))
+            arguments.append(taken(at.nu, self.rows))
         found = getattr(self.kernel, function)(self.numbers.arithmetic(arguments), *arguments)
         return self.numbers.stacked(found, self.count)
-
-    def _each(self, x: Any) -> list[Any]:
-        return list(x) if self.count > 1 else x[:, 0].tolist()
 
 
 def grouped(elements: Sequence[Element], numbers: Numbers = FLOATS) -> list[Group]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
@@ -83,10 +83,37 @@ class Plan:
             dense[place] += value
         return np.ascontiguousarray(dense.T).reshape(points, *self.shapes[key])
 
+    def filled(self, numbers: Any, varies: Any, places: dict[str, tuple[Index, Index]]) -> dict[str, Any]:
+        """Return the same from the values as rows over the points, which of them vary, and the places of both."""
+        found = {}
+        for key, (take, target) in places.items():
+            size, shape = self.sizes[key], self.shapes[key]
+            if not varies[take].any():
+                found[key] = _summed(target, numbers[take, 0], size).reshape(1, *shape)
+                continue
+            dense = np.zeros((size, numbers.shape[1]))
+            for layer in self._layers[key]:
+                dense[target[layer]] += numbers[take[layer]]
+            found[key] = np.ascontiguousarray(dense.T).reshape(-1, *shape)
+        return found
+
+    @cached_property
+    def _layers(self) -> dict[str, list[Index]]:
+        """Numbers of the additions to different entries: the first one to each of them, the second one, and so on."""
+        return {key: _in_layers(target) for key, (_, target) in self.places.items()}
+
 
 def _summed(target: Index, weights: npt.NDArray[np.float64], size: int) -> npt.NDArray[np.float64]:
     """Return the sums of the weights of each entry; `numpy.bincount` returns integers where there are none."""
     return np.bincount(target, weights=weights, minlength=size).astype(float, copy=False)
+
+
+def _in_layers(target: Index) -> list[Index]:
+    order = np.argsort(target, kind="stable")
+    begins = np.searchsorted(target[order], target[order])
+    turn = np.empty_like(target)
+    turn[order] = np.arange(len(target)) - begins
+    return [np.flatnonzero(turn == k) for k in range(int(np.max(turn, initial=-1)) + 1)]
 
 
 def are_plain(values: list[Any]) -> bool:
@@ -156,8 +183,17 @@ def listed(x: Any) -> list[Any]:
     """Return the numbers of a vector; over the points of a sweep, those that are the same for all as floats."""
     # Python floats are several times faster than array elements in a kernel.
     if isinstance(x, np.ndarray) and x.ndim == 2:
-        return [column if np.ptp(column) else float(column[0]) for column in np.ascontiguousarray(x.T)]
+        rows, varies = rows_of(x)
+        return [row if v else row[0].item() for row, v in zip(rows, varies.tolist(), strict=True)]
     return x.tolist() if isinstance(x, np.ndarray) and x.dtype != object and x.ndim == 1 else list(x)
+
+
+def rows_of(x: Any, fixed: int = 0) -> tuple[Any, Any]:
+    """Return a vector at points as one row for each number, with some fixed ones appended, and which of them vary."""
+    rows = np.zeros((x.shape[1] + fixed, len(x)))
+    rows[: x.shape[1]] = x.T
+    first = rows[:, :1]
+    return rows, ~(np.isfinite(first[:, 0]) & (rows == first).all(axis=1))
 
 
 def padded(x: Any, zero: Any) -> list[Any]:

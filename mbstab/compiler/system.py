@@ -503,14 +503,21 @@ class System:
             found = self._assembly.outputs(function, (q, u, a, nu, time), shapes, what)
             if found is not None:
                 return found
+        plan = self._plans.get(function)
+        if plan is None:
+            plan = self._plans[function] = self._plan(function, shapes)
+        if points is not None:
+            from mbstab.compiler.at_points import MANY, matrices
+
+            running = self._running(function)
+            if points <= MANY:
+                with suppress(ArithmeticError, ValueError):
+                    return matrices(running, self.remember, function, (q, u, a, nu, time), points, plan, what)
         values = self._values(function, q, u, time, a, nu, points)
         if self.sparse and points is None:
             raise self._overflow(function, q, u, time, a, nu)
         if what == "sizes":
             values = [abs(x) for x in values]
-        plan = self._plans.get(function)
-        if plan is None:
-            plan = self._plans[function] = self._plan(function, shapes)
         if points is not None:
             return plan.at_points(values, points)
         out = plan.matrices(values)
@@ -529,12 +536,6 @@ class System:
         a = padded(a, zero) if a is not None else None
         nu = listed(nu) if nu is not None else None
         running = self._running(function)
-        if points is not None and not report:
-            from mbstab.compiler.at_points import results_at_points
-
-            all_arguments = [element.arguments(function, q, u, a, nu, time) for element in running]
-            with suppress(ArithmeticError, ValueError):
-                return list(chain.from_iterable(results_at_points(function, running, all_arguments, points)))
         values: list[Any] = []
         for element in running:
             arguments = element.arguments(function, q, u, a, nu, time)
