@@ -7,6 +7,7 @@ serves for all (chord method); points at which it does not converge fast take th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -49,18 +50,28 @@ def all_solved(balance: Balance, q: Array, c: Array, last: float) -> State | Non
 
     Parameters
     ----------
+    balance : Balance
+        Of many points, or of one.
     last : float
-        Size of the last step: what it leaves is its square.
+        Size of the last step of Newton's method: what it leaves is its square.
     """
-    at = balance.state(balance.completed(q), c)
+    at, before = balance.state(balance.completed(q), c), math.inf
+    derivative: tuple[Array, Array] | None = None
     for _ in range(TOLERANCES.steps_at_many_points):
-        step = _step(balance, at)
+        if derivative is None:
+            derivative, before = _normal(balance.jacobian(at)), math.inf
+        step = _solved(derivative, at.residual)
         longest = float(np.max(_length(balance, step)))
         if not longest <= TOLERANCES.newton_reach:
             return None
         at = balance.state(*balance.moved(at, step))
-        if longest <= last and np.max(np.abs(at.residual)) <= max(TOLERANCES.residual, last * last):
+        # Steps with the same derivative become smaller by the same factor each time.
+        left = longest * min(longest / before if before < math.inf else longest, 1.0)
+        if left <= last * last and np.max(np.abs(at.residual)) <= max(TOLERANCES.residual, last * last):
             return at
+        if longest > TOLERANCES.chord_contraction * min(before, TOLERANCES.newton_reach):
+            derivative = None
+        before = longest
     return None
 
 
@@ -106,8 +117,12 @@ def _nearest(places: Array, sample: Index) -> list[Index]:
 
 def _step(balance: Balance, at: State) -> Array:
     """Return the step of Newton's method at each point, scaled."""
-    square, transposed = _normal(balance.jacobian(at))
-    step: Array = -np.linalg.solve(square, transposed @ at.residual[..., None]).astype(float)[..., 0]
+    return _solved(_normal(balance.jacobian(at)), at.residual)
+
+
+def _solved(derivative: tuple[Array, Array], residual: Array) -> Array:
+    square, transposed = derivative
+    step: Array = -np.linalg.solve(square, transposed @ residual[..., None]).astype(float)[..., 0]
     return step
 
 
@@ -115,11 +130,11 @@ def _normal(G: Array) -> tuple[Array, Array]:
     """Return GᵀG, regularized, and Gᵀ."""
     transposed = np.swapaxes(G, -1, -2)
     square = transposed @ G
-    size = np.trace(square, axis1=-2, axis2=-1)[:, None, None]
+    size = np.trace(square, axis1=-2, axis2=-1)[..., None, None]
     return square + TOLERANCES.normal_equations_ridge * size * np.eye(G.shape[-1]), transposed
 
 
 def _length(balance: Balance, step: Array) -> Array:
-    """Return the largest change of a coordinate or a rate in a step, shape (points,)."""
-    result: Array = np.max(np.abs(step[:, : balance.moving]), axis=1, initial=0.0)
+    """Return the largest change of a coordinate or a rate in a step, shape (…)."""
+    result: Array = np.max(np.abs(step[..., : balance.moving]), axis=-1, initial=0.0)
     return result

@@ -1,16 +1,17 @@
 """Solutions over a whole range of parameters at once, where they depend on them smoothly: as polynomials.
 
-From one solution those at the Chebyshev points of the range are reached together, in steps along
-straight lines. They lie on one smooth branch if the coefficients of the polynomials through them
-decay (Trefethen 2013, Approximation Theory and Approximation Practice, chapters 7 and 8), and no
-other branch crosses or joins it if the determinant of independent equations keeps its sign.
-Where this is not so, paths are followed (`mbstab.analysis.reference.continuation`).
+From one solution those at the Chebyshev points of the range are reached one after the other, each
+extrapolated from the last ones on a line of points. They lie on one smooth branch if the coefficients
+of the polynomials through them decay (Trefethen 2013, Approximation Theory and Approximation Practice,
+chapters 7 and 8), and no other branch crosses or joins it if the determinant of independent equations
+keeps its sign. Where this is not so, paths are followed (`mbstab.analysis.reference.continuation`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebpts2, chebvander
@@ -54,14 +55,18 @@ class SmoothSolutions:
         counts, before = [TOLERANCES.smooth_points_first[dimensions - 1]] * dimensions, np.full(dimensions, np.inf)
         while True:
             values = self._points(counts)
-            at = self._marched(values) if surface is None else self._solved(values, 1.0, *surface.predicted(values))
+            start = self._marched(counts, values) if surface is None else surface.predicted(values)
+            at = None if start is None else self._solved(values, *start)
             if at is None:
                 return None
             coefficients = _coefficients(np.concatenate([at.q, at.c], axis=1), counts)
             surface = Surface(dict(self.ranges), coefficients, len(self.q))
-            left = _remainders(coefficients / np.append(self.balance.sizes, np.full(at.c.shape[1], self.balance.speed)))
+            scaled = coefficients / np.append(self.balance.sizes, np.full(at.c.shape[1], self.balance.speed))
+            left = _remainders(scaled)
             more = left > TOLERANCES.smooth_remainder_enough
-            counts = [2 * count - 1 if x else count for count, x in zip(counts, more, strict=True)]
+            counts = _grown(
+                counts, [_factor(np.max(np.abs(scaled)), x) if y else 1 for x, y in zip(left, more, strict=True)]
+            )
             if not more.any() or math.prod(counts) > TOLERANCES.smooth_points_most:
                 break
             if np.any(more & (left > TOLERANCES.smooth_decay * before)):
@@ -77,43 +82,63 @@ class SmoothSolutions:
             for x, (name, (low, high)) in zip(axes, self.ranges.items(), strict=True)
         }
 
-    def _marched(self, values: Mapping[str, Array]) -> State | None:
-        """Return the solutions at points, reached in steps; None where these do not lead to all of them."""
-        points = len(next(iter(values.values())))
-        sizes = np.append(self.balance.sizes, np.full(len(self.c), self.balance.speed))
-        found = [(0.0, np.tile(np.append(self.q, self.c), (points, 1)))]
-        step = TOLERANCES.smooth_first_step
-        while True:
-            step = min(step, 1.0 - found[-1][0])
-            part = 1.0 if (last := found[-1][0] + step >= 1.0) else found[-1][0] + step
-            start = _extrapolated(found, part)
-            at = self._solved(values, part, start[:, : len(self.q)], start[:, len(self.q) :], last)
-            if at is not None and last:
-                return at
-            if at is None:
-                step *= 0.5
-                if step < TOLERANCES.smooth_least_step:
-                    return None
+    def _marched(self, counts: list[int], values: Mapping[str, Array]) -> tuple[Array, Array] | None:
+        """Return coordinates and rates at points near the solutions there; None where steps do not lead to all."""
+        places = np.stack([values[name] for name in self.ranges], axis=-1).reshape(*counts, -1)
+        start = np.array([self.start[name] for name in self.ranges])
+        # In each direction those next to the start come first.
+        back = tuple(k for k, n in enumerate(counts) if places[(0,) * len(counts)][k] != start[k])
+        places, found = np.flip(places, back), np.empty((*counts, len(self.q) + len(self.c)))
+        for index in np.ndindex(*counts):
+            axis = max((k for k, i in enumerate(index) if i), default=None)
+            if axis is None:
+                found[index] = np.append(self.q, self.c)
                 continue
-            found = [*found[1 - TOLERANCES.smooth_steps_behind :], (part, np.concatenate([at.q, at.c], axis=1))]
-            if np.max(np.abs(found[-1][1] - start) / sizes) <= TOLERANCES.smooth_near_start:
-                step *= 2.0
+            line = [(*index[:axis], i, *index[axis + 1 :]) for i in range(index[axis])]
+            solution = self._next([(places[x], found[x]) for x in line], places[index])
+            if solution is None:
+                return None
+            found[index] = solution
+        flat = np.flip(found, back).reshape(-1, found.shape[-1])
+        return flat[:, : len(self.q)], flat[:, len(self.q) :]
+
+    def _next(self, known: list[tuple[Array, Array]], target: Array) -> Array | None:
+        """Return the solution at a target, from those before it on a line; None where steps do not lead there."""
+        first, ranges = known[0][0], np.array([high - low for low, high in self.ranges.values()])
+        place = target
+        while True:
+            behind = known[-TOLERANCES.smooth_steps_behind :]
+            parts = [float(np.linalg.norm((x - first) / ranges)) for x in (*(x for x, _ in behind), place)]
+            start = _extrapolated(list(zip(parts[:-1], [x for _, x in behind], strict=True)), parts[-1])
+            values = dict(zip(self.ranges, place.tolist(), strict=True))
+            at = self._solved(values, start[: len(self.q)], start[len(self.q) :], TOLERANCES.newton_step_on_the_way)
+            if at is None:
+                if parts[-1] - parts[-2] < TOLERANCES.smooth_least_step:
+                    return None
+                place = 0.5 * (known[-1][0] + place)
+                continue
+            known = [*known, (place, np.concatenate([at.q, at.c]))]
+            if place is target:
+                return known[-1][1]
+            place = target
 
     def _solved(
-        self, values: Mapping[str, Array], part: float, q: Array, c: Array, polished: bool = True
+        self,
+        values: Mapping[str, Any],
+        q: Array,
+        c: Array,
+        last: float = TOLERANCES.newton_step_at_many_points,
     ) -> State | None:
-        """Return the solutions a part of the way to points; None where there is not one for each."""
-        last = TOLERANCES.newton_step_at_many_points if polished else TOLERANCES.newton_step_on_the_way
+        """Return the solutions at points, or at one; None where there is not one for each."""
         try:
             with np.errstate(all="ignore"):
-                return all_solved(self._balance(values, part), q, c, last)
+                return all_solved(self._balance(values), q, c, last)
         except FAILURES:
             return None
 
-    def _balance(self, values: Mapping[str, Array], part: float = 1.0) -> Balance:
-        """Return the equations at points, or a part of the way to them."""
-        there = {name: x + (1.0 - part) * (self.start[name] - x) for name, x in values.items()}
-        return self.balance.over(System(evaluate(self.model, there)))
+    def _balance(self, values: Mapping[str, Any]) -> Balance:
+        """Return the equations at points, or at one."""
+        return self.balance.over(System(evaluate(self.model, values)))
 
     def _regular(self, at: State, values: Mapping[str, Array]) -> bool:
         """Whether the determinant of equations that are independent at the first solution keeps its sign."""
@@ -156,6 +181,22 @@ def _coefficients(found: Array, counts: list[int]) -> Array:
         inverse = np.linalg.inv(chebvander(chebpts2(count), count - 1))
         found = np.moveaxis(np.tensordot(inverse, found, axes=(1, k)), 0, k)
     return found
+
+
+def _factor(largest: float, last: float) -> int:
+    """Return how many times as many points are enough if coefficients go on decaying as they do: two, four or eight."""
+    decay = math.log(largest / max(last, 1e-300)) if largest > last else 0.0
+    wanted = -math.log(TOLERANCES.smooth_remainder_enough) / max(decay, 1.0)
+    return 2 if wanted <= 2.0 else 4 if wanted <= 4.0 else 8
+
+
+def _grown(counts: list[int], factors: list[int]) -> list[int]:
+    """Return so many times as many points along each parameter, twice as many where these are too many."""
+    for most in (8, 4, 2):
+        grown = [min(factor, most) * (count - 1) + 1 for count, factor in zip(counts, factors, strict=True)]
+        if math.prod(grown) <= TOLERANCES.smooth_points_most:
+            break
+    return grown
 
 
 def _remainders(coefficients: Array) -> Array:

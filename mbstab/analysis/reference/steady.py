@@ -57,7 +57,7 @@ class Generator:
     rate: float
     velocity: Array
     spins: Array
-    _known: dict[bytes, tuple[Array, Array, Array]] = dataclasses.field(
+    _known: dict[tuple[tuple[int, ...], bytes], tuple[Array, Array, Array]] = dataclasses.field(
         default_factory=dict, init=False, compare=False, repr=False
     )
 
@@ -111,12 +111,12 @@ class Generator:
         return slope.copy(), second.copy()
 
     def _at(self, q: Array) -> tuple[Array, Array, Array]:
-        """Return X, Ξ and Ξ₂; single points are asked for again and again."""
-        if q.ndim > 1 or q.dtype != float:
+        """Return X, Ξ and Ξ₂, which are asked for again and again; at many points only the last ones are kept."""
+        if q.dtype != float:
             return self._evaluate(q)
-        key = q.tobytes()
+        key = q.shape, q.tobytes()
         if key not in self._known:
-            if len(self._known) == 64:
+            if q.ndim > 1 or len(self._known) == 64:
                 self._known.clear()
             self._known[key] = self._evaluate(q)
         return self._known[key]

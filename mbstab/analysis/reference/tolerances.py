@@ -172,21 +172,17 @@ class Tolerances:
     smooth_points_first: Final = (9, 5)
     """Chebyshev points between which solutions are polynomials, along one parameter or each of two, at first …"""
     smooth_points_most: Final = 1200
-    """… and in all at most, at twice as many each time …"""
+    """… and in all at most, at twice to eight times as many each time …"""
     smooth_decay: Final = 0.25
     """… while the last coefficients fall below this part of what they were …"""
     smooth_remainder_enough: Final = 1e-13
     """… and are larger than this, in sizes of the scene; …"""
     smooth_remainder: Final = 1e-9
     """… in the end they must be smaller than this."""
-    smooth_first_step: Final = 0.25
-    """Part of the way from one solution to all of them that is gone in the first step …"""
-    smooth_least_step: Final = 0.05
-    """… and the least one."""
     smooth_steps_behind: Final = 3
-    """The next solution is extrapolated by a polynomial through so many of the last ones; …"""
-    smooth_near_start: Final = 0.05
-    """… where it is no farther than this from there, in sizes of the scene, the step after it is twice as long."""
+    """Each solution is extrapolated by a polynomial through so many of the last ones, …"""
+    smooth_least_step: Final = 0.05
+    """… and where that does not lead to it, by way of others no closer than this part of the range."""
     smooth_determinant_points: Final = 200
     """At so many points of a range the sign of the determinant is looked at."""
 
