@@ -102,13 +102,13 @@ class Generator:
         return result
 
     def slope(self, q: Array) -> Array:
-        """Return Ξ = DX(q), shape (…, n_q, n_q)."""
-        return self._at(q)[1].copy()
+        """Return Ξ = DX(q), shape (…, n_q, n_q); nobody must change it."""
+        return self._at(q)[1]
 
     def frame(self, q: Array) -> tuple[Array, Array]:
-        """Return Ξ = DX(q) and Ξ₂ = Ξ² + D²X[X, ·], shape (…, n_q, n_q)."""
+        """Return Ξ = DX(q) and Ξ₂ = Ξ² + D²X[X, ·], shape (…, n_q, n_q); nobody must change them."""
         _, slope, second = self._at(q)
-        return slope.copy(), second.copy()
+        return slope, second
 
     def _at(self, q: Array) -> tuple[Array, Array, Array]:
         """Return X, Ξ and Ξ₂, which are asked for again and again; at many points only the last ones are kept."""
@@ -122,6 +122,12 @@ class Generator:
         return self._known[key]
 
     def _evaluate(self, q: Array) -> tuple[Array, Array, Array]:
+        found = self._written(q)
+        for x in found:
+            x.flags.writeable = False
+        return found
+
+    def _written(self, q: Array) -> tuple[Array, Array, Array]:
         n, d, places = q.shape[-1], self.system.scene.dimension, self.system.places
         X = np.broadcast_to(self.spins, q.shape).astype(q.dtype)
         slope, twice = np.zeros((*q.shape, n), q.dtype), np.zeros((*q.shape, n), q.dtype)

@@ -307,13 +307,16 @@ class Known:
     # --- the energy -------------------------------------------------------------------------------------------------
 
     @cached_property
-    def signs(self) -> Array:
-        """Signs of the numbers at the point, as `number_signs`, shape (1, number)."""
+    def signs(self) -> list[Any]:
+        """Signs of the numbers at the point, as `number_signs`."""
         return number_signs(self.grounds.linear.system)
 
     def same_signs(self, points: Points) -> Flags:
         """Return where all numbers have the signs that they have at the point."""
-        result: Flags = np.all(number_signs(points.system) == self.signs, axis=1)
+        result: Flags = np.ones(1, dtype=bool)
+        for sign, own in zip(number_signs(points.system), self.signs, strict=True):
+            if isinstance(sign, np.ndarray) or sign != own:
+                result = result & (sign == own)
         return result
 
     def keeps_energy(self, points: Points) -> Flags:
@@ -450,7 +453,7 @@ class Known:
         return kernel @ complement(orthonormal(inside @ transposed(right[:, right.shape[1] - along :]), along, good))
 
 
-def number_signs(system: System) -> Array:
+def number_signs(system: System) -> list[Any]:
     """Return the signs of the numbers of all elements and of the coefficients in written expressions.
 
     A force that is zero at one point and not at another has no trace in linear equations where it is of higher order,
@@ -458,7 +461,7 @@ def number_signs(system: System) -> Array:
 
     Returns
     -------
-    ndarray, shape (points or 1, number)
+    list of numbers; of ndarray, shape (points,), where they may vary
     """
     scene = system.scene
     written = [expression for item in scene.items for expression in item.entry.equations.values()]
@@ -466,8 +469,7 @@ def number_signs(system: System) -> Array:
     numbers = list(system.numbers())
     for expression in written:
         numbers += expression.coefficients(scene.parameters, scene.arithmetic)
-    found = [np.sign(np.atleast_1d(np.asarray(x, dtype=float))) for x in numbers]
-    return np.stack(np.broadcast_arrays(*found), axis=-1) if found else np.zeros((1, 0))
+    return [np.sign(x) if isinstance(x, np.ndarray) else int(x > 0) - int(x < 0) for x in numbers]
 
 
 # --- matrices of many points ------------------------------------------------------------------------------------------
