@@ -41,8 +41,10 @@ class Plan:
         # All matrices one behind the other.
         self._take = np.concatenate([places[key][0] for key in shapes])
         self._target = np.concatenate([places[key][1] + starts[key] for key in shapes])
+        # Most entries stay zero: sums are formed of those that are used.
+        self._used = {key: np.unique(target, return_inverse=True) for key, (_, target) in places.items()}
         # Lists are read one by one faster than arrays.
-        self._pairs = {key: [x.tolist() for x in pair] for key, pair in places.items()}
+        self._pairs = {key: (take.tolist(), self._used[key][1].tolist()) for key, (take, _) in places.items()}
         self._parts = {key: slice(start, start + self.sizes[key]) for key, start in starts.items()}
 
     def matrices(self, values: list[Any]) -> dict[str, Any] | None:
@@ -74,27 +76,33 @@ class Plan:
         return {key: self._stack(key, values, points) for key in self.shapes}
 
     def _stack(self, key: str, values: list[Any], points: int) -> Any:
-        take, target = self._pairs[key]
+        take, slots = self._pairs[key]
         chosen = [values[i] for i in take]
         if are_plain(chosen):
             return self._matrix(key, values)[None]
-        dense = np.zeros((self.sizes[key], points))
-        for value, place in zip(chosen, target, strict=True):
-            dense[place] += value
-        return np.ascontiguousarray(dense.T).reshape(points, *self.shapes[key])
+        sums = np.zeros((len(self._used[key][0]), points))
+        for value, slot in zip(chosen, slots, strict=True):
+            sums[slot] += value
+        return self._spread(key, sums)
+
+    def _spread(self, key: str, sums: Any) -> Any:
+        """Return the matrices whose entries that are used are rows over the points."""
+        result = np.zeros((sums.shape[1], self.sizes[key]))
+        result[:, self._used[key][0]] = sums.T
+        return result.reshape(-1, *self.shapes[key])
 
     def filled(self, numbers: Any, varies: Any, places: dict[str, tuple[Index, Index]]) -> dict[str, Any]:
         """Return the same from the values as rows over the points, which of them vary, and the places of both."""
         found = {}
         for key, (take, target) in places.items():
-            size, shape = self.sizes[key], self.shapes[key]
             if not varies[take].any():
-                found[key] = _summed(target, numbers[take, 0], size).reshape(1, *shape)
+                found[key] = _summed(target, numbers[take, 0], self.sizes[key]).reshape(1, *self.shapes[key])
                 continue
-            dense = np.zeros((size, numbers.shape[1]))
+            used, slots = self._used[key]
+            sums = np.zeros((len(used), numbers.shape[1]))
             for layer in self._layers[key]:
-                dense[target[layer]] += numbers[take[layer]]
-            found[key] = np.ascontiguousarray(dense.T).reshape(-1, *shape)
+                sums[slots[layer]] += numbers[take[layer]]
+            found[key] = self._spread(key, sums)
         return found
 
     @cached_property
