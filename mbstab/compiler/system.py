@@ -31,7 +31,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from copy import copy
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import chain
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -118,11 +118,10 @@ class System:
             self.body_slices.append(slice(start, start + len(body.coordinates)))
             start += len(body.coordinates)
         uses = self._uses()
-        holonomic = [self._row_list(use, entry) for use, entry, role in uses if role == "holonomic"]
-        nonholonomic = [self._row_list(use, entry) for use, entry, role in uses if role == "nonholonomic"]
-        self.rows = [row for group in (*holonomic, *nonholonomic) for row in group]
-        self.n_h, self.n_n = (sum(map(len, groups)) for groups in (holonomic, nonholonomic))
-        self._elements = self._place(uses)
+        groups = [self._row_list(use, entry) if role in _OF_ROWS else [] for use, entry, role in uses]
+        parts = [[row for own, x in zip(groups, uses, strict=True) if x[2] == role for row in own] for role in _OF_ROWS]
+        self.rows, (self.n_h, self.n_n) = parts[0] + parts[1], map(len, parts)
+        self._elements = self._place(uses, [len(group) for group in groups])
         self._plans: dict[str, Plan] = {}
         self._known: dict[str, tuple[Any, Any]] = {}
         self._assembly: Assembly | None = None
@@ -336,13 +335,12 @@ class System:
         labels = [label] if count == 1 else [f"{label} {axis}" for axis in "xyz"[:count]]
         return [Row(entry.section, entry.name, text, unit, entry.location, element.residual) for text in labels]
 
-    def _place(self, uses: list[tuple[Any, Entry | None, Role]]) -> list[Placed]:
+    def _place(self, uses: list[tuple[Any, Entry | None, Role]], counts: list[int]) -> list[Placed]:
         next_row = {"holonomic": 0, "nonholonomic": self.n_h}
         placed: list[Placed] = []
-        for use, entry, role in uses:
+        for (use, entry, role), count in zip(uses, counts, strict=True):
             rows: tuple[int, ...] = ()
-            if role in next_row:
-                count = len(self._row_list(use, entry))
+            if count:
                 rows = tuple(range(next_row[role], next_row[role] + count))
                 next_row[role] += count
             if isinstance(use, BalanceValues):
@@ -592,9 +590,11 @@ def _name_of(balance: BalanceValues) -> str:
     return max(balance.direction, key=lambda name: abs(balance.direction[name]))
 
 
+@cache
 def _kernel(name: str) -> Any:
     """Return the kernel of a built-in element."""
     return importlib.import_module(f"mbstab.compiler.kernels.{name}")
 
 
 _TIME = Time()
+_OF_ROWS: tuple[Role, ...] = ("holonomic", "nonholonomic")

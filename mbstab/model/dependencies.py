@@ -5,7 +5,7 @@ from __future__ import annotations
 from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node
 from mbstab.model.schema import Model
 
-PLAIN = (str, float, int, type(None))
+PLAIN = frozenset((str, float, int, bool, type(None)))
 """What contains nothing."""
 
 
@@ -34,13 +34,15 @@ def expressions_in(value: object) -> list[Expression]:
     found, left = list[Expression](), [value]
     while left:
         x = left.pop()
+        if x.__class__ in PLAIN:
+            continue
         if isinstance(x, Expression):
             found.append(x)
         elif isinstance(x, dict):
             left += reversed(x.values())
         elif isinstance(x, (tuple, list)):
             left += reversed(x)
-        elif not isinstance(x, PLAIN) and (names := getattr(x, "__dataclass_fields__", None)):
+        elif names := getattr(x, "__dataclass_fields__", None):
             left += [getattr(x, name) for name in reversed(names)]
     return found
 

@@ -96,7 +96,7 @@ class Evaluator:
 
     def check_widths(self, quantity: Quantity) -> None:
         """Record a problem if a function is smoothed over a width that is not positive."""
-        for function, width in () if self.symbolic else quantity.widths():
+        for function, width in () if self.symbolic else quantity.widths:
             try:
                 broken = broken_sign(Expression("", width).evaluate(self.parameters, self.f), "positive")
             except ExpressionError as error:

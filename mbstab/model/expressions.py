@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Container, Iterator, Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
 from mbstab.errors import MbstabError, counted, suggestion
@@ -148,8 +148,9 @@ class Expression:
                 found[node.name] = min(node.position, found.get(node.name, node.position))
         return found
 
+    @cached_property
     def widths(self) -> list[tuple[str, Node]]:
-        """Return the widths over which functions in it are smoothed, each with the name of its function."""
+        """The widths over which functions in it are smoothed, each with the name of its function."""
         calls = (node for node in self.walk() if isinstance(node, Call))
         return [(node.function, node.arguments[-1]) for node in calls if CALLED[node.function].smoothed]
 

@@ -24,11 +24,13 @@ def require_finite(value: Number) -> Number:
 
 def is_finite(value: Number) -> bool:
     """Whether a number, or each of an array, is finite; numbers other than floats always are."""
+    if isinstance(value, float):
+        return math.isfinite(value)
     if hasattr(value, "shape"):
         import numpy as np
 
         return bool(np.all(np.isfinite(value)))
-    return not isinstance(value, float) or math.isfinite(value)
+    return True
 
 
 def broken_sign(value: Number, sign: Sign, most: float | None = None) -> tuple[str, float] | None:

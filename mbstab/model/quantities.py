@@ -104,7 +104,7 @@ class QuantityReader:
 
     def _check_widths(self, expression: Expression) -> None:
         """Refuse a width of smoothing that is not a constant."""
-        for function, width in expression.widths():
+        for function, width in expression.widths:
             inside = Expression("", width)
             if inside.rates() or not set(inside.names()) <= set(self.names.parameters):
                 hint = "make it of numbers and parameters"

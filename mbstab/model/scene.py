@@ -14,6 +14,7 @@ from mbstab.mechanics.measures import Pose
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.dependencies import expressions_in
 from mbstab.model.evaluator import Evaluator
+from mbstab.model.expressions import Expression
 from mbstab.model.fields.catalogue import given_fields, kind_of
 from mbstab.model.numbers import all_of
 from mbstab.model.schema import (
@@ -164,9 +165,14 @@ class Scene:
         return self.model.dimension
 
     @cached_property
+    def written(self) -> list[Expression]:
+        """The expressions of all entries but bodies."""
+        return [expression for item in self.items for expression in expressions_in(item.entry.values)]
+
+    @cached_property
     def timed(self) -> bool:
         """Whether anything is a function of the time; a load that is written as numbers is not."""
-        return any("t" in expression.names() for item in self.items for expression in expressions_in(item.entry.values))
+        return any("t" in expression.names() for expression in self.written)
 
     def coordinate_names(self) -> list[str]:
         """Return the names of the coordinates in the order of q."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mbstab.mechanics import vectors
 from mbstab.mechanics.bodies import combine
@@ -28,6 +28,10 @@ from mbstab.model.schema import (
     Steady,
     body_coordinates,
 )
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
 
 def evaluate(
@@ -74,6 +78,18 @@ def joint_measure(kind: str, joint: ItemValues) -> MeasureNumbers:
     """Return the angle or the displacement of a joint with its numbers."""
     bodies = tuple(marker.body for marker in joint.markers("between"))
     return MeasureNumbers(kind, bodies, motion_parameters(joint, kind))
+
+
+def _principal_moments(inertia: Vector) -> npt.NDArray[np.float64]:
+    """Return the principal moments of a body in space, ascending, shape (…, 3)."""
+    import numpy as np
+
+    numbers = [np.asarray(x, dtype=float) for x in inertia]
+    xx, yy, zz, xy, xz, yz = numbers if all(x.ndim == 0 for x in numbers) else np.broadcast_arrays(*numbers)
+    if not (xy.any() or xz.any() or yz.any()):
+        return np.sort(np.stack([xx, yy, zz], -1))
+    tensor = np.stack([np.stack([xx, xy, xz], -1), np.stack([xy, yy, yz], -1), np.stack([xz, yz, zz], -1)], -2)
+    return np.linalg.eigvalsh(tensor)
 
 
 class _Assembly(Evaluator):
@@ -201,9 +217,7 @@ class _Assembly(Evaluator):
             return
         import numpy as np
 
-        xx, yy, zz, xy, xz, yz = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in inertia))
-        tensor = np.stack([np.stack([xx, xy, xz], -1), np.stack([xy, yy, yz], -1), np.stack([xz, yz, zz], -1)], -2)
-        moments = np.linalg.eigvalsh(tensor)
+        moments = _principal_moments(inertia)
         slack = 1e-12 * np.abs(moments).max(axis=-1)
         low, middle, high = (moments[..., i] for i in range(3))
         shown = ", ".join(f"{x:g}" for x in moments.reshape(-1, 3)[0])

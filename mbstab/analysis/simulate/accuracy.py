@@ -13,7 +13,7 @@ from mbstab.analysis.simulate.steppers.interface import Method, Options
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.arithmetic import array_arithmetic
-from mbstab.model.dependencies import expressions_in, uneven_in_time
+from mbstab.model.dependencies import uneven_in_time
 
 
 class Work:
@@ -151,7 +151,7 @@ def longest_step(follower: Follower) -> float:
     system = follower.system
 
     def uneven() -> bool:
-        return any(uneven_in_time(x) for item in system.scene.items for x in expressions_in(item.entry.values))
+        return any(map(uneven_in_time, system.scene.written))
 
     if not system.remember("uneven", None, uneven):
         return math.inf

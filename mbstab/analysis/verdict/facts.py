@@ -29,7 +29,6 @@ from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.written import with_state, with_time
 from mbstab.compiler.system import Array
 from mbstab.errors import percent
-from mbstab.model.dependencies import expressions_in
 from mbstab.model.expressions import Number
 from mbstab.model.schema import unit_of_rate
 
@@ -108,7 +107,7 @@ class Grounds:
         """A number of the file that is so small that products with it may underflow, in words; empty: there is none."""
         scene = self.system.scene
         numbers = {name: float(value) for name, value in scene.parameters.items()}
-        written = (node for item in scene.items for x in expressions_in(item.entry.values) for node in x.walk())
+        written = (node for expression in scene.written for node in expression.walk())
         numbers |= {node.text: float(node.text) for node in written if isinstance(node, Number)}
         small = [name for name, value in numbers.items() if 0.0 < abs(value) < TOLERANCES.number_lost]
         if not small:
