@@ -23,7 +23,7 @@ PLAIN = (float, int)
 
 
 class Rounded:
-    """A float `v` that differs from the true number by no more than `e`."""
+    """A float `v` that differs from the true number by no more than `e`; plain 0 and 1 add no rounding."""
 
     __slots__ = ("e", "v")
 
@@ -36,6 +36,8 @@ class Rounded:
             return Rounded(v, self.e + other.e + UNIT * abs(v))
         if not isinstance(other, PLAIN):
             return NotImplemented
+        if not other:
+            return self
         v = self.v + other
         return Rounded(v, self.e + UNIT * abs(v))
 
@@ -47,6 +49,8 @@ class Rounded:
             return Rounded(v, self.e + other.e + UNIT * abs(v))
         if not isinstance(other, PLAIN):
             return NotImplemented
+        if not other:
+            return self
         v = self.v - other
         return Rounded(v, self.e + UNIT * abs(v))
 
@@ -54,7 +58,7 @@ class Rounded:
         if not isinstance(other, PLAIN):
             return NotImplemented
         v = other - self.v
-        return Rounded(v, self.e + UNIT * abs(v))
+        return Rounded(v, self.e + UNIT * abs(v) if other else self.e)
 
     def __mul__(self, other: Any) -> Any:
         if other.__class__ is Rounded:
@@ -65,6 +69,8 @@ class Rounded:
             return NotImplemented
         if not other:
             return 0.0
+        if other == 1.0:
+            return self
         v = self.v * other
         return Rounded(v, self.e * abs(other) + UNIT * abs(v))
 

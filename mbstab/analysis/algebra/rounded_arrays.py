@@ -41,6 +41,8 @@ class RoundedArray:
         return [Rounded(v, e) if e else v for v, e in zip(self.v.tolist(), self.e.tolist(), strict=True)]
 
     def __add__(self, other: Any) -> RoundedArray:
+        if other.__class__ is float and not other:
+            return self
         b, e = _parts(other)
         v = self.v + b
         return RoundedArray(v, self.e + e + UNIT * np.abs(v))
@@ -48,15 +50,21 @@ class RoundedArray:
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> RoundedArray:
+        if other.__class__ is float and not other:
+            return self
         b, e = _parts(other)
         v = self.v - b
         return RoundedArray(v, self.e + e + UNIT * np.abs(v))
 
     def __rsub__(self, other: Any) -> RoundedArray:
+        if other.__class__ is float and not other:
+            return -self
         difference = self - other
         return RoundedArray(-difference.v, difference.e)
 
-    def __mul__(self, other: Any) -> RoundedArray:
+    def __mul__(self, other: Any) -> Any:
+        if other.__class__ is float and other in (0.0, 1.0):
+            return self if other else 0.0
         b, e = _parts(other)
         v = self.v * b
         return RoundedArray(v, np.abs(self.v) * e + (np.abs(b) + e) * self.e + UNIT * np.abs(v))

@@ -6,6 +6,7 @@ With A = B Ax(φ) Ay(θ) Az(ψ) the angular velocity in ground axes is ω = G(φ
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -32,10 +33,19 @@ def rotation_matrix(axis: Array, angle: float) -> Array:
 
 
 def base_rotation(body: BodyValues) -> Array:
-    """Return B, shape (3, 3)."""
+    """Return B, shape (3, 3); nobody must change it."""
+    if all(x.__class__ is float for x in body.base):
+        return _of_floats(body.base)
     # Numbers with more digits keep them.
     kind = float if all(isinstance(x, (int, float)) for x in body.base) else object
     return np.array(body.base, dtype=kind).reshape(3, 3)
+
+
+@lru_cache(maxsize=256)
+def _of_floats(base: tuple[float, ...]) -> Array:
+    result = np.array(base).reshape(3, 3)
+    result.flags.writeable = False
+    return result
 
 
 def _functions(angles: Array) -> Any:
