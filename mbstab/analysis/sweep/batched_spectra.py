@@ -189,7 +189,7 @@ class Evaluator:
         at = {name: np.array([x]) for name, x in values.items()}
         if self.path is not None and not self.path.covers(at).all():
             return ()
-        found = _Work(self, at, lambda done: None).pattern(0)
+        found = _Work(self, at, lambda done: None).pattern(0, judged=False)
         return () if found is None else (found,)
 
     def learn(self, values: Mapping[str, Array]) -> None:
@@ -506,16 +506,18 @@ class _Work:
         self.found.append(_Part(np.array([i]), found, Known(grounds), alone=True))
         return word
 
-    def pattern(self, i: int) -> Pattern | None:
-        """Compute a point in full; return its pattern, or None if it has a problem."""
+    def pattern(self, i: int, judged: bool = True) -> Pattern | None:
+        """Compute a point in full, and judge it if asked to; return its pattern, or None if it has a problem."""
         grounds = self._grounds(i)
         if grounds is None:
             return None
-        try:
-            self._exact(i, grounds)
-        except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
-            self.problems[i] = str(error)
-            return None
+        if judged:
+            try:
+                self._exact(i, grounds)
+            except (MbstabError, ArithmeticError, np.linalg.LinAlgError) as error:
+                self.problems[i] = str(error)
+                return None
+        known = self.found[-1].known if judged else Known(grounds)
         linear, family = grounds.linear, None
         if grounds.lost or (linear.massless is not None and not linear.massless.exact):
             return None
@@ -525,7 +527,7 @@ class _Work:
                 linear.system, linear.generator.axis, np.zeros(3), directions, spinning_columns(linear.system)
             )
         balance = None if self.path is None else self.motion(linear.system, i)[1]
-        return Pattern(linear, self.found[-1].known, family, linear.motion.sizes, balance)
+        return Pattern(linear, known, family, linear.motion.sizes, balance)
 
     def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
         """Return the motion at a point, and its equations if it was solved for."""

@@ -114,7 +114,7 @@ ARRAYS = ("values", "clear", "sides", "words", "mirrored", "passes", "turns")
 
 def compute(task: Task, progress: Progress = lambda done: None) -> Block:
     """Return the block of a task."""
-    model = bound(read_model_text(task.text, task.name, task.beside), task.settings)
+    model = bound(_read(task.text, task.name, tuple(task.beside.items())), task.settings)
     evaluator = Evaluator(model, task.solutions, patterns_at(model, task.solutions, task.home))
     found = evaluator.spectra(task.values, progress, task.share)
     number = unplaced(found.sides, found.words, found.problems)
@@ -160,14 +160,21 @@ def patterns_at(model: Model, solutions: Solutions | Surface | None, home: Mappi
         return ()
     text = "\n".join(model.document.lines)
     plain = replace(solutions, beyond=()) if isinstance(solutions, Solutions) else solutions
-    return _known_patterns(pickle.dumps((text, model.name, model.settings, plain, dict(home))))
+    beside = tuple(model.document.beside.items())
+    return _known_patterns(pickle.dumps((text, model.name, beside, model.settings, plain, dict(home))))
 
 
 @functools.lru_cache(maxsize=8)
 def _known_patterns(place: bytes) -> tuple[Pattern, ...]:
-    text, name, settings, solutions, home = pickle.loads(place)
-    evaluator = Evaluator(bound(read_model_text(text, name), settings), solutions)
+    text, name, beside, settings, solutions, home = pickle.loads(place)
+    evaluator = Evaluator(bound(_read(text, name, beside), settings), solutions)
     return evaluator.patterns_at(home)
+
+
+@functools.lru_cache(maxsize=4)
+def _read(text: str, name: str, beside: tuple[tuple[str, str], ...]) -> Model:
+    """Return the model of a text, read once by each process."""
+    return read_model_text(text, name, dict(beside))
 
 
 def _watched(values: Complex, sides: Sides) -> tuple[Flags, Flags]:
