@@ -135,8 +135,12 @@ class Grounds:
         # The same motion may follow several symmetries; one that holds for all elements is enough.
         others = [g for g in self.motion.generators if g is not generator]
         if driven:
-            broken = [self.invariance.keeps_time(g) for g in (generator, *others)]
-            return f"the motion is not known to be steady: {broken[0]} changes along it" if all(broken) else ""
+            first = ""
+            for other in (generator, *others):
+                if not (broken := self.invariance.keeps_time(other)):
+                    return ""
+                first = first or broken
+            return f"the motion is not known to be steady: {first} changes along it"
         if any(self.invariance.steady(g) for g in (generator, *others)):
             return ""
         return (
