@@ -87,7 +87,8 @@ class SmoothSolutions:
         places = np.stack([values[name] for name in self.ranges], axis=-1).reshape(*counts, -1)
         start = np.array([self.start[name] for name in self.ranges])
         # In each direction those next to the start come first.
-        back = tuple(k for k, n in enumerate(counts) if places[(0,) * len(counts)][k] != start[k])
+        ends = np.abs(places[(0,) * len(counts)] - start), np.abs(places[(-1,) * len(counts)] - start)
+        back = tuple(np.flatnonzero(ends[0] > ends[1]).tolist())
         places, found = np.flip(places, back), np.empty((*counts, len(self.q) + len(self.c)))
         for index in np.ndindex(*counts):
             axis = max((k for k, i in enumerate(index) if i), default=None)
