@@ -132,21 +132,24 @@ class Expression:
             yield node
             stack.extend(_parts(node))
 
-    def names(self) -> dict[str, int]:
+    def names(self) -> Mapping[str, int]:
         """Return the names that are not constants, with the position of their first use."""
-        found: dict[str, int] = {}
-        for node in self.walk():
-            if isinstance(node, Name) and node.name not in CONSTANTS:
-                found[node.name] = min(node.position, found.get(node.name, node.position))
-        return found
+        return self._used[0]
 
-    def rates(self) -> dict[str, int]:
+    def rates(self) -> Mapping[str, int]:
         """Return the coordinates whose rate occurs, with the position of their first use."""
-        found: dict[str, int] = {}
+        return self._used[1]
+
+    @cached_property
+    def _used(self) -> tuple[Mapping[str, int], Mapping[str, int]]:
+        names: dict[str, int] = {}
+        rates: dict[str, int] = {}
         for node in self.walk():
             if isinstance(node, Rate):
-                found[node.name] = min(node.position, found.get(node.name, node.position))
-        return found
+                rates[node.name] = min(node.position, rates.get(node.name, node.position))
+            elif isinstance(node, Name) and node.name not in CONSTANTS:
+                names[node.name] = min(node.position, names.get(node.name, node.position))
+        return names, rates
 
     @cached_property
     def widths(self) -> list[tuple[str, Node]]:

@@ -160,15 +160,22 @@ def patterns_at(model: Model, solutions: Solutions | Surface | None, home: Mappi
         return ()
     text = "\n".join(model.document.lines)
     plain = replace(solutions, beyond=()) if isinstance(solutions, Solutions) else solutions
-    beside = tuple(model.document.beside.items())
-    return _known_patterns(pickle.dumps((text, model.name, beside, model.settings, plain, dict(home))))
+    settings, place = tuple(model.settings.items()), tuple(home.items())
+    # Apart from the rest, as bytes depend on which strings of all are one object.
+    return _known_patterns(text, model.name, tuple(model.document.beside.items()), settings, pickle.dumps(plain), place)
 
 
 @functools.lru_cache(maxsize=8)
-def _known_patterns(place: bytes) -> tuple[Pattern, ...]:
-    text, name, beside, settings, solutions, home = pickle.loads(place)
-    evaluator = Evaluator(bound(_read(text, name, beside), settings), solutions)
-    return evaluator.patterns_at(home)
+def _known_patterns(
+    text: str,
+    name: str,
+    beside: tuple[tuple[str, str], ...],
+    settings: tuple[tuple[str, int | float | str], ...],
+    solutions: bytes,
+    home: tuple[tuple[str, float], ...],
+) -> tuple[Pattern, ...]:
+    evaluator = Evaluator(bound(_read(text, name, beside), dict(settings)), pickle.loads(solutions))
+    return evaluator.patterns_at(dict(home))
 
 
 @functools.lru_cache(maxsize=4)
