@@ -10,6 +10,7 @@ a first axis for the points, of length 1 where all points agree.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
