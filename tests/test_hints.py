@@ -77,3 +77,10 @@ def test_units_of_disturbances_must_fit(given, hint):
 def test_where_branches_meet_is_told_with_parameter_and_unit():
     answer = CliRunner().invoke(main, ["sweep", "ziegler_column.yaml", "--param", "P", "--plot", "none"])
     assert "branches meet at P (N): " in answer.stdout
+
+
+@pytest.mark.parametrize(("coordinate", "held"), [("rod.x", True), ("rod.theta", False)])
+def test_a_controller_of_a_coordinate_that_constraints_hold_is_told(coordinate, held):
+    text = HEAD + HELD + f"forces: {{c: {{type: pid, coordinate: {coordinate}, of: rod.theta, P: 3, D: 1}}}}\n"
+    found = mbstab.loads(text + "reference: {coordinates: {rod: {theta: 0}}}\n").eig()
+    assert (f"forces.c acts on {coordinate}, which the constraints hold" in " ".join(found.warnings)) == held

@@ -168,6 +168,20 @@ class Finder:
         self._fail([self._residual(i, state.E[i], "", hint) for i in bad])
         return q
 
+    def _held_controls(self, spaces: Subspaces) -> list[str]:
+        """Return warnings about controllers and motors that act on a coordinate which no allowed motion changes."""
+        if self.system.sparse:
+            return []
+        held = np.linalg.norm(spaces.N, axis=1) <= TOLERANCES.coordinate_held
+        names = {name for name, still in zip(self.system.names, held, strict=True) if still}
+        return [
+            f"{item.entry.path} acts on {name}, which the constraints hold: its effort only changes reactions"
+            for item in self.scene.items
+            if item.kind.part is not None
+            for name in item.entry.equations
+            if name in names
+        ]
+
     def _residual(self, i: int, value: float, per: str, hint: str) -> Problem:
         row = self.system.rows[i]
         own = row.unit.startswith("unit")
@@ -399,6 +413,7 @@ class Finder:
         force, bias = -(state.F0 * scale), state.B * row_scale
         self._check_compatible(bias - J @ (inverse @ bias), bias)
         a, nu = augmented.refined(force, bias, TOLERANCES.balance_refinements)
+        self.warnings += self._held_controls(spaces)
         if redundant:
             self._check_constant_rank(q, u, time, spaces, state.M)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]

@@ -229,6 +229,8 @@ class Tolerances:
     """Groups that change constraint rows by more than this to first order, relative to their terms, are not tried."""
     independent_fields: Final = 1e-8
     """Fields are independent if the smallest singular value of their unit vectors is larger than this."""
+    coordinate_held: Final = 1e-9
+    """A coordinate is held by the constraints if its part in all allowed motions, of unit length, is below this."""
     trial_parts: Final = (1.0, 2.0**-20, 2.0**-40)
     """Fractions of a step that are tried: functions may be flat except in a narrow range."""
     speed_felt: Final = 1e-6
