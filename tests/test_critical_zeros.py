@@ -70,3 +70,23 @@ def test_a_valley_of_rest_positions_is_none_if_a_weak_force_acts_along_it(weak, 
         "reference: {coordinates: {p: {x: 0, y: 0}}}"
     )
     assert mbstab.loads(text).eig().verdict == truth
+
+
+@pytest.mark.parametrize(
+    ("weak", "truth"),
+    [
+        ("", ASYMPTOTIC_UP_TO),
+        (" - 1e-20*p.y**3", ASYMPTOTIC),
+        (" + 1e-20*p.y**3", UNSTABLE),
+        (" + 1e-20*p.y", UNSTABLE),
+        (" - 1e-20*p.y", ASYMPTOTIC),
+    ],
+)
+def test_a_ring_is_none_if_a_weak_force_breaks_its_symmetry(weak, truth):
+    push = "-(p.x**2 + p.y**2 - 1)"
+    laws = f"{{p.x: {push}*p.x - rate(p.x), p.y: {push}*p.y - rate(p.y){weak}}}"
+    text = (
+        f"mbstab: 1\nbodies: {{p: {{type: planar_point, mass: 1}}}}\nforces: {{f: {{type: expression, on: {laws}}}}}\n"
+        "reference: {coordinates: {p: {x: 1, y: 0}}}"
+    )
+    assert mbstab.loads(text).eig().verdict == truth

@@ -268,3 +268,13 @@ def test_a_count_is_set_like_a_parameter(tmp_path):
 def test_a_count_that_is_no_whole_number_is_refused(value):
     with pytest.raises(UsageError, match="N is a count of the file: expected a whole number"):
         mbstab.loads(CHAIN.replace("COUNT", "2")).eig(N=value)
+
+
+def test_a_parameter_of_a_part_with_a_reserved_name_is_refused_also_where_it_is_set(tmp_path):
+    part = "mbstab: 1\nneeds: {mount: a body}\nparameters: {x: 2}\nbodies: {b: {type: planar_point, mass: x}}\n"
+    (tmp_path / "part.yaml").write_text(part)
+    top = "mbstab: 1\nbodies: {a: {type: planar_point, mass: 1}}\n"
+    top += "include: [{file: part.yaml, prefix: r_, with: {mount: a, x: 4}}]\n"
+    (tmp_path / "top.yaml").write_text(top)
+    with pytest.raises(ModelFileError, match="'x' is a word of the file format"):
+        mbstab.load(tmp_path / "top.yaml")

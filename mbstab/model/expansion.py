@@ -268,7 +268,7 @@ class _Expansion:
             words[name] = word or name
         renamed = _as_mapping(_Renaming(words, {name: prefix + name for name in points}).of(part, ()))
         inside = renamed.entries.get("parameters")
-        for name in settable & set(values):
+        for name in settable & set(values) & set(own):
             assert isinstance(inside, Mapping)
             old = inside.entries[prefix + name]
             if isinstance(old, Mapping):

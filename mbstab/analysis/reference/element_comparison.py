@@ -13,10 +13,11 @@ from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.algebra.sparse import is_sparse, largest, own_part, put, row_norms, rows_of, scaled
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift
+from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift, Turn
 from mbstab.analysis.reference.imbalance import carrying
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
+from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import Array, Dynamics, System
@@ -368,6 +369,28 @@ class ElementComparison:
         spread = float(np.max(rounding * sizes)) / sizes
         return bool(np.all(off <= allowed + TOLERANCES.force_change_rounding * spread))
 
+    def generated(self, element: Acting, field: Field) -> bool:
+        """Whether an expression commutes with a group to first order in its step, with many digits, at all states.
+
+        Finite turns round the states, so that a weak term is not seen; K X + R Ξ u + Ξᵀ F is zero to all digits.
+        """
+        if not (element.written and isinstance(field, Turn) and _is_short(field.generator)):
+            return True
+        columns = list(element.columns)
+        for state in self.states:
+            with Digits(element) as f:
+                q, u, a = (numbers(x, f) for x in (state.q, state.u, state.a))
+                X, slope = (np.asarray(part(np.array(q, dtype=object))) for part in (field.field, field.slope))
+                moved, turned = X[columns], (slope @ np.array(u, dtype=object))[columns]
+                force = np.array(element.force(q, u, a, self.motion.time, f), dtype=object)
+                K, R = (np.array(x, dtype=object) for x in element.slopes(q, u, a, self.motion.time, f))
+                change, size = np.full((2, len(q)), f.number("0"), dtype=object)
+                change[columns], size[columns] = K @ moved + R @ turned, abs(K) @ abs(moved) + abs(R) @ abs(turned)
+                change, size = change + force @ slope[columns], size + abs(force) @ abs(slope[columns])
+                if np.any(abs(change) > TOLERANCES.comparison_exact * size):
+                    return False
+        return True
+
     def _same_to_rounding(self, element: Acting, here: State, there: State, T: Array) -> bool:
         """Return whether Tᵀ F(there) = F(here) to rounding, which is propagated through the expressions."""
         sizes, size = self.motion.sizes, abs(T)
@@ -495,6 +518,12 @@ class Digits:
 def numbers(x: Array, f: Any) -> list[Any]:
     """Return floats as exact numbers of an arithmetic."""
     return [f.number(value) for value in x.tolist()]
+
+
+def _is_short(turn: Generator) -> bool:
+    """Whether a rotation about a fixed point is known to all digits: its axis and this point have whole numbers."""
+    known = np.concatenate([turn.axis, turn.point, turn.velocity])
+    return bool(np.array_equal(known, np.round(known))) and not np.any(turn.velocity)
 
 
 def steps_are_exact(field: Field) -> bool:

@@ -389,7 +389,8 @@ class Invariance(SymmetryCandidates):
             if not seen:
                 return True
             images = [self._moved(field, state) for state in self.states]
-            broken = [e for e in seen if not self._carried(e, images, exact=steps_are_exact(field))]
+            exact = steps_are_exact(field)
+            broken = [e for e in seen if not (self._carried(e, images, exact) and self.generated(e, field))]
             return self._near_too(seen, field) and (not broken or self._together(broken, field))
         except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
             return False
