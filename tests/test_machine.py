@@ -285,13 +285,34 @@ def test_compiled_implicit_steps_are_those_of_the_interpreted_method(method, nam
         model.simulate(1.0, perturb=perturb, method=method, points=21, compiled=x, **accuracy, **parameters)
         for x in (False, True)
     )
-    assert (one.steps, one.rejected, one.charts) == (other.steps, other.rejected, other.charts)
+    assert abs(one.steps - other.steps) <= 1 + 0.02 * one.steps
+    assert one.charts == other.charts
+    # With fixed steps both solve the same equations; else each step has errors of its own.
+    off = accuracy.get("tol", 1e-8)
     size = np.max(np.abs(one.q - one.q[0])) + 1e-3
-    assert np.max(np.abs(one.q - other.q)) < 1e-7 * size
-    assert np.max(np.abs(one.u - other.u)) < 1e-6 * (np.max(np.abs(one.u)) + 1e-3)
-    assert np.max(np.abs(one.work - other.work)) < 1e-7 * one.energy_scale
+    assert np.max(np.abs(one.q - other.q)) < off * size
+    assert np.max(np.abs(one.u - other.u)) < 10.0 * off * (np.max(np.abs(one.u)) + 1e-3)
+    assert np.max(np.abs(one.work - other.work)) < off * one.energy_scale
     assert other.max_constraint_residual < 1e-12
-    assert other.energy_drift == pytest.approx(one.energy_drift, rel=1e-3, abs=1e-12)
+    assert other.energy_drift < 1.1 * one.energy_drift + off
+
+
+def test_compiled_steps_of_radau_are_long_where_a_motion_is_stiff():
+    # A bead on a parabola, held to cos(t) by a stiff spring, without friction: it starts where the spring balances.
+    model = mbstab.loads("""
+mbstab: 1
+title: A bead on a stiff spring
+bodies: {p: {type: point, mass: 1}}
+constraints: {a: {holonomic: p.y - 0.1*p.x**2}, b: {holonomic: p.z}}
+forces: {f: {type: expression, on: {p.x: "-1e9*(p.x - cos(t)) - 1e5*rate(p.x)"}}}
+initial: {coordinates: {p: {x: 1, y: 0.1, z: 0}}}
+reference: {coordinates: {p: {x: 0, y: 0, z: 0}}}
+""")
+    options = {"method": "radau", "tol": 1e-6, "points": 16, "once": True}
+    one, other = (model.simulate(1.5, compiled=x, **options) for x in (False, True))
+    assert np.max(np.abs(one.q - other.q)) < 1e-6
+    assert np.max(np.abs(other.q[:, 0] - np.cos(other.times - 1e-4))) < 1e-6
+    assert other.steps <= one.steps + 2 < 300  # an explicit method takes more than 10 000
 
 
 @pytest.mark.parametrize("method", IMPLICIT)
@@ -343,24 +364,30 @@ reference: {coordinates: {body: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}, r
     assert other.energy_drift < 1e-8
 
 
-def test_the_tolerance_holds_for_compiled_steps():
+TOLERANCES = {"projection": (1e-4, 1e-7, 1e-10), "alpha": (1e-3, 1e-5), "radau": (1e-4, 1e-7, 1e-10)}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_tolerance_holds_for_compiled_steps(method):
     model = mbstab.load("pendulum.yaml")
     exact = model.simulate(10.0, perturb={"rod.theta": 2.0}, tol=1e-12, points=11)
-    for tol in (1e-4, 1e-7, 1e-10):
-        sim = model.simulate(10.0, perturb={"rod.theta": 2.0}, tol=tol, points=11, compiled=True)
+    for tol in TOLERANCES[method]:
+        sim = model.simulate(10.0, perturb={"rod.theta": 2.0}, tol=tol, points=11, compiled=True, method=method)
         assert np.max(np.abs(sim.rotations - exact.rotations)) < 3.0 * tol
         assert sim.error_estimate <= tol
 
 
-def test_a_singular_configuration_is_found_between_compiled_steps():
+@pytest.mark.parametrize("method", METHODS)
+def test_a_singular_configuration_is_found_between_compiled_steps(method):
+    options = {"method": method, "once": method != "projection", "tol": 1e-8 if method == "projection" else 1e-5}
     model = mbstab.load("n_four_bar.yaml")
     told = []
     for steps in (False, True):
         with pytest.raises(SimulationError, match="singular configuration") as caught:
-            model.simulate(3.0, perturb={"rate(crank_1.theta)": 9.0}, compiled=steps)
+            model.simulate(3.0, perturb={"rate(crank_1.theta)": 9.0}, compiled=steps, **options)
         told.append(float(re.search(r"at t = (\S+) s", str(caught.value))[1]))
         assert told[-1] - 0.03 < caught.value.partial.times[-1] < told[-1]
-    assert told[0] == pytest.approx(told[1], abs=1e-7)
+    assert told[0] == pytest.approx(told[1], abs=10.0 * options["tol"])
 
 
 LAWS = {
@@ -389,7 +416,8 @@ reference: {{rates: {{a: {{psi: {"0" if "forces" in LAWS[law] else "0.6" if law 
     assert other.energy_drift < 1e-7
 
 
-def test_a_force_that_loses_its_value_ends_the_motion_with_the_same_words():
+@pytest.mark.parametrize("method", METHODS)
+def test_a_force_that_loses_its_value_ends_the_motion_with_the_same_words(method):
     text = """
 mbstab: 1
 title: A mass that is pulled out of the domain of its force
@@ -400,10 +428,12 @@ reference: {coordinates: {b: {x: 0, y: 0, z: 0}}, rates: {b: {x: 0, y: 0, z: 0}}
     told, texts = [], []
     for steps in (False, True):
         with pytest.raises(SimulationError) as caught:
-            mbstab.loads(text).simulate(5.0, compiled=steps)
+            mbstab.loads(text).simulate(5.0, compiled=steps, method=method, tol=1e-5, once=True)
         told.append(caught.value.partial.times[-1])
-        texts.append(str(caught.value).partition(" s:")[2])
+        first, _, rest = str(caught.value).partition("\n")
+        texts.append((re.sub(r"[0-9.]+(e-\d+)?", "", first), rest))
     assert told[0] == told[1] > 0.5
+    assert "the step size has collapsed" in texts[0][0]
     assert texts[0] == texts[1]
 
 
@@ -425,7 +455,10 @@ def test_progress_is_told_and_a_stop_keeps_what_was_found():
 
 @pytest.mark.parametrize(
     ("options", "message"),
-    [({"solver": "Radau"}, "no compiled steps for projection Radau"), ({"solver": "BDF"}, "projection RK45, alpha")],
+    [
+        ({"solver": "Radau"}, "no compiled steps for projection Radau"),
+        ({"solver": "BDF"}, "projection RK45, alpha, radau"),
+    ],
 )
 def test_other_methods_have_no_compiled_steps(options, message):
     with pytest.raises(UsageError, match=message):

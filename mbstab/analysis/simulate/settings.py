@@ -39,7 +39,7 @@ class SimulationSettings:
     once : bool
         Make one run in which `tol` is the error of each step; nothing is known about the global error.
     compiled : bool
-        Take the steps of DOP853, RK45 or ``alpha`` in machine code (extra ``fast``); compiled once, in about ten s.
+        Take the steps of DOP853, RK45, ``alpha`` or ``radau`` in machine code (extra ``fast``), compiled once.
     through_singular : bool
         Continue through configurations where the constraints lose rank, along the smooth continuation of the motion,
         and say so in a warning. The tolerance holds there as well. Where there is no such continuation, or it cannot
@@ -98,7 +98,7 @@ class SimulationSettings:
         if self.step is not None and not solvers[solver].fixed:
             problems.append(f"the solver {solver} chooses its own steps; fixed ones go with --method radau or alpha")
         if self.compiled and not solvers[solver].compiled:
-            known = ", ".join(f"{m} {x}" for m, group in METHODS.items() for x in group if group[x].compiled)
+            known = ", ".join(f"{m} {x}".strip() for m, group in METHODS.items() for x in group if group[x].compiled)
             problems.append(
                 f"there are no compiled steps for {f'{self.method} {solver}'.strip()}; there are for {known}"
             )

@@ -70,7 +70,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 @click.option(
     "--compiled",
     is_flag=True,
-    help="Take the steps in machine code, for long motions; DOP853, RK45 and alpha, needs pip install 'mbstab[fast]'.",
+    help="Take the steps of DOP853, RK45, alpha and radau in machine code; needs pip install 'mbstab[fast]'.",
 )
 @click.option("--once", is_flag=True, help="Make one run in which --tol is the error of a step: faster, error unknown.")
 @click.option(

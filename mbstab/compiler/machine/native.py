@@ -90,7 +90,7 @@ def telling(tell: Callable[[float], object]) -> AbstractContextManager[object]:
     return context
 
 
-def _view(kind: Any, place: int, first: int) -> Callable[..., Any]:
+def _view(kind: Any, own: Any, place: int, first: int) -> Callable[..., Any]:
     """Return a function that is given a machine and the number of a table, and returns the table as it stands there.
 
     Nothing is called or counted, which is why arrays may be returned. A slice means the same, but Numba takes ten
@@ -98,35 +98,41 @@ def _view(kind: Any, place: int, first: int) -> Callable[..., Any]:
 
     Parameters
     ----------
-    kind : type of Numba
-        Of the numbers.
+    kind, own : types of Numba
+        Of the numbers, and of those of which the table consists; one of the first may be several of the second.
     place : int
         Of the array in a machine.
     first : int
         Where the places of these tables begin.
     """
-    array = types.Array(kind, 1, "C")
+    array, table = types.Array(kind, 1, "C"), types.Array(own, 1, "C")
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         m, name = arguments
         make = context.make_array
         places = make(types.Array(types.int64, 1, "C"))(context, builder, builder.extract_value(m, 0)).data
-        whole = make(array)(context, builder, builder.extract_value(m, place))
+        whole = make(table)(context, builder, builder.extract_value(m, place))
         at = builder.add(name, name.type(first))
         start, stop = (builder.load(builder.gep(places, [builder.add(at, name.type(k))])) for k in range(2))
         view = make(array)(context, builder)
-        data, shape, strides = builder.gep(whole.data, [start]), [builder.sub(stop, start)], [whole.itemsize]
-        populate_array(view, data, shape, strides, whole.itemsize, meminfo=None)
+        size = context.get_abi_sizeof(context.get_data_type(kind))
+        count = builder.sdiv(builder.sub(stop, start), name.type(kind.bitwidth // own.bitwidth))
+        data = builder.bitcast(builder.gep(whole.data, [start]), view.data.type)
+        item = name.type(size)
+        populate_array(view, data, [count], [item], item, meminfo=None)
         return view._getvalue()
 
     return lambda context, m, name: (array(m, types.int64), code)
 
 
-integers = intrinsic(_view(types.int64, 0, 0))
+integers = intrinsic(_view(types.int64, types.int64, 0, 0))
 """Returns a table of integers of a machine."""
 
-floats = intrinsic(_view(types.float64, 1, ALL_INTEGERS))
+floats = intrinsic(_view(types.float64, types.float64, 1, ALL_INTEGERS))
 """Returns a table of floats of a machine."""
+
+complexes = intrinsic(_view(types.complex128, types.float64, 1, ALL_INTEGERS))
+"""Returns a table of floats of a machine, as complex numbers."""
 
 
 @compiled

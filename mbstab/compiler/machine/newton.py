@@ -104,6 +104,17 @@ def solved(m: Machine, lu: Any, x: Any) -> None:
 
 
 @compiled
+def times(m: Machine, c: Any, x: Any, y: Any) -> None:
+    """Add the product of x and the matrix with these coefficients to y, both by place."""
+    kind = integers(m, at.NEWTON_KIND)
+    row = integers(m, at.NEWTON_ROW)
+    column = integers(m, at.NEWTON_COLUMN)
+    value = floats(m, at.NEWTON_VALUE)
+    for e in range(len(kind)):
+        y[row[e]] += c[kind[e]] * value[e] * x[column[e]]
+
+
+@compiled
 def imbalance(m: Machine, a: Floats, nu: Floats, b: Floats) -> None:
     """Set b to minus M a + F0 + Jᵀ ν, scaled and by place, at the state of the registers; rows are left as they are."""
     place = integers(m, at.PLACE)

@@ -95,6 +95,24 @@ FLOATS = (
     "newton_c",  # coefficients of kinds
     "newton_b",  # by place
     "newton_lu",
+    "stage_y",  # of Radau IIA, for each stage: q and u
+    "stage_a",
+    "stage_nu",
+    "stage_pull",  # h G η
+    "stage_b",  # what is left of the equations, by place
+    "stage_e",  # of rows in position
+    "step_a",  # the last changes
+    "step_pull",
+    "last_a",  # of the step before
+    "last_nu",
+    "gram",  # the factors of C Cᵀ
+    "real_e",  # parts of the real eigenvalue, by place
+    "real_g",
+    "complex_c",  # of the complex one: twice as many floats
+    "complex_b",
+    "complex_e",
+    "complex_g",
+    "complex_lu",
 )
 """Tables of floats. What has no comment is working memory, or belongs to the table of integers of that name."""
 
@@ -173,6 +191,24 @@ FLOATS = (
     NEWTON_C,
     NEWTON_B,
     NEWTON_LU,
+    STAGE_Y,
+    STAGE_A,
+    STAGE_NU,
+    STAGE_PULL,
+    STAGE_B,
+    STAGE_E,
+    STEP_A,
+    STEP_PULL,
+    LAST_A,
+    LAST_NU,
+    GRAM,
+    REAL_E,
+    REAL_G,
+    COMPLEX_C,
+    COMPLEX_B,
+    COMPLEX_E,
+    COMPLEX_G,
+    COMPLEX_LU,
 ) = range(len(FLOATS))
 
 

@@ -19,7 +19,11 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy, quadrature
 from mbstab.analysis.simulate.steppers.implicit import (
+    RADAU_A,
+    RADAU_C,
+    RADAU_E,
     GeneralizedAlpha,
+    RadauIIA,
     alpha_coefficients,
     first_step,
     newton_goal,
@@ -34,6 +38,9 @@ from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
     from mbstab.compiler.machine.explicit import Tableau
+
+
+IMPLICIT: dict[str, type[GeneralizedAlpha] | type[RadauIIA]] = {"alpha": GeneralizedAlpha, "radau": RadauIIA}
 
 
 @cache
@@ -188,10 +195,23 @@ def machine_code() -> ModuleType:
     return native
 
 
+@cache
+def radau_coefficients() -> Array:
+    """Return the rows that `mbstab.compiler.machine.radau` names."""
+    values, left = np.linalg.eig(RADAU_A)
+    right = np.linalg.inv(left)
+    real, other = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
+    one, pair = values[real].real, values[other]
+    parts = [f(x) for x in (left[:, other], right[other]) for f in (np.real, np.imag)]
+    eigenvalues = [one, pair.real, pair.imag]
+    return np.array([*RADAU_A, RADAU_C, RADAU_E, left[:, real].real, right[real].real, *parts, eigenvalues])
+
+
 def implicit_of(t: float, options: Options, method: Method) -> at.Implicit:
     """Return the numbers of an implicit method for a march that starts at t (s)."""
     fixed = options.step is not None
     alpha_m, alpha_f, gamma, beta = alpha_coefficients()
+    stages = method.start is RadauIIA
     return at.Implicit(
         tol=options.tol,
         rate=options.rate,
@@ -203,8 +223,9 @@ def implicit_of(t: float, options: Options, method: Method) -> at.Implicit:
         collapsed=TOLERANCES.step_collapsed,
         begin=t,
         quadrature=np.array(quadrature(method.order)).T.copy(),
-        power=1.0 / (GeneralizedAlpha.order_of_estimate + 1),
-        consistent=False,
+        power=1.0 / (IMPLICIT[method.compiled].order_of_estimate + 1),
+        consistent=stages,
+        coefficients=radau_coefficients() if stages else np.zeros((0, 0)),
         alpha_m=alpha_m,
         alpha_f=alpha_f,
         gamma=gamma,
@@ -270,7 +291,9 @@ class Marching:
         table(self.machine, "w")[2 * len(q) + 1 : 2 * len(q) + 1 + len(bases)] = bases
         stages = len(self.tableau.C) if self.tableau else 0
         if not self.tableau:
-            options = replace(options, first=first_step(options, GeneralizedAlpha.order_of_estimate, end - t))
+            options = replace(
+                options, first=first_step(options, IMPLICIT[self.method.compiled].order_of_estimate, end - t)
+            )
             self._arrays = implicit_of(t, options, self.method)
         self.state = State(self.machine, t, q, u, times, end, stages, self._sizes, options, least, near)
         self._fresh = True

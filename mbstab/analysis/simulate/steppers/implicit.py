@@ -25,6 +25,7 @@ Both solve with Newton's method; the matrix is made of M, J and the derivatives 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -188,13 +189,21 @@ class GeneralizedAlpha(_Implicit):
         super().__init__(equations, t, q, u, end, options)
         self.m, self.f, self.gamma, self.beta = alpha_coefficients()
         self.ahead = self.m - self.f
-        s = 1e-4 / options.rate
-        (after, _, _), (before, _, _) = (
-            equations.accelerations(t + x, q + x * u + 0.5 * x * x * self.a, u + x * self.a) for x in (s, -s)
-        )
-        self._jerk = (after - before) / (2.0 * s)
+        self._jerk = self._rate_of_acceleration()
         self._drift = self.ahead * self._jerk  # (w − a)/h
         self._past: tuple[float, Array] | None = None
+
+    def _rate_of_acceleration(self) -> Array:
+        """Return the rate of the accelerations at the start from those just before and after it, where there are any.
+
+        It only predicts: at the edge of the domain of a force the step itself tells what is wrong.
+        """
+        found = []
+        for x in (1e-4 / self.options.rate, -1e-4 / self.options.rate):
+            with suppress(MbstabError, ArithmeticError, np.linalg.LinAlgError, ValueError):
+                q, u = self.q + x * self.u + 0.5 * x * x * self.a, self.u + x * self.a
+                found.append((self.equations.accelerations(self.t + x, q, u)[0] - self.a) / x)
+        return sum(found, np.zeros(self.equations.n)) / max(len(found), 1)
 
     def _attempt(self, h: float) -> tuple[Array, Array, float]:
         equations, t = self.equations, self.t + h

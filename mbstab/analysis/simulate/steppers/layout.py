@@ -252,7 +252,12 @@ def _memory(n: int, rows: int, unknowns: int, below: int, implicit: bool) -> dic
     """Return the working memory of implicit methods."""
     sizes = {name: n for name in ("a", "next_a", "jerk", "drift", "past", "ahead", "change")}
     sizes |= {"nu": rows, "next_nu": rows, "known": 2 * n, "newton_c": tables.KINDS, "newton_b": unknowns}
-    sizes |= {"newton_lu": unknowns + 2 * below}
+    sizes |= {"newton_lu": unknowns + 2 * below, "gram": unknowns + 2 * below, "real_e": unknowns, "real_g": unknowns}
+    sizes |= {f"stage_{name}": 3 * size for name, size in (("y", 2 * n), ("a", n), ("nu", rows), ("pull", n))}
+    sizes |= {"stage_b": 3 * unknowns, "stage_e": 3 * unknowns, "step_a": 3 * n, "step_pull": 3 * n}
+    sizes |= {"last_a": 3 * n, "last_nu": 3 * rows, "complex_c": 2 * tables.KINDS}
+    sizes |= {name: 2 * unknowns for name in ("complex_b", "complex_e", "complex_g")}
+    sizes |= {"complex_lu": 2 * (unknowns + 2 * below)}
     return {name: np.zeros(size if implicit else 0) for name, size in sizes.items()}
 
 

@@ -25,6 +25,6 @@ METHODS: dict[str, dict[str, Method]] = {
         "BDF": Method(implicit, 5, 0.8, fixed=False),
     },
     "alpha": {"": Method(GeneralizedAlpha, 2, 2.0 / 3.0, compiled="alpha")},
-    "radau": {"": Method(RadauIIA, 5, 1.25)},
+    "radau": {"": Method(RadauIIA, 5, 1.25, compiled="radau")},
 }
 """Methods by name, and the solvers of each; the first is the default."""
