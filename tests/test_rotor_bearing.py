@@ -383,6 +383,25 @@ def test_a_file_that_does_not_fit_is_refused(turning, lines, bearing, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize(("rate", "spin"), [("0", "0"), ("n/2", "91.6298"), ("n", ""), ("-n", "")])
+def test_a_rotor_that_does_not_turn_at_the_speed_of_its_curves_is_told(turning, rate, spin):
+    path = turning()
+    path.write_text(path.read_text(encoding="utf-8").replace("psi: n", f"psi: {rate}"), encoding="utf-8")
+    said = f"curves of force 'A' and force 'B' are read at 183.26 rad/s, and 'rotor' turns at {spin} rad/s"
+    expected = [said] if spin else []
+    for warnings in (mbstab.load(path).eig().warnings, mbstab.load(path).sweep("n", [183.259571, 190.0]).warnings):
+        assert [x.split("\n")[0].removeprefix("the ") for x in warnings] == expected
+
+
+def test_a_point_mass_has_no_spin_to_compare(turning):
+    path = turning()
+    text = path.read_text(encoding="utf-8")
+    text = text[: text.index("bodies:")] + "bodies: {rotor: {type: planar_point, mass: 3}}\n"
+    text += "forces: {A: {type: rotor_bearing, between: [rotor, ground], " + CURVES.format(function="table") + "}}\n"
+    path.write_text(text, encoding="utf-8")
+    assert mbstab.load(path).eig().warnings == ()
+
+
 def test_damping_that_becomes_negative_between_points_is_refused(turning):
     lines = csv().replace("262000.0", "0").replace("236000.0", "0")
     path = turning(lines, function="spline", n="2500, unit: rpm")

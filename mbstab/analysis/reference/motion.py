@@ -24,6 +24,7 @@ from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, 
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.imbalance import carrying, state_rounding, unbalance_at
+from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration
 from mbstab.analysis.reference.state_units import balanced_states, characteristic_sizes
 from mbstab.analysis.reference.steady import Family, Generator, not_round
@@ -425,7 +426,7 @@ class Finder:
                 )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant,
-            tuple(self.solved), tuple(self.warnings), massless=massless,
+            tuple(self.solved), (*self.warnings, *misread(system, q, u)), massless=massless,
         )  # fmt: skip
         if massless is not None:
             self._check_balanced(motion)

@@ -91,6 +91,8 @@ class Tolerances:
     """A search has diverged if it ends more than this many sizes of the scene, or rad, from its start."""
     other_position: Final = 0.1
     """So many sizes of the scene from where a search ended it is seen whether a force changes with the position."""
+    speed_of_curves: Final = 1e-3
+    """Curves are read at another speed than that of the body if the two differ by more than this part."""
     gap_of_constraints: Final = 1e-6
     """Constraints with residuals above this fraction of the size of the scene are not satisfied."""
     isolated_singular_value: Final = 1e-7

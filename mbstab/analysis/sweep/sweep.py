@@ -24,6 +24,7 @@ from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.reference.guesses import idle
 from mbstab.analysis.reference.paths import Path as Solutions
+from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import (
     WORD,
@@ -214,6 +215,9 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
     critical.sort(key=lambda c: c.value)
     warnings = tracker.warnings if path is None else (*tracker.warnings, *idle(model, {parameter: path.start}))
+    # What is said of the speeds of one point holds for the others.
+    points = [(pattern.linear.system, pattern.linear.motion) for pattern in evaluator.patterns[:1]]
+    warnings += tuple(text for system, motion in points for text in misread(system, motion.q, motion.u))
     return Sweep(
         parameter, x, branches, unstable_counts(raw.sides, words), raw.neutral, tuple(critical),
         tuple(sorted(tracker.meetings)), raw.problems, None if path is None else path.start,

@@ -27,7 +27,7 @@ class SpeedCurvesField(FieldKind):
     explained = "forces.curves"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> dict[str, Quantity] | None:
-        """Return an expression of the speed for each column, at the place of the speed."""
+        """Return an expression of the speed for each column, at the place of the speed, and the speed itself."""
         nodes = reading.nodes
         mapping = nodes.mapping(node, path, "{file: name.csv, speed: expression}")
         if mapping is None:
@@ -39,14 +39,14 @@ class SpeedCurvesField(FieldKind):
             function = nodes.choice(mapping.entries["function"], f"{path}.function", tuple(TABULATED))
         if file is None or speed is None or function is None:
             return None
-        fine = reading.quantities.quantity(speed, f"{path}.speed", "rad/s") is not None
+        read = reading.quantities.quantity(speed, f"{path}.speed", "rad/s")
         csv = read_csv(nodes, file, f"{path}.file")
-        if csv is None or not fine or not isinstance(speed, Scalar) or not self._fits(reading, field, file, csv):
+        if csv is None or read is None or not isinstance(speed, Scalar) or not self._fits(reading, field, file, csv):
             return None
         at, tables = SPEEDS[csv.header[0]].format(speed.text), self._tables(reading, file, f"{path}.file", csv)
         reading.names.tables.update(tables)
         texts = {name: f"{function}({at}, {name})" for name in tables}
-        return {
+        return {"speed": read} | {
             name.rpartition(".")[2]: reading.quantities.expression(Scalar(text, speed.location), f"{path}.speed")
             for name, text in texts.items()
         }
@@ -88,6 +88,8 @@ class SpeedCurvesField(FieldKind):
         """Return the values at the speed; one that is outside of the file is a problem once, not in each column."""
         problems, found = owner.evaluator.document.problems, {}
         for name, quantity in value.items():
+            if name not in field.columns:
+                continue
             before = len(problems)
             found[name] = owner.evaluator.number(quantity, owner.entry.kind.field(name))
             if len(problems) > before:

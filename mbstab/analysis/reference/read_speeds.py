@@ -1,0 +1,37 @@
+"""Speeds at which coefficients are read from files, beside those at which bodies turn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.tolerances import TOLERANCES
+from mbstab.compiler.system import Array, System
+from mbstab.model.arithmetic import FLOAT
+
+
+def misread(system: System, q: Array, u: Array) -> list[str]:
+    """Return a warning for each speed at which forces read their curves and at which their first body does not turn.
+
+    Spins count relative to the second body, and without a sign.
+    """
+    scene = system.scene
+    numbers = {name: i for i, name in enumerate(scene.model.bodies)}
+    found: dict[str, list[str]] = {}
+    turning = None
+    for entry in scene.model.entries["forces"].values():
+        bodies = [marker.body for marker in entry.values["between"]] if "curves" in entry.values else []
+        if not bodies or not all(body is None or scene.bodies[numbers[body]].orientation for body in bodies):
+            continue
+        turning = Attitudes.of(system).spins(system, q, u) if turning is None else turning
+        first, second = (np.zeros(3) if body is None else turning[numbers[body]] for body in bodies)
+        spin = float(np.linalg.norm(first - second))
+        read = abs(float(entry.values["curves"]["speed"].evaluate(scene.parameters, FLOAT)))
+        if abs(spin - read) > TOLERANCES.speed_of_curves * max(spin, read):
+            text = f"read at {read:.6g} rad/s, and {(bodies[0] or bodies[1])!r} turns at {spin:.6g} rad/s"
+            found.setdefault(text, []).append(entry.called)
+    return [
+        f"the curves of {' and '.join(entries)} are {text}\n"
+        "hint: give the body this rate under reference.rates, or correct the speed of the curves"
+        for text, entries in found.items()
+    ]
