@@ -61,6 +61,44 @@ def test_critical_speeds_and_orders_of_a_rigid_rotor():
     np.testing.assert_allclose(first, known, rtol=1e-11)
 
 
+def test_branches_tell_the_sense_of_their_whirl():
+    """Both motions of a pair have it, and forward whirl has the higher frequency."""
+    found = mbstab.loads(ROTOR).sweep("Omega", np.linspace(50.0, 400.0, 15), orders=(1.0,))
+    last = found.branches[-1]
+    assert sorted(found.whirls) == 4 * ["backward"] + 4 * ["forward"]
+    for j, s in enumerate(last):
+        assert found.whirls[int(np.argmin(np.abs(last - np.conj(s))))] == found.whirls[j]
+    highest = int(np.argmax(last.imag))
+    assert found.whirls[highest] == "forward"
+    assert mbstab.loads(ROTOR).sweep("Omega", np.array([50.0, 60.0])).whirls == ()
+
+
+def test_a_campbell_diagram_ends_at_a_frequency_that_is_given(tmp_path):
+    path = tmp_path / "rotor.yaml"
+    path.write_text(ROTOR)
+    arguments = ("sweep", str(path), "--param", "Omega", "--from", "100", "--to", "300", "--points", "5")
+    drawn = (*arguments, "--plot", "campbell", "--pictures", str(tmp_path / "a.svg"), "--max-frequency")
+    assert run(*drawn, "25").exit_code == 0
+    text = (tmp_path / "a-campbell.svg").read_text(encoding="utf-8")
+    assert "backward whirl" in text
+    data = json.loads(run(*arguments, "--orders", "1", "--format", "json").stdout)
+    assert set(data["whirls"]) == {"forward", "backward"}
+    assert "the lowest frequency is 21.39" in run(*drawn, "5").stderr
+    for wrong in ((*drawn, "0"), (*arguments, "--plot", "map", "--max-frequency", "3")):
+        assert "goes with --plot campbell" in run(*wrong).stderr
+
+
+def test_a_sweep_without_any_answer_draws_nothing(tmp_path):
+    path = tmp_path / "rotor.yaml"
+    path.write_text(ROTOR.replace("{value: 0, unit: N*s/m}", "{value: sqrt(-k_1**2/Omega**2), unit: N*s/m}"))
+    arguments = ("sweep", str(path), "--param", "Omega", "--from", "100", "--to", "300", "--points", "5")
+    result = run(*arguments, "--plot", "map", "--pictures", str(tmp_path / "a.svg"))
+    assert result.exit_code
+    assert "5 of 5 points have no answer" in result.stderr
+    assert "the others" not in result.stderr
+    assert not list(tmp_path.glob("*.svg"))
+
+
 def test_speeds_that_fall_and_names_of_modes():
     named = ROTOR + "modes: {bounce: {near: 135i, at: {Omega: 300, k_2: 1.0e6}}}\n"
     down = mbstab.loads(named).sweep("Omega", np.linspace(400.0, 50.0, 36), orders=(1.0,))

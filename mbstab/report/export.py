@@ -169,8 +169,9 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     0, ``reason``),
     ``warnings``, ``names`` (of the branches, null for those without), ``start`` (from where equilibria were followed,
     null if they are given), ``orders``, ``crossings`` (of frequencies with these: ``value``, ``order``,
-    ``frequency`` in rad/s, ``branch``, ``name``, ``whirl``, ``motions``) and ``beyond``: for each path beyond a fold,
-    an object with the same keys from ``values`` on.
+    ``frequency`` in rad/s, ``branch``, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches, with orders:
+    ``forward``, ``backward``, ``mixed``, null elsewhere) and ``beyond``: for each path beyond a fold, an object
+    with the same keys from ``values`` on.
 
     An ``enclosure`` is null unless proofs are asked for: ``midpoint`` and ``radius`` as decimal texts, in the unit of
     the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why
@@ -224,6 +225,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
             }
             for c in result.crossings
         ],
+        "whirls": [word or None for word in result.whirls] or [None] * result.branches.shape[1],
     }
 
 

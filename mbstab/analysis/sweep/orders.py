@@ -16,6 +16,7 @@ from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues
+from mbstab.analysis.spectrum.named_motions import Whirl
 from mbstab.analysis.spectrum.results import Eigenvalue
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep
@@ -59,8 +60,9 @@ def with_orders(model: Model, result: Sweep, orders: Sequence[float]) -> Sweep:
     found.sort(key=lambda c: (c.value, c.order, c.frequency))
     notes += search.notes
     return replace(
-        result, orders=tuple(orders), crossings=tuple(found), warnings=(*result.warnings, *dict.fromkeys(notes))
-    )
+        result, orders=tuple(orders), crossings=tuple(found), warnings=(*result.warnings, *dict.fromkeys(notes)),
+        whirls=search.whirls(),
+    )  # fmt: skip
 
 
 def _passed(result: Sweep, order: float) -> Iterator[tuple[int, int]]:
@@ -108,6 +110,24 @@ class _Search:
         mode = self._mode(linear, s)
         name = self.result.names[branch] if self.result.names else ""
         return OrderCrossing(order, value, s.imag, branch, name, mode.whirl, mode.motions)
+
+    def whirls(self) -> tuple[str, ...]:
+        """Return the sense in which bodies whirl on each branch, told at some points; empty where it changes."""
+        branches = self.result.branches
+        senses: list[set[str]] = [set() for _ in branches.T]
+        answered = np.flatnonzero(np.isfinite(branches).all(axis=1))
+        for i in answered[np.unique(np.linspace(0, len(answered) - 1, TOLERANCES.points_of_whirl).astype(int))]:
+            try:
+                values, shapes, linear = self.evaluator.modes({self.result.parameter: float(self.result.values[i])})
+            except MbstabError:
+                continue
+            whirl = Whirl(linear.system, linear.motion, linear.generator)
+            for sense, s in zip(senses, branches[i], strict=True):
+                # The two of a pair are one motion.
+                k = int(np.argmin(np.abs(values - complex(s.real, abs(s.imag)))))
+                if s.imag:
+                    sense.add(whirl.of(complex(values[k]), shapes[:, k]))
+        return tuple(next(iter(found)) if len(found := sense - {""}) == 1 else "" for sense in senses)
 
     @staticmethod
     def _mode(linear: Linearization, s: complex) -> Eigenvalue:

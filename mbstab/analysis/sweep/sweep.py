@@ -109,6 +109,9 @@ class Sweep:
         Multiples of the parameter whose crossings with the frequencies are asked for …
     crossings : tuple of OrderCrossing
         … and found, in the order of the parameter.
+    whirls : tuple of str
+        With orders: ``forward``, ``backward`` or ``mixed`` for each branch on which spinning bodies whirl in the same
+        sense from end to end, else empty.
     """
 
     parameter: str
@@ -127,6 +130,7 @@ class Sweep:
     names: tuple[str, ...] = ()
     orders: tuple[float, ...] = ()
     crossings: tuple[OrderCrossing, ...] = ()
+    whirls: tuple[str, ...] = ()
 
     @property
     def verdicts(self) -> list[str]:

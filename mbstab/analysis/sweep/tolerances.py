@@ -154,6 +154,9 @@ class Tolerances:
     sure_peak: Final = 0.1
     """Amplitudes whose error may be a larger part of them are no peaks."""
 
+    points_of_whirl: Final = 6
+    """Points at which the sense of whirl of the branches is looked at."""
+
     # Names
     points_followed: Final = 33
     """Points at which eigenvalues are looked at between where a mode is named and where it is asked for …"""

@@ -88,6 +88,7 @@ CHART_POINTS = 101
     help="List where frequencies cross these multiples of the parameter, an angular velocity, and draw their lines in "
     "--plot campbell, which shows the first order if none is given.",
 )
+@click.option("--max-frequency", type=float, metavar="HZ", help="End of the axis of --plot campbell.")
 @click.option("--certify", is_flag=True, help="Prove each critical value: enclose it in a ball, or say why not.")
 @click.option(
     "--sensitivity",
@@ -111,6 +112,7 @@ def sweep(
     pictures: tuple[str, ...],
     place: Path | None,
     orders: tuple[float, ...],
+    max_frequency: float | None,
     certify: bool,
     sensitivity: bool,
     resume: bool,
@@ -133,6 +135,8 @@ def sweep(
         raise UsageError(f"{option} goes with one parameter")
     if sensitivity and output.format == "npz":
         raise UsageError("--sensitivity goes with the formats table, json and csv")
+    if max_frequency is not None and ("campbell" not in pictures or not 0.0 < max_frequency < float("inf")):
+        raise UsageError("--max-frequency goes with --plot campbell, and is a positive number of Hz")
     directory = output.path.with_name(output.path.name + ".parts") if output.path is not None else None
     run = SweepSettings(directory, True, resume, jobs, cluster)
     mechanism = load_model(file, settings)
@@ -146,11 +150,12 @@ def sweep(
         if "campbell" in paths and is_angular_velocity(model.parameters[parameters[0]].unit):
             orders = orders or (1.0,)
         asked = {"certify": certify, "sensitivity": sensitivity, "orders": orders}
-        total, missing = _sweep(mechanism, parameters[0], grids, run, paths, output, asked)
+        total, missing = _sweep(mechanism, parameters[0], grids, run, paths, output, asked, max_frequency)
     else:
         total, missing = _chart(mechanism, grids, run, paths, output)
     if missing:
-        raise NumericalError(f"{missing} of {total} points have no answer; the others are computed")
+        rest = "; the others are computed" if missing < total else ""
+        raise NumericalError(f"{missing} of {total} points have no answer{rest}")
 
 
 def _sweep(
@@ -161,6 +166,7 @@ def _sweep(
     paths: dict[str, Path],
     output: Output,
     asked: dict[str, Any],
+    max_frequency: float | None,
 ) -> tuple[int, int]:
     """Sweep a parameter, write and draw the answer; return the number of points, and of those without an answer."""
     model = mechanism.model
@@ -168,7 +174,8 @@ def _sweep(
         with progress_bar("sweeping") as progress:
             answer = mechanism.sweep(parameter, grids[parameter], progress, **asked, **vars(run))
         output.write(_sweep_answer(answer, model, asked["sensitivity"]), summary=True)
-        _draw(answer, paths, partial(_axis, model, parameter), model.title)
+        if len(answer.unanswered) < len(answer.values):
+            _draw(answer, paths, partial(_axis, model, parameter), model.title, max_frequency)
     warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
     return len(answer.values), len(answer.unanswered)
 
@@ -183,7 +190,7 @@ def _chart(
         with progress_bar("sweeping") as progress:
             answer = mechanism.chart(grids, progress, **vars(run))
         output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
-        for path in paths.values():
+        for path in paths.values() if len(answer.problems) < answer.unstable.size else ():
             _draw_chart(answer, path, model)
     warn(answer.warnings)
     return answer.unstable.size, len(answer.problems)
@@ -307,7 +314,9 @@ def _draw_chart(result: Chart, path: Path, model: Model) -> None:
     save_picture(lambda: chart(*grid, result.boundaries, (one, other), model.title, missing), path)
 
 
-def _draw(result: Sweep, paths: dict[str, Path], axis: Callable[[], Axis], title: str) -> None:
+def _draw(
+    result: Sweep, paths: dict[str, Path], axis: Callable[[], Axis], title: str, max_frequency: float | None
+) -> None:
     """Draw pictures of a sweep to their files."""
     if not paths:
         return
@@ -315,7 +324,8 @@ def _draw(result: Sweep, paths: dict[str, Path], axis: Callable[[], Axis], title
     from mbstab.report.pictures.root_locus import root_locus
     from mbstab.report.pictures.stability_map import stability_map
 
-    kinds = {"map": stability_map, "locus": root_locus, "campbell": campbell}
+    limited = campbell if max_frequency is None else partial(campbell, highest=max_frequency)
+    kinds = {"map": stability_map, "locus": root_locus, "campbell": limited}
     for picture, path in paths.items():
         save_picture(partial(kinds[picture], result, axis(), title), path)
 

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
-from mbstab.report.pictures.curves import BEYOND_INK, THIN, Mask, draw_branch
+from mbstab.report.pictures.curves import BEYOND_INK, INK, THIN, Mask, draw_branch
 from mbstab.report.pictures.drawing import draw_legend, house_style, legend_marker
 from mbstab.report.pictures.over_parameter import legend_entries, panels_over_parameter
 from mbstab.report.pictures.point_labels import LABELS, PointLabels
@@ -28,7 +28,11 @@ CLOSE, FREE = 0.01, 0.08
 """Parts of the height: branches closer than this coincide, those farther apart than this do not hide a label."""
 
 
-def campbell(result: Sweep, label: Axis | str, title: str) -> Figure:
+WHIRL_INK = {"forward": "#1f5fa8", "backward": "#b03a2e"}
+"""Colours of branches with a sense of whirl."""
+
+
+def campbell(result: Sweep, label: Axis | str, title: str, highest: float = math.inf) -> Figure:
     """Return the frequencies of all branches over the parameter, with lines of its orders and their crossings.
 
     Parameters
@@ -37,11 +41,13 @@ def campbell(result: Sweep, label: Axis | str, title: str) -> Figure:
     label : Axis or str
         The parameter; as text with its declared unit, such as ``omega (rpm)``.
     title : str
+    highest : float
+        End of the axis of frequencies (Hz); if it is not given, all are shown.
 
     Raises
     ------
     UsageError
-        If no eigenvalue oscillates.
+        If no eigenvalue oscillates, or none up to that frequency.
     """
     label = Axis.read(label)
     with house_style():
@@ -52,15 +58,29 @@ def campbell(result: Sweep, label: Axis | str, title: str) -> Figure:
                 f"--plot campbell: no eigenvalue oscillates between {label.at(curves.show(curves.points[0]))} and "
                 f"{curves.show(curves.points[-1])}\nhint: --plot map shows the real parts"
             )
+        if math.isfinite(highest) and not np.any((heights > 0.0) & (heights <= 2.0 * math.pi * highest)):
+            lowest = float(np.min(heights[heights > 0.0], initial=math.inf)) / (2.0 * math.pi)
+            raise UsageError(f"--max-frequency {highest:g}: the lowest frequency is {lowest:.6g} Hz")
+        if any(result.whirls):
+            curves.ink = [WHIRL_INK.get(word, INK[0]) for word in result.whirls]
         figure, (axes,), unlabelled = panels_over_parameter(curves, title, ("frequency (Hz)",))
         for other in curves.others:
             for column, growing in zip(other.upper_half().T, other.growing.T, strict=True):
                 draw_branch(axes, other.x, column / (2.0 * math.pi), BEYOND_INK, growing)
         frequency = curves.upper_half() / (2.0 * math.pi)
+        frequency[:, np.nanmin(frequency, axis=0, initial=math.inf) > highest] = np.nan
         for j in range(frequency.shape[1]):
             draw_branch(axes, curves.x, frequency[:, j], curves.ink[j], curves.growing[:, j])
-        _set_scale(axes, heights / (2.0 * math.pi), curves.size / (2.0 * math.pi))
+        if math.isfinite(highest):
+            axes.set_ylim(0.0, highest)
+        else:
+            _set_scale(axes, heights / (2.0 * math.pi), curves.size / (2.0 * math.pi))
         handles: list[Artist] = [Line2D([], [], color="k", linewidth=THIN, label="frequency of a branch")]
+        handles += [
+            Line2D([], [], color=ink, linewidth=THIN, label=f"{word} whirl")
+            for word, ink in WHIRL_INK.items()
+            if word in result.whirls
+        ]
         labels = PointLabels(axes)
         if result.orders:
             handles += _draw_orders(labels, result, curves)
@@ -92,7 +112,8 @@ def _name_branches(labels: PointLabels, result: Sweep, curves: SweepCurves, freq
     across = fraction.transform(np.column_stack([curves.x, np.zeros(len(curves.x))]))[:, 0]
     inside = np.flatnonzero((across > 0.04) & (across < 0.96))
     some = inside[:: max(1, len(inside) // 200)]
-    shown = [j for j in range(frequency.shape[1]) if np.isfinite(frequency[some, j]).any()]
+    top = axes.get_ylim()[1]
+    shown = [j for j in range(frequency.shape[1]) if np.any(frequency[some, j] <= top)]
     columns = [np.column_stack([curves.x[some], frequency[some, j]]) for j in shown]
     heights = np.array([fraction.transform(column)[:, 1] for column in columns]).reshape(len(shown), len(some))
     named: set[int] = set()
@@ -135,6 +156,8 @@ def _draw_orders(labels: PointLabels, result: Sweep, curves: SweepCurves) -> lis
     for c in result.crossings:
         marker, text = MARKERS.get(c.whirl, ("o", "crossing"))
         at = c.value / label.factor, c.frequency / (2.0 * math.pi)
+        if at[1] > axes.get_ylim()[1]:
+            continue
         axes.plot(*at, marker, color="k", markersize=6.5, markerfacecolor="w", zorder=5)
         shown.setdefault(text, legend_marker(marker, 6.5, text))
         if len(labels.wanted) < LABELS:
