@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -42,15 +43,24 @@ def test_a_new_file_runs_at_once(kind, here):
     answer = model.eig()
     assert answer.verdict in ("asymptotically stable", "asymptotically stable up to symmetry", "marginally stable")
     assert len(answer.warnings) == (kind == "spatial")
-    asked = re.findall(r"^#   mbstab (\w+) own\.yaml(?: --param (\w+))?", text, flags=re.M)
+    asked = re.findall(r"^#   mbstab (\w+) own\.yaml((?: \S+)*)", text, flags=re.M)
     assert ("eig", "") in asked
-    assert {name for command, name in asked if command == "sweep"} <= model.parameters().keys()
-    for command, name in asked:
-        if command != "sweep":
-            assert run(command, "own.yaml").exit_code == 0
-        else:  # the range of the file, at its ends only
-            swept = run(command, "own.yaml", "--param", name, "--points", "2", "--plot", "none")
-            assert swept.exit_code == 0, swept.stderr
+    ends = {"sweep": ["--points", "2", "--plot", "none"], "response": ["--points", "2"]}
+    for command, options in asked:  # the range of the file, at its ends only
+        found = run(command, "own.yaml", *options.split(), *ends.get(command, []))
+        assert found.exit_code == 0, found.stderr
+
+
+def test_the_new_rotor_whirls(here):
+    """Unstable from sqrt(k/m) (1 + c_e/c_i), where forward whirl has the frequency sqrt(k/m); backward whirl decays."""
+    run("new", "rotor")
+    mechanism = mbstab.load(here / "rotor.yaml")
+    (critical,) = mechanism.sweep("omega", np.linspace(100.0, 900.0, 9)).critical
+    assert critical.value == pytest.approx(600.0, rel=1e-10)
+    assert critical.frequency == pytest.approx(200.0, rel=1e-10)
+    assert {e.whirl for e in mechanism.eig().eigenvalues if e.value.imag} == {"forward", "backward"}
+    (growing,) = {e.whirl for e in mechanism.eig(omega=700).eigenvalues if e.value.real > 0}
+    assert growing == "forward"
 
 
 def test_the_name_is_that_of_the_kind_if_none_is_given(here):
