@@ -84,3 +84,31 @@ def test_a_controller_of_a_coordinate_that_constraints_hold_is_told(coordinate, 
     text = HEAD + HELD + f"forces: {{c: {{type: pid, coordinate: {coordinate}, of: rod.theta, P: 3, D: 1}}}}\n"
     found = mbstab.loads(text + "reference: {coordinates: {rod: {theta: 0}}}\n").eig()
     assert (f"forces.c acts on {coordinate}, which the constraints hold" in " ".join(found.warnings)) == held
+
+
+SPUN = """mbstab: 1
+bodies: {{rotor: {{type: spatial, mass: 9, inertia: {inertia}, points: {{A: {end}}}}}}}
+ground: {{points: {{A: {end}}}}}
+forces: {{A: {{type: rotor_bearing, between: [rotor.A, ground.A], axis: {axis}, zero: {zero}, kxx: 3e5, kyy: 2e5}}}}
+constraints: {{thrust: {{holonomic: rotor.{axis}}}}}
+reference:
+  coordinates: {{rotor: {{x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}}}
+  rates: {{rotor: {{{angle}: 300}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("inertia", "axis", "angle", "said"),
+    [
+        ("[1, 2, 2]", "x", "phi", "turn its axes by axes: [0, 90*deg, 0] in bodies.rotor"),
+        ("[2, 1, 2]", "y", "theta", "turn its axes by axes: [-90*deg, 0, 0] in bodies.rotor"),
+        ("[2, 2.1, 1]", "z", "psi", "only with equal moments of inertia xx and yy"),
+        ("[2, 2, 1]", "z", "psi", ""),
+    ],
+)
+def test_a_spin_that_is_not_steady_is_told_with_the_remedy(inertia, axis, angle, said):
+    end, zero = {"x": ("[0.3, 0, 0]", "y"), "y": ("[0, 0.3, 0]", "z"), "z": ("[0, 0, 0.3]", "x")}[axis]
+    text = SPUN.format(inertia=inertia, axis=axis, angle=angle, end=end, zero=zero)
+    reasons = " ".join(mbstab.loads(text).eig().reasons)
+    assert said in reasons
+    assert ("frozen-time" in reasons) == bool(said)

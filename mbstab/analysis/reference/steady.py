@@ -277,6 +277,29 @@ def not_round(system: System, column: int) -> str:
     return ""
 
 
+def spun(system: System, u: Array) -> str:
+    """Return how to describe the spin of a body in space that turns about another axis than z of its axes, or unevenly.
+
+    Only the last angle can turn a body about its axis of symmetry while the others stand still.
+    """
+    turns = (("x", "phi", "[0, 90*deg, 0]"), ("y", "theta", "[-90*deg, 0, 0]"))
+    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
+        moving = np.flatnonzero(u[part][3:]) if len(body.coordinates) == 6 else np.arange(0)
+        if len(moving) != 1:
+            continue
+        k = int(moving[0])
+        across = [float(body.inertia[i]) for i in range(3) if i != k]
+        if k < 2 and across[0] == across[1]:
+            axis, angle, axes = turns[k]
+            return (
+                f"{body.name!r} spins by {angle}, about {axis}: let the spin be psi, about z of the body, with the "
+                f"moments of inertia [I_d, I_d, I_p], and turn its axes by axes: {axes} in bodies.{body.name}"
+            )
+        if k == 2 and (found := not_round(system, part.stop - 1)):
+            return found
+    return ""
+
+
 def spins_freely(system: System, columns: Sequence[int]) -> Flags:
     """Return at which points of a sweep all given coordinates turn a body about its own axis of symmetry."""
     good: Flags = np.ones(1, dtype=bool)

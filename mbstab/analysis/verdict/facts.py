@@ -18,7 +18,7 @@ from mbstab.analysis.algebra.arrays import RandomNumbers, norms
 from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
 from mbstab.analysis.reference.element_comparison import OnRows
-from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.steady import Generator, spun
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.verdict.many_digits import ManyDigits
@@ -161,9 +161,10 @@ class Grounds:
         if linear.frozen:
             along = f", and change {size} along the motion{least}" if not linear.constant else ""
             return f"frozen-time (asked for): not a stability verdict; the coefficients are those of an instant{along}"
+        advice = "; ".join(x for x in (spun(self.system, self.motion.u), ADVICE) if x)
         return (
             f"frozen-time: not a stability verdict; the coefficients of the linearized equations change {size} along "
-            f"the motion{least}{self._accelerating()}; {ADVICE}"
+            f"the motion{least}{self._accelerating()}; {advice}"
         )
 
     def _accelerating(self) -> str:
