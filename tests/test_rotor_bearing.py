@@ -199,6 +199,34 @@ def test_bad_bearings_are_refused(entry, message):
         rotor(entry).eig()
 
 
+@pytest.mark.parametrize("spin", [0.0, 400.0])
+def test_a_bushing_in_the_middle_of_a_shaft_is_a_beam_element(spin):
+    """A disc at the end of a cantilever, by the stiffness of the beam: [12, -6L; -6L, 4L²] EI/L³ in x and the slope."""
+    m, I_d, I_p, EI, L = 3.0, 0.02, 0.035, 900.0, 0.4
+    text = f"""\
+mbstab: 1
+bodies: {{disc: {{type: spatial, mass: {m}, inertia: [{I_d}, {I_d}, {I_p}], points: {{middle: [0, 0, {-L / 2}]}}}}}}
+ground: {{points: {{middle: [0, 0, {L / 2}]}}}}
+forces:
+  shaft:
+    type: bushing
+    between: [disc.middle, ground.middle]
+    stiffness: [{12 * EI / L**3}, {12 * EI / L**3}, 1e6]
+    torsional_stiffness: [{EI / L}, {EI / L}, 0]
+reference:
+  coordinates: {{disc: {{x: 0, y: 0, z: {L}, phi: 0, theta: 0, psi: 0}}}}
+  rates: {{disc: {{psi: {spin}}}}}
+"""
+    # With x + iy and the slope: M q'' - i spin diag(0, I_p) q' + K q = 0.
+    K = EI / L**3 * np.array([[12.0, -6.0 * L], [-6.0 * L, 4.0 * L**2]])
+    inverse, turning = np.diag([1 / m, 1 / I_d]), np.diag([0.0, I_p])
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ K, 1j * spin * inverse @ turning]])
+    expected = np.abs(np.linalg.eigvals(A).imag)
+    found = np.array([s.imag for s in upper(mbstab.loads(text).eig())])
+    for frequency in expected:
+        assert np.min(np.abs(found - frequency)) < 1e-10 * frequency
+
+
 # --- coefficients over the speed ------------------------------------------------------------------------------------
 
 SPEEDS = [1000.0, 1500.0, 2000.0, 3000.0]

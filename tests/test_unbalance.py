@@ -181,6 +181,14 @@ def test_wrong_questions_are_refused(point, speed, message):
         unbalance(mbstab.loads(JEFFCOTT).model, point, speed, np.array([5.0]))
 
 
+def test_a_speed_that_is_not_that_of_the_body_is_told_in_its_unit():
+    text = JEFFCOTT.replace("n: {value: 10, unit: rad/s}", "n: {value: 500, unit: rpm}").replace(
+        "theta: n", "theta: 2*n"
+    )
+    with pytest.raises(UsageError, match="with n = 300 rpm 'disk' spins with 600 rpm"):
+        unbalance(mbstab.loads(text).model, "disk", "n", np.array([10.0 * np.pi]))
+
+
 def test_a_turning_frame_is_refused():
     odd = ROTOR.replace(f"[{TRANSVERSE}, {TRANSVERSE}", f"[{TRANSVERSE}, {1.01 * TRANSVERSE}")
     odd = odd.replace("reference:\n", "reference:\n  steady: {axis: z, rate: Omega}\n")

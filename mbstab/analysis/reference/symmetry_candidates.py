@@ -86,7 +86,10 @@ class SymmetryCandidates(ElementComparison):
         for direction in echelon(left.T[: int(np.sum(s > 1e-6))] * sizes):
             size = np.abs(direction)
             strong = [n for n, x in zip(system.names, size, strict=True) if x > 0.3 * np.max(size)]
-            yield "joint shift of " + ", ".join(strong[:4]), self._shift(self._refined(direction))
+            yield (
+                "joint shift of " + ", ".join([*strong[:4], *["…"] * (len(strong) > 4)]),
+                self._shift(self._refined(direction)),
+            )
 
     def _refined(self, direction: Array) -> Array:
         """Return a shift with its small entries as exact as its large ones.

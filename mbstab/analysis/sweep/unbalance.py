@@ -33,6 +33,7 @@ from mbstab.mechanics.catalogue import ElementUse, Kind
 from mbstab.model.evaluator import Evaluator
 from mbstab.model.parameters import bound, settings_in_si
 from mbstab.model.schema import Entry, Model
+from mbstab.model.units import is_angular_velocity
 from mbstab.model.values import evaluate
 from mbstab.model.words import UNSTABLE
 from mbstab.records import dataclass
@@ -251,10 +252,13 @@ def _axis(system: System, motion: Motion, body: int, parameter: str, speed: floa
     spin = Attitudes.of(system).spins(system, motion.q, motion.u)[body]
     size = float(np.linalg.norm(spin))
     if abs(size - speed) > SPECTRUM.rotor_still * speed:
-        name = list(system.scene.model.bodies)[body]
+        model = system.scene.model
+        name, own = list(model.bodies)[body], model.parameters[parameter]
+        unit, factor = (own.unit, own.factor) if is_angular_velocity(own.unit) else ("rad/s", 1.0)
         raise UsageError(
-            f"with {parameter} = {speed:g} rad/s {name!r} spins with {size:g} rad/s\n"
-            "hint: --speed names the parameter that is the rate of the body about its axis"
+            f"with {parameter} = {speed / factor:g} {unit} {name!r} spins with {size / factor:g} {unit}\n"
+            "hint: --speed names the parameter that is the rate of the body about its axis; where spools turn at a "
+            "ratio, let it be the speed of this one, and give that of the other as a multiple of it"
         )
     return np.asarray(spin / size)
 
