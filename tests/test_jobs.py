@@ -270,7 +270,7 @@ def test_blocks_of_a_worker_that_dies_are_computed_again(wheel, whole_wheel, tmp
 def test_blocks_are_given_up_after_so_many_dead_workers(wheel, whole_wheel, tmp_path, monkeypatch):
     monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.block_retries", 0)
     place = tmp_path / "a.parts"
-    with pytest.raises(NumericalError, match=r"died 1 times(?s:.)*--resume"):
+    with pytest.raises(NumericalError, match=r"1 worker process died(?s:.)*--resume"):
         wheel.sweep("a", A, Killing(1), directory=place, jobs=2)
     assert 1 <= len(finished(place)) < 6
     assert_same(whole_wheel, wheel.sweep("a", A, directory=place, resume=True))
