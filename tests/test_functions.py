@@ -17,7 +17,7 @@ from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.cli.commands.schema import section_text
 from mbstab.compiler.tape import Tape
 from mbstab.compiler.trace import Trace
-from mbstab.errors import ModelFileError
+from mbstab.errors import MbstabError, ModelFileError
 from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic, symbol_arithmetic
 from mbstab.model.expressions import parse
 from mbstab.model.functions import CALLED, FUNCTIONS, NATIVE
@@ -239,3 +239,44 @@ def test_a_width_is_a_positive_constant(force, message):
         mbstab.loads(SLIDER.format(w=0.1, force=force)).system()
     assert re.search("<text>:6:[0-9]+: forces.all", str(caught.value))
     assert message in str(caught.value)
+
+
+ON_A_RAIL = """
+mbstab: 1
+parameters: {c: 0.7, x: 0}
+bodies: {p: {type: planar_point, mass: 1}}
+constraints: {rail: {holonomic: p.y}}
+forces: {f: {type: expression, on: {p.x: "FORCE"}}}
+reference: {coordinates: {p: {x: x}}, rates: {p: {x: x}}}
+"""
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        "x*abs(x)", "-2*c*abs(3*x)*x", "abs(x)*x**2", "-c*(x*sin(x))*(2*abs(x))", "abs(x)*x**3*abs(x)",
+        "-c*v*abs(v)", "abs(-2*x)*x/c", "(x + v)*abs(x + v)", "x**2*v*abs(v)/c",
+    ],
+)  # fmt: skip
+def test_a_product_with_abs_has_its_derivative_where_abs_has_none(force):
+    def plain(x, v):
+        return eval(force, {"abs": abs, "sin": math.sin, "c": 0.7, "x": x, "v": v})
+
+    model = mbstab.loads(ON_A_RAIL.replace("FORCE", re.sub(r"\bv\b", "rate(p.x)", re.sub(r"\bx\b", "p.x", force))))
+    for at in (0.0, 0.3, -0.4):
+        linear, h = model.linearize(x=at, frozen=True), 1e-6
+        stiffness = -(plain(at + h, at) - plain(at - h, at)) / (2.0 * h)
+        damping = -(plain(at, at + h) - plain(at, at - h)) / (2.0 * h)
+        assert linear.K[0, 0] == pytest.approx(stiffness, abs=1e-5, rel=1e-8)
+        assert linear.R[0, 0] == pytest.approx(damping, abs=1e-5, rel=1e-8)
+
+
+def test_quadratic_drag_is_undecided_beside_an_axis_and_abs_alone_is_refused():
+    text = ON_A_RAIL.replace("FORCE", "-p.x - c*rate(p.x)*abs(rate(p.x))")
+    result = mbstab.loads(text).eig()
+    assert [e.value for e in result.eigenvalues] == [1j, -1j]
+    assert result.verdict == "undecided"
+    assert "abs(rate(p.x))) has no second derivative" in result.reasons[0]
+    assert mbstab.loads(text.replace("-p.x -", "-p.x - rate(p.x) -")).eig().verdict == "asymptotically stable"
+    with pytest.raises(MbstabError, match=r"sqrt\(x\*\*2 \+ w\*\*2\)"):
+        mbstab.loads(ON_A_RAIL.replace("FORCE", "-c*abs(rate(p.x))")).eig()

@@ -45,6 +45,11 @@ class Placed:
         element = ELEMENTS.get(self.kernel.__name__.rpartition(".")[2])
         if element is not None and element.hint:
             return f"hint: {element.hint}"
+        if self.kernel.__name__ == "user":
+            return (
+                "hint: outside its domain or at a kink an expression has no derivative; for abs(x) near 0 write "
+                "sqrt(x**2 + w**2) with a small width w"
+            )
         return (
             "hint: two points that coincide, a wheel lying flat, an expression outside its domain or at a kink has no "
             "derivative"

@@ -144,6 +144,7 @@ class Tape:
         self._by_value = {1: ONE}
         self._partials: dict[int, list[tuple[int, Term]]] = {}
         self._inputs = 0
+        self._slopes_of_abs: set[int] = set()
 
     # --- making terms -----------------------------------------------------------------------------------------------
 
@@ -187,8 +188,39 @@ class Tape:
             coefficient *= factor.coefficient
             for step, exponent in self._as_power(factor.step):
                 exponents[step] = exponents.get(step, 0) + exponent
+        if self._slopes_of_abs:
+            number, exponents = self._without_slopes_of_abs(exponents)
+            coefficient *= number
         inner = self._raised(exponents.items())
         return Term(self, coefficient * inner.coefficient, inner.step)
+
+    def _without_slopes_of_abs(self, exponents: dict[int, int]) -> tuple[Fraction, dict[int, int]]:
+        """Return factors in which x times the derivative of abs(x) is abs(x), and a number besides.
+
+        The derivative has no value at 0, the product has one: so x*abs(x) has its derivative there.
+        """
+        flat, number, found = dict[int, int](), Fraction(1), False
+        for step, exponent in exponents.items():
+            for factor, e in self._factors(step):
+                flat[factor] = flat.get(factor, 0) + e * exponent
+        for slope in self._slopes_of_abs & flat.keys():
+            known = self.steps[slope]
+            assert isinstance(known, Call)
+            ((x, times),) = known.arguments
+            if flat[slope] == 1 and flat.get(x, 0) > 0:
+                size = self.call("abs", Term(self, times, x))
+                del flat[slope]
+                flat[x] -= 1
+                flat[size.step] = flat.get(size.step, 0) + 1
+                number, found = number * size.coefficient / times, True
+        return (number, flat) if found else (number, exponents)
+
+    def _factors(self, step: int) -> list[tuple[int, int]]:
+        """Return the factors of a product of products, others as themselves."""
+        known = self.steps[step]
+        if not isinstance(known, Product):
+            return [(step, 1)]
+        return [(inner, e * outer) for factor, outer in known.factors for inner, e in self._factors(factor)]
 
     def _raised(self, factors: Iterable[tuple[int, int]]) -> Term:
         """Return Π step ** exponent."""
@@ -227,7 +259,10 @@ class Tape:
 
     def call(self, function: str, *arguments: Term) -> Term:
         """Return a function of `TABLE`, or ``power``, applied to terms."""
-        return self._put(Call(function, tuple((a.step, a.coefficient) for a in arguments)))
+        term = self._put(Call(function, tuple((a.step, a.coefficient) for a in arguments)))
+        if function == "abs_slope":
+            self._slopes_of_abs.add(term.step)
+        return term
 
     def arithmetic(self) -> Arithmetic:
         """Return the arithmetic of terms, to write expressions on the tape."""
