@@ -20,7 +20,11 @@ from mbstab.model.arithmetic import CONSTANTS, Arithmetic
 from mbstab.model.functions import CALLED, PIECED
 from mbstab.records import dataclass
 
-_WRITTEN = {"^": "powers are written **", "=": "an equation is written as what is zero: left - (right)"}
+_WRITTEN = {
+    "^": "powers are written **",
+    "=": "an equation is written as what is zero: left - (right)",
+    "°": "degrees are written 90*deg",
+}
 """What stands for characters that expressions do not have."""
 MAX_LENGTH = 5_000
 MAX_DEPTH = 60
@@ -393,7 +397,10 @@ class _Parser:
         if kind != "end":
             hint = "multiplication is written *" if kind == "number" or token == "(" else ""
             if kind == "name":
-                hint = f"write *{token} for a product; a number stands alone, in SI units, degrees as 30*deg"
+                hint = (
+                    f"write *{token} for a product with a parameter; a number stands alone, in SI units, degrees as "
+                    "30*deg; other units stand with a parameter, as in n: {value: 3000, unit: rpm}"
+                )
             raise ExpressionError(f"unexpected {token!r} in an expression", at, hint)
         self._check_chains(root)
         return root

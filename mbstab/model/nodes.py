@@ -7,11 +7,16 @@ from collections.abc import Iterable
 from typing import TypeVar
 
 from mbstab.errors import Location, suggestion
-from mbstab.model.yamlfile import Document, Mapping, Scalar, YamlNode
+from mbstab.model.yamlfile import Document, Mapping, Scalar, Sequence, YamlNode
 
 Word = TypeVar("Word", bound=str)
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+
+
+def single(node: YamlNode) -> str:
+    """Return a hint if a list stands where a single number is expected."""
+    return "a single number stands without brackets" if isinstance(node, Sequence) else ""
 
 
 class NodeReader:
@@ -31,6 +36,12 @@ class NodeReader:
         for key, scalar in node.keys.items():
             if key not in known:
                 hint = suggestion(key, known) or "known keys: " + ", ".join(known)
+                value = node.entries[key]
+                if isinstance(value, Scalar) and value.empty:
+                    # As {value: 0,5} and {description: long, thin} are read.
+                    hint = (
+                        "a comma ends a value within braces: write 0.5 for 0,5, and quotes around a text with a comma"
+                    )
                 self.complain(scalar, path, f"unknown key {key!r}", hint)
                 meant.update(x for x in known if x not in node.keys and repr(x) in hint)
         return meant
@@ -38,7 +49,12 @@ class NodeReader:
     def check_name(self, key: Scalar, path: str, what: str, reserved: Iterable[str] = ()) -> bool:
         """Whether a key can be the name of something; refuse it if not."""
         if not NAME.match(key.text):
-            self.complain(key, path, f"{key.text!r} is not a valid name for a {what}", "use letters, digits and _")
+            self.complain(
+                key,
+                path,
+                f"{key.text!r} is not a valid name for a {what}",
+                "begin with a letter, and use letters, digits and _",
+            )
             return False
         if key.text in reserved:
             self.complain(key, path, f"the name {key.text!r} is taken and cannot be a {what}")

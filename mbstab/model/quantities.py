@@ -12,6 +12,7 @@ from mbstab.model.expressions import Expression, ExpressionError, filled_in
 from mbstab.model.functions import CALLED
 from mbstab.model.measures import Places
 from mbstab.model.names import Names
+from mbstab.model.nodes import single
 from mbstab.model.schema import (
     Components,
     Quantity,
@@ -59,7 +60,7 @@ class QuantityReader:
             Whether it may contain definitions; those of parameters may not.
         """
         if not isinstance(node, Scalar) or node.empty:
-            self.nodes.complain(node, path, "expected a number or an expression" + _in_brackets(unit))
+            self.nodes.complain(node, path, "expected a number or an expression" + _in_brackets(unit), single(node))
             return None
         try:
             expression = parse_finite(node.text, self.names.parameters)
@@ -164,7 +165,9 @@ class QuantityReader:
             return
         expected = units.parse_unit(unit)[1]
         if found != expected:
-            message = f"{expression.text!r} has the unit {units.show(found)}, expected {unit}"
+            alone = self.names.parameters.get(expression.text.strip())
+            shown = alone.unit if alone is not None else units.show(found)
+            message = f"{expression.text!r} has the unit {shown}, expected {unit}"
             raise ExpressionError(message, 0, "check the units declared under parameters")
 
     def dimension_of(self, expression: Expression) -> units.Known:

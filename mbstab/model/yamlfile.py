@@ -321,6 +321,9 @@ class _Composer:
         indent = len(line) - len(line.lstrip())
         if "flow" in context:
             return "a bracket [ or { that is open here lacks a comma, a colon or its end"
+        if "could not find expected ':'" in reason:
+            above = next((x.strip() for x in reversed(self.document.lines[: place.line - 1]) if x.strip()), "")
+            return f"a colon is missing above, as in key: value; the line before is {above!r}"
         if "mapping values are not allowed" in reason:
             return "indent a key as the keys beside it, and put a text with ': ' in quotes"
         if place.column == indent + 1:

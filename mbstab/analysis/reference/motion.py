@@ -165,7 +165,10 @@ class Finder:
         bad = [i for i in range(system.n_h) if not abs(state.E[i]) <= allowed[i] + 1e-300]
         hint = "correct the values, or leave out those that the constraints determine"
         if missing.any():
-            hint = "the missing coordinates could not be assembled; give starting values under reference.guess"
+            hint = (
+                "no coordinates were found that satisfy all of them: check lengths and points, which may contradict "
+                "each other or not reach; if they do fit, give starting values under reference.guess"
+            )
         self._fail([self._residual(i, state.E[i], "", hint) for i in bad])
         return q
 
@@ -551,6 +554,11 @@ class Finder:
             "give coordinates at which the forces balance, or the rates of the motion you mean; "
             f"mbstab equilibrium or reference: {{find: {find}}} solves for coordinates under guess"
         )
+        for coordinate, value in self.scene.coordinates.items():
+            if "." in coordinate and not is_length(coordinate) and abs(value) > 2.0 * math.pi:
+                turns = f"{coordinate}: {value:g} rad are {value / (2.0 * math.pi):.3g} turns"
+                hint += f"; {turns}, and degrees are written {value:g}*deg"
+                break
         raise ModelFileError([self._at_reference(message, hint)])
 
     def _refuse_inertias_too_far_apart(self, M: Any) -> None:

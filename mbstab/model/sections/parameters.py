@@ -10,6 +10,7 @@ from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import ExpressionError, parse
 from mbstab.model.functions import CALLED
 from mbstab.model.names import in_order
+from mbstab.model.nodes import single
 from mbstab.model.quantities import QuantityReader
 from mbstab.model.schema import PARAMETER_FIELDS, SIGNS, Parameter, Quantity, constant
 from mbstab.model.turns import count, counted_by
@@ -75,7 +76,7 @@ class ParameterReader:
                 sign = self.nodes.choice(node.entries["sign"], f"{path}.sign", SIGNS) or sign
             value = self.nodes.required(node, "value", path) or Scalar("1", node.location)
         if not isinstance(value, Scalar):
-            self.nodes.complain(value, path, "expected a number or an expression")
+            self.nodes.complain(value, path, "expected a number or an expression", single(value))
             value = Scalar("1", value.location)
         return _Written(value, unit, factor, description, sign)
 
