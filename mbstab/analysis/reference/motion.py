@@ -25,7 +25,7 @@ from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancie
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.imbalance import carrying, state_rounding, unbalance_at
 from mbstab.analysis.reference.read_speeds import misread
-from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration
+from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration, turns_and_degrees
 from mbstab.analysis.reference.state_units import balanced_states, characteristic_sizes
 from mbstab.analysis.reference.steady import Family, Generator, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -554,12 +554,7 @@ class Finder:
             "give coordinates at which the forces balance, or the rates of the motion you mean; "
             f"mbstab equilibrium or reference: {{find: {find}}} solves for coordinates under guess"
         )
-        for coordinate, value in self.scene.coordinates.items():
-            if "." in coordinate and not is_length(coordinate) and abs(value) > 2.0 * math.pi:
-                turns = f"{coordinate}: {value:g} rad are {value / (2.0 * math.pi):.3g} turns"
-                hint += f"; {turns}, and degrees are written {value:g}*deg"
-                break
-        raise ModelFileError([self._at_reference(message, hint)])
+        raise ModelFileError([self._at_reference(message, hint + turns_and_degrees(self.scene.coordinates))])
 
     def _refuse_inertias_too_far_apart(self, M: Any) -> None:
         """Explain a failed rank decision by inertias whose ratio leaves no digits for it."""

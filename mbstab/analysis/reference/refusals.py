@@ -1,8 +1,9 @@
-"""What is said of references at which ranks cannot be decided."""
+"""What is said of references at which ranks cannot be decided, or forces do not balance."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -42,3 +43,12 @@ def inertias_too_far_apart(system: System, M: Any, sizes: Array) -> str:
         f"(ratio 1e{decades:.0f}, at most 1e{most:.0f})\n"
         "hint: correct the larger or the smaller; what is meant to stand still can be joined to ground"
     )
+
+
+def turns_and_degrees(coordinates: Mapping[str, float]) -> str:
+    """Return the end of a hint about the first given angle of more than a turn (rad); empty: there is none."""
+    for name, value in coordinates.items():
+        if "." in name and not is_length(name) and abs(value) > 2.0 * math.pi:
+            turns = f"{value / (2.0 * math.pi):.3g} turns"
+            return f"; {name}: {value:g} rad are {turns}, and degrees are written {value:g}*deg"
+    return ""
