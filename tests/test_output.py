@@ -428,8 +428,8 @@ def test_matrices_that_nobody_reads_are_refused(monkeypatch, capsys):
 def test_values_in_a_unit_are_those_that_were_asked_for(tmp_path):
     path = tmp_path / "rotor.yaml"
     path.write_text(
-        "mbstab: 1\nparameters: {n: {value: 3000, unit: rpm}}\nbodies:\n  p: {type: point, mass: 1}\n"
-        "forces:\n  f: {type: expression, on: {p.x: -n*p.x, p.y: -n*p.y, p.z: -n*p.z}}\n"
+        "mbstab: 1\nparameters: {n: {value: 3000, unit: rpm}, k: 1}\nbodies:\n  p: {type: point, mass: 1}\n"
+        "forces:\n  f: {type: expression, on: {p.x: -k*n*p.x, p.y: -k*n*p.y, p.z: -k*n*p.z}}\n"
     )
     asked = ("sweep", path, "--param", "n", "--from", 500, "--to", 4000, "--points", 8)
     lines = run(*asked, "--format", "csv").stdout.splitlines()
