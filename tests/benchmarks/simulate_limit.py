@@ -7,6 +7,9 @@ with a tolerance of 1e-12 per step. Each program runs with tolerances that shrin
 median CPU time of nine runs counts, mbstab from the loaded model on, its equations known. Columns: CPU time (ms) of the
 limit, of mbstab (one run), and with the global error controlled (``tol=1e-6``, several runs); their ratios to the
 limit; the error of the last over the tolerance.
+
+A second table has the implicit methods, alpha to an error of 1e-4: the CPU time of one compiled run, its ratio to the
+limit with that error, its steps, microseconds for each, and how much faster that is than step by step in Python.
 """
 
 import math
@@ -26,6 +29,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from chains import straight_chain
 
 GOAL, END, REPEATS = 1e-6, 10.0, 9
+IMPLICIT = {"alpha": 1e-4, "radau": 1e-6}
+"""Errors that implicit methods reach."""
+
 TOLERANCES = [10.0 ** -(0.5 * k) for k in range(8, 25)]
 METHOD = scipy.integrate.DOP853
 A, B, C, E3, E5 = (np.ascontiguousarray(getattr(METHOD, name)) for name in ("A", "B", "C", "E3", "E5"))
@@ -182,40 +188,72 @@ def timed(function):
     return statistics.median(times)
 
 
-def first(run, off):
+def first(run, off, goal=GOAL):
     """Return the largest tolerance with which a run ends with an error below the goal."""
-    return next(tol for tol in TOLERANCES if off(run(tol)) <= GOAL)
+    return next(tol for tol in TOLERANCES if off(run(tol)) <= goal)
 
 
-def row(model, perturb, step, y, ends, column):
-    """Return the CPU times of an example (s), and the error over the tolerance where the global one is controlled."""
-    exact = ends(step(y, 1e-12))
-    size = float(np.max(np.abs(exact[0])))
+class Example:
+    """An example, its exact end, and how far other ends are from it."""
 
-    def off(end):
-        return max(np.max(np.abs(end[0] - exact[0])) / size, np.max(np.abs(end[1] - exact[1])))
+    def __init__(self, model, perturb, step, y, ends, column):
+        self.model, self.perturb, self.column = model, perturb, column
+        self.by_hand = lambda tol: ends(step(y, tol))
+        self.exact = self.by_hand(1e-12)
+        self.size = float(np.max(np.abs(self.exact[0])))
 
-    def own(tol, once=True):
-        return model.simulate(END, perturb=perturb, tol=tol, once=once, points=2, compiled=True)
+    def off(self, end):
+        """Return the error of an end."""
+        places, axes = (np.max(np.abs(x - y)) for x, y in zip(end, self.exact, strict=True))
+        return max(places / self.size, axes)
 
-    def end_of(sim):
+    def simulated(self, tol, once=True, method="projection", compiled=True, end=END):
+        """Return a simulation."""
+        options = {"tol": tol, "once": once, "points": 2, "method": method, "compiled": compiled}
+        return self.model.simulate(end, perturb=self.perturb, **options)
+
+    def end(self, *arguments):
+        """Return what is compared at the end of a simulation."""
+        sim = self.simulated(*arguments)
         places = sim.positions[-1]
-        return places, sim.rotations[-1][:, : places.shape[1], column]
+        return places, sim.rotations[-1][:, : places.shape[1], self.column]
 
-    by_hand = first(lambda tol: ends(step(y, tol)), off)
-    single = first(lambda tol: end_of(own(tol)), off)
-    times = [timed(partial(step, y, by_hand)), timed(partial(own, single)), timed(partial(own, GOAL, once=False))]
-    return times, off(end_of(own(GOAL, once=False))) / GOAL
+    def limit(self, goal):
+        """Return the CPU time of the limit with an error below a goal (s)."""
+        return timed(partial(self.by_hand, first(self.by_hand, self.off, goal)))
+
+    def row(self):
+        """Return CPU times (s), and the error over the tolerance where the global one is controlled."""
+        single = first(self.end, self.off)
+        times = [timed(partial(self.simulated, single)), timed(partial(self.simulated, GOAL, False))]
+        return [self.limit(GOAL), *times], self.off(self.end(GOAL, False)) / GOAL
+
+    def implicit_row(self, method, goal):
+        """Return the CPU time of a compiled run (s), its ratio to the limit, its steps, and the ratio per step."""
+        tol = first(lambda tol: self.end(tol, True, method), self.off, goal)
+        seconds, steps = timed(partial(self.simulated, tol, True, method)), self.simulated(tol, True, method).steps
+        began = time.process_time()
+        interpreted = self.simulated(tol, True, method, False, END / 20.0)
+        each = (time.process_time() - began) / interpreted.steps
+        return seconds, seconds / self.limit(goal), steps, each * steps / seconds
 
 
 def main():
     heads = ("", "limit", "one run", "controlled", "ratio", "ratio", "error/tol")
     print("".join(f"{head:>12}" for head in heads))
+    found = []
     for name, model, perturb, slope, start, values, ends, column in examples():
         run, p = integrator(slope), np.array(values)
-        times, error = row(model, perturb, partial(run, p=p), np.array(start), ends, column)
+        found.append((name, Example(model, perturb, partial(run, p=p), np.array(start), ends, column)))
+        times, error = found[-1][1].row()
         text = "".join(f"{1e3 * x:12.3f}" for x in times) + "".join(f"{x / times[0]:12.1f}" for x in times[1:])
         print(f"{name:>12}{text}{error:12.1e}", flush=True)
+    print("".join(f"{head:>12}" for head in ("", "method", "one run", "ratio", "steps", "us/step", "to Python")))
+    for name, example in found:
+        for method, goal in IMPLICIT.items():
+            seconds, ratio, steps, faster = example.implicit_row(method, goal)
+            text = f"{1e3 * seconds:12.3f}{ratio:12.1f}{steps:12}{1e6 * seconds / steps:12.1f}{faster:12.1f}"
+            print(f"{name:>12}{method:>12}{text}", flush=True)
 
 
 if __name__ == "__main__":
