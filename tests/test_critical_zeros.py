@@ -90,3 +90,20 @@ def test_a_ring_is_none_if_a_weak_force_breaks_its_symmetry(weak, truth):
         "reference: {coordinates: {p: {x: 1, y: 0}}}"
     )
     assert mbstab.loads(text).eig().verdict == truth
+
+
+def test_turns_of_written_forces_are_seen_with_parameters_of_many_digits():
+    """The products C·a in the torque of a tyre are rounded differently in a force and in its derivatives."""
+    text = """
+mbstab: 1
+parameters: {C: 0.7, a: 1.3, b: 1.1, v: 20}
+bodies: {car: {type: planar, mass: 1.5, inertia: 2.5, points: {front: [a, 0], rear: [-b, 0]}}}
+constraints: {cruise: {nonholonomic: vx(car) - v}}
+forces:
+  tyres:
+    type: expression
+    on: {vy(car.front): -C*atan(vy(car.front)/v), vy(car.rear): -C*atan(vy(car.rear)/v)}
+reference: {coordinates: {car: {x: 0, y: 0, theta: 0}}, rates: {car: {x: v, y: 0, theta: 0}}}
+"""
+    result = mbstab.loads(text).eig()
+    assert result.neutral_directions == ("car.x", "car.y", "rotation in the plane")
