@@ -284,7 +284,8 @@ def with_other_reference_points(model, shift):
 
     def force(body, load):
         # It acts at the old origin.
-        moment = [f"({x})*({f})" for x, f in zip(arm(body, "pi/2"), (load["x"], load["y"]), strict=True)]
+        loads = zip(arm(body, "pi/2"), (load["x"], load["y"]), strict=True)
+        moment = [f"({x})*metre*({f})" for x, f in loads if f != "0"]
         return body, load | {"theta": " - ".join([f"({load['theta']})", *moment])}
 
     for name, body in model["bodies"].items():
@@ -320,6 +321,7 @@ def with_other_reference_points(model, shift):
             moved = plus([state.get(key, "0") for key in "xyz"[:n]], times(rotation, shift))
             state.update(zip("xyz"[:n], moved, strict=True))
     in_expressions(model, place, rate, force)
+    model["parameters"]["metre"] = {"value": 1, "unit": "m"}
     in_velocities(model, lambda body: f"vx({body}.old_origin)")
     for body, rates in model["reference"].get("rates", {}).items():
         # In the plane the bodies of the examples do not turn; in space the point lies on the axis of the spin.
