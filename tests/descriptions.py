@@ -267,7 +267,7 @@ def rename_and_swap(entry, other, n, kept):
 
 def with_other_reference_points(model, shift):
     """Move the origin of every body frame; x, y, z are the coordinates of another point then."""
-    n = dimension(model)
+    n, model["parameters"]["metre"] = dimension(model), {"value": 1, "unit": "m"}
 
     def arm(body, turned="0"):
         """From the old origin to the new one, in the ground."""
@@ -282,8 +282,7 @@ def with_other_reference_points(model, shift):
         x, y = plus([f"rate({body}.x)", f"rate({body}.y)"], turning, "-")
         return planar_state(body, "rate({})") | {"x": x, "y": y}
 
-    def force(body, load):
-        # It acts at the old origin.
+    def force(body, load):  # it acts at the old origin
         loads = zip(arm(body, "pi/2"), (load["x"], load["y"]), strict=True)
         moment = [f"({x})*metre*({f})" for x, f in loads if f != "0"]
         return body, load | {"theta": " - ".join([f"({load['theta']})", *moment])}
@@ -321,7 +320,6 @@ def with_other_reference_points(model, shift):
             moved = plus([state.get(key, "0") for key in "xyz"[:n]], times(rotation, shift))
             state.update(zip("xyz"[:n], moved, strict=True))
     in_expressions(model, place, rate, force)
-    model["parameters"]["metre"] = {"value": 1, "unit": "m"}
     in_velocities(model, lambda body: f"vx({body}.old_origin)")
     for body, rates in model["reference"].get("rates", {}).items():
         # In the plane the bodies of the examples do not turn; in space the point lies on the axis of the spin.
