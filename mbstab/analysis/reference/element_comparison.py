@@ -377,11 +377,11 @@ class ElementComparison:
         if not (element.written and isinstance(field, Turn) and _is_short(field.generator)):
             return True
         columns, placed = list(element.columns), element.placed
-        for state in self.states:
-            with Digits(element) as f:
-                # Products of parameters have all digits, too.
-                parameters = tuple(numbers(np.array(placed.parameters, dtype=float), f))
-                element = replace(element, placed=replace(placed, parameters=parameters))
+        with Digits(element) as f:
+            # Products of parameters have all digits, too.
+            parameters = tuple(numbers(np.array(placed.parameters, dtype=float), f))
+            element = replace(element, placed=replace(placed, parameters=parameters))
+            for state in self.states:
                 q, u, a = (numbers(x, f) for x in (state.q, state.u, state.a))
                 X, slope = (np.asarray(part(np.array(q, dtype=object))) for part in (field.field, field.slope))
                 moved, turned = X[columns], (slope @ np.array(u, dtype=object))[columns]

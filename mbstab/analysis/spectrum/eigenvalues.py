@@ -193,8 +193,10 @@ def with_energies(result: EigenResult, linear: Linearization) -> EigenResult:
 
 def _middle(result: EigenResult, e: Eigenvalue) -> complex:
     """Return the mean of an eigenvalue and of those that are not told apart from it: to it the vectors belong."""
+    if e.together == 1:
+        return e.value
     near = sorted((x.value for x in result.eigenvalues), key=lambda s: abs(s - e.value))
-    return e.value if e.together == 1 else sum(near[: e.together]) / e.together
+    return sum(near[: e.together]) / e.together
 
 
 class Modes:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import cached_property
 
-from mbstab.analysis.verdict.many_digits import Power
-from mbstab.compiler.system import Array
+from mbstab.analysis.verdict.many_digits import Line, Power
 from mbstab.model.schema import Model
 
 
@@ -19,18 +19,24 @@ class Exactly:
     """
 
     def __init__(self, model: Callable[[], Model | None]) -> None:
-        self._model = model
+        self._given = model
+
+    @cached_property
+    def _model(self) -> Model | None:
+        return self._given()
+
+    @cached_property
+    def _zeros(self) -> int:
+        from mbstab.analysis.spectrum.precise import exact_zeros
+
+        return -1 if self._model is None else exact_zeros(self._model)
 
     def zeros(self) -> int:
         """Return the number of eigenvalues that are zero to many digits; −1 if it cannot be known."""
-        from mbstab.analysis.spectrum.precise import exact_zeros
+        return self._zeros
 
-        model = self._model()
-        return -1 if model is None else exact_zeros(model)
-
-    def power(self, measure: Array, along: Array, held: Sequence[Array]) -> Power | None:
-        """Return how the force begins that holds the motion at a distance along a direction; None if unknown."""
+    def power(self, line: Line) -> Power | None:
+        """Return how the force begins that holds the motion at a distance along a line; None if it is not known."""
         from mbstab.analysis.spectrum.holding_force import power
 
-        model = self._model()
-        return None if model is None else power(model, measure, along, held)
+        return None if self._model is None else power(self._model, line)

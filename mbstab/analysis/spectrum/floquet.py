@@ -36,7 +36,7 @@ from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.spectrum.time_features import short_steps
+from mbstab.analysis.spectrum.time_features import short_steps, variation
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
@@ -173,7 +173,7 @@ class _Flow:
     def __init__(self, system: System, motion: Motion, period: float) -> None:
         spaces = motion.spaces
         self.system, self.motion, self.period = system, motion, period
-        self.form = Form(system)
+        self.form, self.variation = Form(system), variation(system, motion.time, period)
         self.scale, self.row_scale, self.sizes = spaces.scale, spaces.row_scale, motion.sizes
         self.rank = spaces.C.rank + spaces.W.rank
         N, NZ = spaces.N, spaces.N @ spaces.Z
@@ -285,7 +285,7 @@ def _integrate(
 
     solver: Any = DOP853(slope, 0.0, flow.begin.ravel(), 1.0, rtol=tolerance, atol=tolerance, max_step=longest)
     parts, states = [solver.t], [solver.y]
-    places = [*short_steps(flow.system, flow.motion.time, flow.period, longest).tolist(), math.inf]
+    places = [*short_steps(*flow.variation, longest).tolist(), math.inf]
     while solver.status == "running":
         while places[0] <= solver.t + 2.0 * EPS:
             del places[0]

@@ -7,41 +7,33 @@ r = a z^k + … alone is left, however small a is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from mpmath import mp
 
-from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.digits import MANY_DIGITS
 from mbstab.analysis.algebra.refining import Matrix, Stalled
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.spectrum.precise_motion import Point, Start, reference_point
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
-from mbstab.analysis.verdict.many_digits import Power
-from mbstab.compiler.system import Array, System
+from mbstab.analysis.verdict.many_digits import Line, Power
+from mbstab.compiler.system import System
 from mbstab.errors import MbstabError
 from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
 
-def power(model: Model, measure: Array, along: Array, held: Sequence[Array]) -> Power | None:
-    """Return how the force begins that holds a motion beside its reference; None if it cannot be known.
-
-    Parameters
-    ----------
-    model : Model
-    measure, along, held
-        As in `mbstab.analysis.verdict.many_digits.ManyDigits.power`.
-    """
+def power(model: Model, line: Line) -> Power | None:
+    """Return how the force begins that holds a motion beside its reference; None if it cannot be known."""
     try:
         start = Start(model, False)
         with mp.workdps(TOLERANCES.digits_of_holding):
             system = System(evaluate(model, arithmetic=mpmath_arithmetic()))
             point = reference_point(start, system, MANY_DIGITS)
-            force = _force(start, system, point, measure, along, held)
+            force = _force(start, system, point, line)
             near = mp.mpf(10) ** -TOLERANCES.distance_digits
             ahead, behind = ([force(sign * near), force(sign * 2 * near)] for sign in (1, -1))
             even = _part(ahead[0] + behind[0], ahead[1] + behind[1], 0)
@@ -67,22 +59,16 @@ def _part(near: Any, twice: Any, parity: int) -> Power | None:
     return k, int(mp.sign(near))
 
 
-def _force(
-    start: Start, system: System, point: Point, measure: Array, along: Array, held: Sequence[Array]
-) -> Callable[[Any], Any]:
+def _force(start: Start, system: System, point: Point, line: Line) -> Callable[[Any], Any]:
     """Return the force at a distance z, relative to the forces that small motions of the size of the scene cause."""
     f, motion, linear = MANY_DIGITS, start.motion, start.linear
     n, n_h, sizes = system.n_q, system.n_h, motion.sizes
     generator = linear.generator if linear.generator is not None and linear.generator.turns else None
     K = matrices_in(start.system, motion, generator).K
-    J, kept = motion.dynamics.J, np.array([*held, measure * sizes])
-    last = n + len(J)  # the unknowns: coordinates in their sizes, reactions, the force
-    matrix = np.zeros((n + n_h + len(kept), last + 1))
-    matrix[:n, :n], matrix[:n, n:last], matrix[:n, last] = K * sizes, J.T, -measure
-    matrix[n : n + n_h, :n], matrix[n + n_h :, :n] = J[:n_h] * sizes, kept
-    rows = norms(matrix)
-    columns = norms(matrix / rows[:, None], 0)
-    inverse = np.linalg.pinv(matrix / rows[:, None] / columns, rcond=TOLERANCES.sharpened_slope)
+    J, kept = motion.dynamics.J, f.exact(line.kept(sizes))
+    last = n + len(J)
+    matrix, rows, columns = line.bordered(K, J, n_h, sizes)
+    inverse = np.linalg.pinv(matrix, rcond=TOLERANCES.sharpened_slope)
     moving = bool(np.any(motion.u))
     scale = float(np.max(np.abs(K) @ sizes + np.abs(J.T) @ np.abs(motion.nu), initial=0.0)) or 1.0
 
@@ -91,15 +77,15 @@ def _force(
         if moving and point.generator is not None:
             u, a = f.exact(point.generator.field(q)), f.exact(point.generator.acceleration(q))
         there = system.dynamics(q, u, system.scene.time)
-        force = f.exact(there.F0) + f.times(f.exact(there.M), a) - measure * x[last]
+        force = f.exact(there.F0) + f.times(f.exact(there.M), a) - line.measure * x[last]
         force = force + f.times(f.exact(there.J).T, point.nu + x[n:last])
-        distances = f.times(f.exact(kept), x[:n])
+        distances = f.times(kept, x[:n])
         distances[-1] -= z
         return f.exact(np.concatenate([force, f.exact(there.E)[:n_h], distances])) / rows
 
     def force(z: Any) -> Any:
         first = f.zeros(last + 1)
-        first[:n] = f.exact(along / sizes) * z
+        first[:n] = f.exact(line.along / sizes) * z
         x = f.polished(first, lambda x: -f.applied(inverse, residual(x, z)) / columns, 1.0)
         return x[last] / scale
 

@@ -16,17 +16,14 @@ from mbstab.model.expressions import ExpressionError
 from mbstab.model.jets import Jet, jet_arithmetic
 
 
-def short_steps(system: System, start: float, period: float, longest: float) -> Array:
-    """Return places within a period, as fractions of it, that steps must not pass over: features are between them.
+def variation(system: System, start: float, period: float) -> tuple[Array, Array]:
+    """Return instants of a period, as fractions of it, and how much functions of time have varied until then.
 
-    Functions of time are sampled densely. Between two places none changes by more than a fraction of its whole
-    variation; places that are no closer than steps anyway are left out.
+    Each is sampled densely and counts as a part of its whole variation; where several vary, the one that does so most.
 
     Parameters
     ----------
     start, period : float (s)
-    longest : float
-        The longest step, as a fraction of the period.
     """
     part = np.linspace(0.0, 1.0, TOLERANCES.time_samples + 1)
     change = np.zeros(TOLERANCES.time_samples)
@@ -35,7 +32,22 @@ def short_steps(system: System, start: float, period: float, longest: float) -> 
         total, size = float(np.sum(own)), float(np.max(np.abs(values)))
         if np.isfinite(total) and total > TOLERANCES.change_in_time * size:
             change = np.maximum(change, own / total)
-    done = np.concatenate([[0.0], np.cumsum(change)])
+    return part, np.concatenate([[0.0], np.cumsum(change)])
+
+
+def short_steps(part: Array, done: Array, longest: float) -> Array:
+    """Return places within a period that steps must not pass over: features are between them.
+
+    Between two places no function varies by more than a fraction of its whole variation; places that are no closer
+    than steps anyway are left out.
+
+    Parameters
+    ----------
+    part, done
+        As `variation` returns.
+    longest : float
+        The longest step, as a fraction of the period.
+    """
     count = int(done[-1] / (TOLERANCES.change_in_step * longest))
     places = np.interp(np.linspace(0.0, done[-1], count + 2), done, part) if count else np.zeros(0)
     near = np.diff(places) < TOLERANCES.feature_of_step * longest

@@ -17,11 +17,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.verdict.many_digits import ManyDigits
+from mbstab.analysis.verdict.many_digits import Line, ManyDigits
 from mbstab.analysis.verdict.minimum import SecondVariation, sign_of
 from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal
 from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, UNSTABLE, Critical
@@ -31,24 +30,6 @@ from mbstab.errors import MbstabError
 from mbstab.records import dataclass
 
 _POWERS = {2: "the square", 3: "the cube"}
-
-
-@dataclass(frozen=True)
-class _Line:
-    """A critical direction: along, in sizes of the scene, distances by measure·(q − q₀), and shifts that are held."""
-
-    along: Array
-    measure: Array
-    held: list[Array]
-
-    @classmethod
-    def of(cls, structure: Structure, shift: Array) -> _Line:
-        """Return the line along a shift of the positions in the basis N."""
-        motion, spaces = structure.linear.motion, structure.linear.spaces
-        along = spaces.scale * (spaces.N @ shift)
-        unit = float(np.max(np.abs(along / motion.sizes)))
-        held = [x.direction / motion.sizes for x in structure.invariance.symmetries]
-        return cls(along / unit, (spaces.N @ shift) / spaces.scale * unit, held)
 
 
 @dataclass(frozen=True)
@@ -90,8 +71,8 @@ def critical_zero(
     direction = _direction(structure, separated)
     if direction is None or digits.zeros() != separated.neutral.count + count:
         return None
-    line = _Line.of(structure, direction)
-    power = digits.power(line.measure, line.along, line.held)
+    line = _line(structure, direction)
+    power = digits.power(line)
     if power is None:
         return None
     k, sign = power
@@ -170,7 +151,16 @@ def _yielding(structure: Structure, separated: Separated, measure: Array, shift:
     return result.real if abs(result) > 1e-9 * size else None
 
 
-def _followed(structure: Structure, line: _Line) -> _Path | None:
+def _line(structure: Structure, shift: Array) -> Line:
+    """Return the line along a shift of the positions in the basis N."""
+    motion, spaces = structure.linear.motion, structure.linear.spaces
+    along = spaces.scale * (spaces.N @ shift)
+    unit = float(np.max(np.abs(along / motion.sizes)))
+    held = tuple(x.direction / motion.sizes for x in structure.invariance.symmetries)
+    return Line(along / unit, (spaces.N @ shift) / spaces.scale * unit, held)
+
+
+def _followed(structure: Structure, line: Line) -> _Path | None:
     """Return the force that holds the motion along a line, at distances halved again and again."""
     motion, along, measure = structure.linear.motion, line.along, line.measure
     distances: Array = np.array([TOLERANCES.critical_reach * 0.5**k for k in range(TOLERANCES.critical_halvings)])
@@ -181,7 +171,7 @@ def _followed(structure: Structure, line: _Line) -> _Path | None:
         for z in sign * distances[::-1]:
             q = q + (z - float(measure @ (q - motion.q))) * along
             try:
-                found = _balanced(structure, q, nu, r, (measure, line.held, float(z)))
+                found = _balanced(structure, q, nu, r, line, float(z))
             except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
                 found = None
             if found is None:
@@ -222,14 +212,14 @@ def _acting(structure: Structure, q: Array, u: Array, a: Array) -> Array:
 
 
 def _balanced(
-    structure: Structure, q: Array, nu: Array, r: float, given: tuple[Array, list[Array], float]
+    structure: Structure, q: Array, nu: Array, r: float, line: Line, z: float
 ) -> tuple[Array, Array, float] | None:
     """Return q, ν and r of the motion that a force r along the critical direction holds at a distance (Newton)."""
-    measure, held, z = given
     linear, reference = structure.linear, structure.linear.motion
     system, generator = linear.system, linear.generator
     n, c, n_h = system.n_q, system.n_c, system.n_h
-    sizes = reference.sizes
+    sizes, measure = reference.sizes, line.measure
+    kept = line.kept(sizes)
     before = np.inf
     for _ in range(TOLERANCES.newton_steps_critical):
         u = np.zeros(n) if not np.any(reference.u) else (generator.field(q) if generator is not None else reference.u)
@@ -242,14 +232,14 @@ def _balanced(
         rounding = TOLERANCES.critical_balance * acting + 4.0 * EPS * np.abs(K) @ (np.abs(q) + np.abs(reference.q))
         force = state.F0 + state.M @ a + state.J.T @ nu - measure * r
         # Rows on speeds hold along steady motions; rows on positions are solved.
-        residual = np.concatenate(
-            [force, state.E[:n_h], [x @ ((q - reference.q) / sizes) for x in held], [measure @ (q - reference.q) - z]]
-        )
+        distances = kept @ ((q - reference.q) / sizes)
+        distances[-1] -= z
+        residual = np.concatenate([force, state.E[:n_h], distances])
         allowed = np.concatenate(
             [
                 rounding,
                 4.0 * EPS * np.abs(state.J[:n_h]) @ (np.abs(q) + sizes),
-                np.full(len(held), TOLERANCES.critical_balance),
+                np.full(len(line.held), TOLERANCES.critical_balance),
                 [4.0 * EPS * float(np.abs(measure) @ (np.abs(q) + np.abs(reference.q)))],
             ]
         )
@@ -257,18 +247,8 @@ def _balanced(
         if off <= 1.0 or (off <= 1e3 and off > 0.5 * before):
             return q, nu, r
         before = off
-        matrix = np.zeros((len(residual), n + c + 1))
-        matrix[:n, :n] = K * sizes
-        matrix[:n, n : n + c] = state.J.T
-        matrix[:n, -1] = -measure
-        matrix[n : n + n_h, :n] = state.J[:n_h] * sizes
-        for i, x in enumerate(held):
-            matrix[n + n_h + i, :n] = x
-        matrix[-1, :n] = measure * sizes
-        rows = norms(matrix)
-        matrix = matrix / rows[:, None]
-        columns = norms(matrix, 0)
-        step = -np.linalg.lstsq(matrix / columns, residual / rows, rcond=1e-13)[0] / columns
+        matrix, rows, columns = line.bordered(K, state.J, n_h, sizes)
+        step = -np.linalg.lstsq(matrix, residual / rows, rcond=1e-13)[0] / columns
         q, nu, r = q + sizes * step[:n], nu + step[n : n + c], r + float(step[-1])
     return None
 

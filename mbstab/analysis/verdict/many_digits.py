@@ -1,14 +1,62 @@
-"""What verdicts ask of arithmetic with many digits."""
+"""What verdicts ask of arithmetic with many digits, about forces that hold a motion beside its reference."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import norms
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 
 Power = tuple[int, int]
 """The power of the distance with which a force begins, and the sign of its coefficient; (0, 0) if it vanishes."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A direction beside a reference, and a force that holds motions at distances along it.
+
+    Attributes
+    ----------
+    along : ndarray, shape (n_q,)
+        The direction; measure·along = 1.
+    measure : ndarray, shape (n_q,)
+        The distance of q is measure·(q − q₀), and the force acts along measure.
+    held : tuple of ndarray, shape (n_q,)
+        Shifts of symmetries: their products with q − q₀, relative to the sizes, are kept at zero.
+    """
+
+    along: Array
+    measure: Array
+    held: tuple[Array, ...]
+
+    def bordered(self, K: Array, J: Array, n_h: int, sizes: Array) -> tuple[Array, Array, Array]:
+        """Return the derivative of balance, rows and distances, and the sizes of its rows and columns.
+
+        By the coordinates, relative to their sizes, the reactions and the force; divided by both sizes.
+
+        Parameters
+        ----------
+        K : ndarray, shape (n_q, n_q)
+        J : ndarray, shape (n_c, n_q)
+        n_h : int
+            The first so many rows are those on positions.
+        sizes : ndarray, shape (n_q,)
+        """
+        kept = self.kept(sizes)
+        n, last = len(sizes), len(sizes) + len(J)
+        matrix = np.zeros((n + n_h + len(kept), last + 1))
+        matrix[:n, :n], matrix[:n, n:last], matrix[:n, last] = K * sizes, J.T, -self.measure
+        matrix[n : n + n_h, :n], matrix[n + n_h :, :n] = J[:n_h] * sizes, kept
+        rows = norms(matrix)
+        columns = norms(matrix / rows[:, None], 0)
+        return matrix / rows[:, None] / columns, rows, columns
+
+    def kept(self, sizes: Array) -> Array:
+        """Return what makes the held shifts and then the distance of changes relative to the sizes, as rows."""
+        return np.array([*self.held, self.measure * sizes])
 
 
 class ManyDigits(Protocol):
@@ -17,15 +65,5 @@ class ManyDigits(Protocol):
     def zeros(self) -> int:
         """Return the number of eigenvalues that are zero; −1 if it cannot be known."""
 
-    def power(self, measure: Array, along: Array, held: Sequence[Array]) -> Power | None:
-        """Return how the force begins that holds the motion at a distance along a direction.
-
-        Parameters
-        ----------
-        measure : ndarray, shape (n_q,)
-            The distance of q is measure·(q − q₀), and the force acts along measure.
-        along : ndarray, shape (n_q,)
-            The direction; measure·along = 1.
-        held : sequence of ndarray, shape (n_q,)
-            Further functions of q − q₀ that are kept at zero: shifts of symmetries.
-        """
+    def power(self, line: Line) -> Power | None:
+        """Return how the force begins that holds the motion at a distance along a line; None if it is not known."""

@@ -47,17 +47,17 @@ def part_of(kind: Kind, name: str, node: Mapping, motions: tuple[str, ...] = ())
     return kind.part(_along(node, motions), name, given)
 
 
-GAINS = {"P": ("of", 0), "I": ("of", -1), "D": ("of", 1), "target": ("of", 0)}
-"""Gains of a `pid`: what they multiply, and the power of seconds they have besides; its target is measured alike."""
+GAINS = {"P": 0, "I": -1, "D": 1, "target": 0}
+"""Gains of a `pid`: the power of seconds that they have besides what they multiply; its target is measured alike."""
 
 
 def _check_gains(reading: Reading, kind: Kind, effort: str) -> None:
     """Refuse gains that do not make an effort of what they multiply, as far as units are declared."""
     values = reading.values
     if kind.name == "pid":
-        for key, (signal, seconds) in GAINS.items():
+        for key, seconds in GAINS.items():
             if key in values:
-                _check_gain(reading, values[key], values[signal], effort if key != "target" else "", seconds)
+                _check_gain(reading, values[key], values["of"], effort if key != "target" else "", seconds)
     elif kind.name == "state_feedback":
         half = len(values["gains"]) // 2
         for signal, gain in zip(values["gains"][:half], values["gains"][half:], strict=True):
