@@ -173,17 +173,19 @@ def _checked(
     before, first, interval_before = start
     x, best = found.x, found.value
     interval = _interval(goal, x)
-    worst: dict[str, float] = {}
+    worst, active = dict[str, float](), list[Active]()
     if isinstance(goal, Range):
+        active = goal.active(x)
         best = -np.inf if interval is None else interval[1] - interval[0]
         worst = {task.parameter: 0.5 * sum(interval or task.window)}
     elif isinstance(goal, Margin):
         best, worst = goal.worst(x)
+        active = goal.active(x, worst)
     values = cube.at(x)
     result = answer(System(evaluate(bound(model, settings_in_si(values | worst)))))
     ends = {name: "first" if x[i] < 0.5 else "last" for i, name in enumerate(cube.names) if _at_end(float(x[i]))}
     return Design(
-        task, before, values, first, best, interval_before, interval, ends, goal.active(x), worst, result, found.steps,
+        task, before, values, first, best, interval_before, interval, ends, active, worst, result, found.steps,
         found.ended, goal.checked**goal.sides if isinstance(goal, Margin) else TOLERANCES.range_points_checked,
     )  # fmt: skip
 

@@ -65,9 +65,6 @@ class Goal(Protocol):
     def model(self, x: Array) -> tuple[Rows, list[Variant]]:
         """Return the inequalities of all eigenvalues near a point, and those to be tried besides."""
 
-    def active(self, x: Array) -> list[Active]:
-        """Return what limits it at a point."""
-
 
 class Cube:
     """Parameters that vary between two ends, as a unit cube."""
@@ -197,11 +194,10 @@ class Margin:
         places, margins = self._refined(x[None], grid[chosen][None], found[:, chosen], count, rounds)
         return [(float(margins[0, i]), places[0, i]) for i in np.argsort(margins[0], kind="stable")]
 
-    def _locals(self, x: Array, checked: bool = False) -> Iterator[tuple[dict[str, float], Local]]:
-        """Yield the eigenvalues at the worst places, the very worst as it is checked where that is asked for."""
+    def _locals(self, x: Array, worst: dict[str, float] | None = None) -> Iterator[tuple[dict[str, float], Local]]:
+        """Yield the eigenvalues at the worst places; a place that is known to be the worst stands for those near it."""
         places = self.places(x)
-        if checked and self.box is not None:
-            worst = self.worst(x)[1]
+        if worst is not None and self.box is not None:
             near, at = 1.5 / (self.count - 1), self.box.of(worst)
             places = [worst, *(place for place in places if np.max(np.abs(self.box.of(place) - at)) > near)]
         for place in places:
@@ -255,10 +251,10 @@ class Margin:
             found.append(Rows(own.A, own.B, own.b, np.ones(1)))
         return found
 
-    def active(self, x: Array) -> list[Active]:
-        """Return the eigenvalues with the smallest margins."""
+    def active(self, x: Array, at: dict[str, float]) -> list[Active]:
+        """Return the eigenvalues with the smallest margins, given the place that `worst` has found."""
         found = []
-        for place, local in self._locals(x, checked=True):
+        for place, local in self._locals(x, at):
             margins = measure(self.kind, local.values)
             sizes = np.abs(local.values) if self.kind == "decay" else np.ones(len(margins))
             found += [(float(margins[i]), float(sizes[i]), local, i, place) for i in range(len(margins))]
