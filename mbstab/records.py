@@ -8,6 +8,7 @@ command that takes longer than most answers. Here the fields are those of `datac
 from __future__ import annotations
 
 import dataclasses
+from inspect import get_annotations
 from operator import attrgetter
 from reprlib import recursive_repr
 from typing import TYPE_CHECKING
@@ -23,12 +24,12 @@ else:
             if options:
                 return dataclasses.dataclass(cls, frozen=frozen, eq=eq, repr=repr, **options)
             own = set(vars(cls))
-            dataclasses.dataclass(cls, init=False, repr=False, eq=False)
-            methods = {"__init__": _init(cls)}
+            fields = _fields(cls)
+            methods = {"__init__": _init(cls, fields)}
             if repr:
-                methods["__repr__"] = _repr(cls)
+                methods["__repr__"] = _repr(fields)
             if eq:
-                methods |= _comparison(cls, frozen)
+                methods |= _comparison(fields, frozen)
             if frozen:
                 methods |= {"__setattr__": _refuse_assignment, "__delattr__": _refuse_deletion}
             for name, method in methods.items():
@@ -38,9 +39,25 @@ else:
 
         return decorate if cls is None else decorate(cls)
 
-    def _init(cls):
-        """Return the method that sets the fields, and calls ``__post_init__`` if there is one."""
+    def _fields(cls):
+        """Return the fields of a class, which `dataclasses` then knows; their types are those of the annotations.
+
+        `dataclasses` parses each annotation that is a text, and there is none that means anything to it.
+        """
+        written = get_annotations(cls)
+        plain = bool(written) and not any("Var" in str(x) or "KW_ONLY" in str(x) for x in written.values())
+        if plain:
+            cls.__annotations__ = dict.fromkeys(written, object)
+        dataclasses.dataclass(cls, init=False, repr=False, eq=False)
         fields = dataclasses.fields(cls)
+        if plain:
+            cls.__annotations__ = written
+            for field in fields:
+                field.type = written.get(field.name, field.type)
+        return fields
+
+    def _init(cls, fields):
+        """Return the method that sets the fields, and calls ``__post_init__`` if there is one."""
         names = tuple(f.name for f in fields if f.init)
         defaults = {f.name: f.default for f in fields if f.default is not dataclasses.MISSING}
         factories = tuple((f.name, f.default_factory) for f in fields if f.default_factory is not dataclasses.MISSING)
@@ -71,8 +88,8 @@ else:
 
         return __init__
 
-    def _repr(cls):
-        names = [f.name for f in dataclasses.fields(cls) if f.repr]
+    def _repr(fields):
+        names = [f.name for f in fields if f.repr]
 
         @recursive_repr()
         def __repr__(self):
@@ -81,9 +98,9 @@ else:
 
         return __repr__
 
-    def _comparison(cls, hashable):
+    def _comparison(fields, hashable):
         """Return the methods for what is equal if all fields are, and a hash where these stay what they are."""
-        names = [f.name for f in dataclasses.fields(cls) if f.compare]
+        names = [f.name for f in fields if f.compare]
         values = attrgetter(*names) if len(names) > 1 else lambda self: tuple(getattr(self, name) for name in names)
 
         def __eq__(self, other):

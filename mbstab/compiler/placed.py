@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from mbstab.compiler.scatter import signals_at
 from mbstab.mechanics.elements import ELEMENTS
@@ -13,6 +15,9 @@ from mbstab.model.arithmetic import FLOAT, Arithmetic
 from mbstab.model.scene import Scene
 from mbstab.model.schema import is_state
 from mbstab.records import dataclass
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
 
 
 @dataclass(frozen=True)
@@ -116,18 +121,24 @@ class Acting:
 
     def own_force(self, own: list[list[Any]], time: Any, f: Arithmetic = FLOAT) -> list[Any]:
         """Return the same for the coordinates, speeds and accelerations that it contains, in its order."""
-        e, zero = self.placed, f.number("0")
+        e, a = self.placed, own[2]
         signals = signals_at(e.laws, time) if e.laws else ()
-        values = iter(e.kernel.dynamics(f, own[0], own[1], e.parameters, signals))
-        place = {column: k for k, column in enumerate(self.columns)}
-        total = [zero] * len(self.columns)
-        for key, entries in e.kernel.DYNAMICS.items():
-            for index in entries:
-                value = next(values)
-                row = place.get(e.columns[index[0]])
-                if row is not None:
-                    total[row] = total[row] + (value * own[2][index[1]] if key == "M" else value)
+        values = tuple(e.kernel.dynamics(f, own[0], own[1], e.parameters, signals))
+        total = [f.number("0")] * len(self.columns)
+        for k, row, j in self._sums:
+            total[row] = total[row] + (values[k] if j is None else values[k] * a[j])
         return total
+
+    @cached_property
+    def _sums(self) -> list[tuple[int, int, int | None]]:
+        """Numbers of the values that add to a force, of the column, and of the acceleration that is their factor."""
+        e, place = self.placed, {column: k for k, column in enumerate(self.columns)}
+        indices = ((key, index) for key, entries in e.kernel.DYNAMICS.items() for index in entries)
+        return [
+            (k, place[e.columns[index[0]]], index[1] if key == "M" else None)
+            for k, (key, index) in enumerate(indices)
+            if e.columns[index[0]] in place
+        ]
 
     def slopes(self, q: Any, u: Any, a: Any, time: Any, f: Arithmetic = FLOAT) -> tuple[list[list[Any]], ...]:
         """Return the parts of ∂F/∂q and ∂F/∂u on its own columns, as rows."""
@@ -146,6 +157,25 @@ class Acting:
                     row = found[key][place[e.columns[i]]]
                     row[place[e.columns[j]]] = row[place[e.columns[j]]] + value
         return found["K"], found["R"]
+
+
+def sizes_of_forces(acting: Iterable[Acting], q: Any, u: Any, a: Any, time: Any) -> npt.NDArray[np.float64]:
+    """Return the sums of the sizes of forces, with inertia, on each coordinate; those of one entry are added first.
+
+    Where a force has no finite value, sums are not finite.
+    """
+    at, speeds, accelerations = (x.tolist() for x in (q, u, a))
+    forces: dict[str, npt.NDArray[np.float64]] = {}
+    total = np.zeros(len(q))
+    try:
+        for element in acting:
+            own = forces.setdefault(element.path, np.zeros(len(q)))
+            own[list(element.columns)] += element.force(at, speeds, accelerations, time)
+    except (ArithmeticError, ValueError):
+        return np.full(len(q), np.nan)
+    for own in forces.values():
+        total += np.abs(own)
+    return total
 
 
 def unfelt_states(scene: Scene, names: Sequence[str]) -> dict[str, set[int]]:

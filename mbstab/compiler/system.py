@@ -37,7 +37,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbstab.compiler.placed import Acting, Placed, following, unfelt_states
+from mbstab.compiler.placed import Acting, Placed, following, sizes_of_forces, unfelt_states
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
@@ -197,7 +197,9 @@ class System:
     @cached_property
     def following(self) -> list[int]:
         """Numbers of the first-order states that only follow: no force, no row and no other state contains them."""
-        return following(self._elements, *self.states, unfelt_states(self.scene, self.names))
+        states, rows = self.states
+        unfelt = unfelt_states(self.scene, self.names) if len(states) else {}
+        return following(self._elements, states, rows, unfelt)
 
     def with_state_rates(self, q: Array, u: Array, time: Any = None) -> Array:
         """Return speeds in which the rates of the states follow from the others, shape (n_q,) or (points, n_q)."""
@@ -246,12 +248,10 @@ class System:
 
     def loads(self, q: Any, u: Any, a: Any, time: Any = None) -> Any:
         """Return the sum of the sizes of all forces and inertia on each coordinate, without cancellation, (n_q,)."""
-        total = np.zeros(self.n_q)
-        for _, part in self.parts():
-            if not part._elements[0].rows:
-                state = part.dynamics(q, u, time)
-                total += np.abs(state.F0 + state.M @ a)
-        return total
+        found = sizes_of_forces(self.acting(), q, u, a, self.scene.time if time is None else time)
+        if not np.isfinite(found).all():
+            raise self._overflow("dynamics", q, u, time, a, None)
+        return found
 
     def terms(self, q: Any, u: Any, a: Any, nu: Any, time: Any = None) -> dict[str, Any]:
         """Return M, F (= F0), J, K, R and D (= D_q) without cancellation: sums of sizes over the elements.

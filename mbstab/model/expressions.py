@@ -54,8 +54,38 @@ class ExpressionError(MbstabError):
         self.hint = hint
 
 
+class _Tree:
+    """What is asked of a node and all below it; found once, as the same texts share their nodes."""
+
+    def walk(self) -> Iterator[Node]:
+        """Yield every node."""
+        stack: list[Any] = [self]
+        while stack:
+            node = stack.pop()
+            yield node
+            stack.extend(_parts(node))
+
+    @cached_property
+    def used(self) -> tuple[Mapping[str, int], Mapping[str, int]]:
+        """Names that are not constants, and coordinates whose rate occurs, with the positions of their first use."""
+        names: dict[str, int] = {}
+        rates: dict[str, int] = {}
+        for node in self.walk():
+            if isinstance(node, Rate):
+                rates[node.name] = min(node.position, rates.get(node.name, node.position))
+            elif isinstance(node, Name) and node.name not in CONSTANTS:
+                names[node.name] = min(node.position, names.get(node.name, node.position))
+        return names, rates
+
+    @cached_property
+    def widths(self) -> list[tuple[str, Node]]:
+        """The widths over which functions are smoothed, each with the name of its function."""
+        calls = (node for node in self.walk() if isinstance(node, Call))
+        return [(node.function, node.arguments[-1]) for node in calls if CALLED[node.function].smoothed]
+
+
 @dataclass(frozen=True)
-class Number:
+class Number(_Tree):
     """A literal, kept as text so that every number system reads all its digits."""
 
     text: str
@@ -63,7 +93,7 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Name:
+class Name(_Tree):
     """A parameter, a constant, the time ``t`` or a coordinate ``body.x``."""
 
     name: str
@@ -71,7 +101,7 @@ class Name:
 
 
 @dataclass(frozen=True)
-class Rate:
+class Rate(_Tree):
     """The time derivative of a coordinate: ``rate(body.x)``."""
 
     name: str
@@ -79,7 +109,7 @@ class Rate:
 
 
 @dataclass(frozen=True)
-class Call:
+class Call(_Tree):
     """One of the listed functions applied to its arguments."""
 
     function: str
@@ -88,7 +118,7 @@ class Call:
 
 
 @dataclass(frozen=True)
-class Binary:
+class Binary(_Tree):
     """``left operator right`` with one of ``+ - * / **``."""
 
     operator: str
@@ -98,7 +128,7 @@ class Binary:
 
 
 @dataclass(frozen=True)
-class Negative:
+class Negative(_Tree):
     """``-operand``."""
 
     operand: Node
@@ -130,36 +160,20 @@ class Expression:
 
     def walk(self) -> Iterator[Node]:
         """Yield every node."""
-        stack: list[Node] = [self.root]
-        while stack:
-            node = stack.pop()
-            yield node
-            stack.extend(_parts(node))
+        return self.root.walk()
 
     def names(self) -> Mapping[str, int]:
         """Return the names that are not constants, with the position of their first use."""
-        return self._used[0]
+        return self.root.used[0]
 
     def rates(self) -> Mapping[str, int]:
         """Return the coordinates whose rate occurs, with the position of their first use."""
-        return self._used[1]
+        return self.root.used[1]
 
-    @cached_property
-    def _used(self) -> tuple[Mapping[str, int], Mapping[str, int]]:
-        names: dict[str, int] = {}
-        rates: dict[str, int] = {}
-        for node in self.walk():
-            if isinstance(node, Rate):
-                rates[node.name] = min(node.position, rates.get(node.name, node.position))
-            elif isinstance(node, Name) and node.name not in CONSTANTS:
-                names[node.name] = min(node.position, names.get(node.name, node.position))
-        return names, rates
-
-    @cached_property
+    @property
     def widths(self) -> list[tuple[str, Node]]:
         """The widths over which functions in it are smoothed, each with the name of its function."""
-        calls = (node for node in self.walk() if isinstance(node, Call))
-        return [(node.function, node.arguments[-1]) for node in calls if CALLED[node.function].smoothed]
+        return self.root.widths
 
     def pieced(self, coordinates: Container[str]) -> bool:
         """Whether it is piecewise in the motion: a function with a kink or a joint, of a coordinate or its rate."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
-from functools import partial, reduce
+from functools import lru_cache, partial, reduce
 from operator import add, mul, sub
 from typing import Any, NamedTuple
 
@@ -86,6 +86,7 @@ def is_angular_velocity(unit: str) -> bool:
     return _TURNS.fullmatch(unit) is not None
 
 
+@lru_cache(maxsize=256)
 def parse_unit(text: str) -> tuple[float, Dimension]:
     """Return the factor to SI and the dimension of a unit such as ``kg*m^2`` or ``N/(rad*s)``.
 

@@ -37,9 +37,10 @@ class State:
     a: Array
 
     @cached_property
-    def padded(self) -> tuple[Array, Array, Array]:
-        """q, u and a with one fixed coordinate appended."""
-        return np.append(self.q, 0.0), np.append(self.u, 0.0), np.append(self.a, 0.0)
+    def padded(self) -> tuple[list[float], list[float], list[float]]:
+        """The same lists with one fixed coordinate appended."""
+        q, u, a = self.listed
+        return [*q, 0.0], [*u, 0.0], [*a, 0.0]
 
     @cached_property
     def listed(self) -> tuple[list[float], list[float], list[float]]:
@@ -189,7 +190,7 @@ class ElementComparison:
         """Whether all elements have a value at a state."""
         try:
             for element in self.elements:
-                element.force(*state.listed, self.motion.time)
+                self._force(element, state)
         except (ArithmeticError, ValueError):
             return False
         return True
@@ -268,12 +269,13 @@ class ElementComparison:
                 if system.n_n:
                     shortest = self._shortest(state.J)
                 change = sizes * shortest(-state.V)
-                u = u + change
-                if np.all(np.abs(change) <= 1e-13 * np.max(np.abs(u / sizes)) * sizes):
+                if np.all(np.abs(change) <= 1e-13 * np.max(np.abs((u + change) / sizes)) * sizes):
                     break
+                u = u + change
+            else:
+                state = system.dynamics(q, u, time)
         except (MbstabError, ValueError, RuntimeError, np.linalg.LinAlgError):
             return None
-        state = system.dynamics(q, u, time)
         return OnRows(q, u, 0.0 * u, state) if self._holds(state, u, within) else None
 
     def _shortest(self, J: Any) -> Callable[[Array], Array]:
@@ -332,8 +334,7 @@ class ElementComparison:
         """Return the force of one element on its coordinates."""
         key = id(element), id(state)
         if key not in self._forces:
-            places = list(element.placed.columns)
-            own = [x[places].tolist() for x in state.padded]
+            own = [[x[i] for i in element.placed.columns] for x in state.padded]
             self._forces[key] = state, np.array(element.own_force(own, self.motion.time), dtype=float)
         return self._forces[key][1]
 
@@ -353,6 +354,9 @@ class ElementComparison:
         reached, rows = rows_of(T, columns)  # the element has no force on others
         F, moved = put(self._force(element, here), columns, reached, len(self.motion.q)), self._force(element, there)
         after: Array = moved @ rows
+        off = np.abs(F - after)
+        if not off.any():
+            return True
         mixed: Array = np.abs(moved) @ np.abs(rows)
         sizes = self.motion.sizes[reached]
         total = float(np.max((np.abs(F) + mixed) * sizes))
@@ -360,7 +364,6 @@ class ElementComparison:
             TOLERANCES.force_change * np.maximum(np.abs(F), np.abs(after))
             + TOLERANCES.force_change_rounding * total / sizes
         )
-        off = np.abs(F - after)
         if np.all(off <= allowed):
             return True
         # Where a force is a small difference, the rounding of coordinates and speeds matters.

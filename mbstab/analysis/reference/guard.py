@@ -11,10 +11,10 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
-from mbstab.analysis.reference.motion import Motion, motion_at, unbalance
+from mbstab.analysis.reference.motion import Finder, Motion, balanced
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
-from mbstab.compiler.system import Array, System
+from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, ModelFileError, percent
 from mbstab.model.schema import is_length
 
@@ -98,11 +98,12 @@ def _followed(
     for time in times:
         q, T = generator.flow(motion.q, time)
         u = generator.field(q)
-        if left := _left_rows(system, motion, q, u, time):
+        state = system.dynamics(q, u, motion.time + time)
+        if left := _left_rows(system, motion, state, u):
             raise ConstraintError(f"the steady motion leaves {', '.join(left)}")
-        later = _motion_at(motion, system, q, u, time)
+        later = _motion_at(motion, system, q, u, time, state)
         excess = (later.dynamics.M @ (later.a - generator.acceleration(q))) * motion.spaces.scale
-        if np.max(np.abs(excess)) > unbalance(system, later):
+        if not balanced(system, later, excess):
             worst = system.names[int(np.argmax(np.abs(excess)))]
             raise ConstraintError(f"the forces do not keep {worst} on the steady motion")
         later = replace(later, a=generator.acceleration(q))
@@ -110,14 +111,15 @@ def _followed(
         yield later, Matrices(T.T @ M @ T, T.T @ R @ T, T.T @ K @ T, J @ T, D_q @ T)
 
 
-def _motion_at(motion: Motion, system: System, q: Array, u: Array, time: float) -> Motion:
+def _motion_at(
+    motion: Motion, system: System, q: Array, u: Array, time: float, state: Dynamics | None = None
+) -> Motion:
     """Return a state of a motion some time later, without mass where that has none."""
-    return motion_at(system, q, u, motion.time + time, motion.massless is not None)
+    return Finder(system, motion.massless is not None).motion(q, u, motion.time + time, state=state)
 
 
-def _left_rows(system: System, motion: Motion, q: Array, u: Array, time: float) -> list[str]:
-    """Return the owners of constraint rows that a state does not satisfy."""
-    state = system.dynamics(q, u, motion.time + time)
+def _left_rows(system: System, motion: Motion, state: Dynamics, u: Array) -> list[str]:
+    """Return the owners of constraint rows that a state does not satisfy, given the matrices there."""
     allowed = TOLERANCES.residual * np.abs(state.J) @ motion.sizes
     fastest = float(np.max(np.abs(u / motion.sizes)))
     bad = [i for i in range(system.n_h) if abs(state.E[i]) > allowed[i]]
@@ -137,7 +139,7 @@ def _continuing(system: System, motion: Motion, matrices: Matrices) -> Iterator[
 def _moved(system: System, motion: Motion) -> Iterator[Motion]:
     """Yield the motion some way along its speeds: after a noticeable rotation, and after a noticeable shift."""
     u, a = motion.u, motion.a
-    if np.max(np.abs((motion.dynamics.M @ a) * motion.spaces.scale)) <= unbalance(system, motion):
+    if balanced(system, motion, (motion.dynamics.M @ a) * motion.spaces.scale):
         a = 0.0 * a  # steady: rounding must not add up
     lengths = _lengths(system)
     for kind in (~lengths, lengths):

@@ -35,21 +35,27 @@ def carrying(system: System, motion_at: tuple[Array, Array], time: float, sizes:
     return result
 
 
-def unbalance_at(
-    system: System, at: tuple[Array, Array, Array, Array], force: Array, sizes: Array, scale: Array, time: float
-) -> float:
-    """Return the tolerance for scaled forces that should vanish, at q, u, a and ν.
+def balanced_at(
+    system: System,
+    at: tuple[Array, Array, Array, Array],
+    left: Array,
+    force: Array,
+    sizes: Array,
+    scale: Array,
+    time: float,
+) -> bool:
+    """Return whether scaled forces that should vanish do so, at q, u, a and ν.
 
-    It is a small part of the forces that balance. Where springs and inertia balance by
-    themselves, it is at least the effect of rounded coordinates and speeds.
+    They may be a small part of the forces that balance. Where springs and inertia balance by
+    themselves, they may have at least the effect of rounded coordinates and speeds.
     """
-    scene = system.scene
+    scene, most = system.scene, float(np.max(np.abs(left), initial=0.0))
     gravity = float(np.linalg.norm(scene.gravity))
     weights = [math.sqrt(float(body.mass)) * gravity for body in scene.bodies]
-    balancing = max(float(np.max(np.abs(force * scale))), *weights)
-    return TOLERANCES.unbalance * balancing + TOLERANCES.coordinate_rounding * force_change(
-        system, at, sizes, scale, time
-    )
+    allowed = TOLERANCES.unbalance * max(float(np.max(np.abs(force * scale))), *weights)
+    if most <= allowed:
+        return True
+    return most <= allowed + TOLERANCES.coordinate_rounding * force_change(system, at, sizes, scale, time)
 
 
 def force_change(

@@ -23,7 +23,7 @@ from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, scaled, sizes_times
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
-from mbstab.analysis.reference.imbalance import carrying, state_rounding, unbalance_at
+from mbstab.analysis.reference.imbalance import balanced_at, carrying, state_rounding
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration, turns_and_degrees
 from mbstab.analysis.reference.state_units import balanced_states, characteristic_sizes
@@ -214,8 +214,7 @@ class Finder:
 
     def assemble(self, q: Array, missing: npt.NDArray[np.bool_]) -> Array:
         """Solve C = 0 for the missing coordinates: damped Gauss-Newton steps of minimum norm."""
-        sizes, zero = self.sizes, np.zeros(self.system.n_q)
-        n_h = self.system.n_h
+        sizes, zero, n_h = self.sizes, np.zeros(self.system.n_q), self.system.n_h
         columns = np.flatnonzero(missing)
 
         def state(x: Array) -> tuple[Array, Array]:
@@ -230,6 +229,7 @@ class Finder:
             scaled = np.linalg.lstsq(J[:, columns], -E, rcond=1e-12)[0]
             step[columns] = scaled * sizes[columns]
             fraction, before = 1.0, float(np.linalg.norm(E))
+            least = 1e-4 if float(np.linalg.norm(step / sizes)) > TOLERANCES.assembly_rounding else 1.0
             # Where linear rows promise nothing, no state is near.
             promised = float(np.linalg.norm(E + J[:, columns] @ scaled))
             if not np.any(step) or promised > (1.0 - TOLERANCES.assembly_gain) * before:
@@ -237,7 +237,7 @@ class Finder:
             while True:
                 trial = q + fraction * step
                 E, J = state(trial)
-                if np.linalg.norm(E) <= before * (1.0 - 1e-4 * fraction) or fraction < 1e-4:
+                if np.linalg.norm(E) <= before * (1.0 - 1e-4 * fraction) or fraction <= least:
                     break
                 fraction *= 0.5
             improved = float(np.linalg.norm(E)) < before
@@ -501,7 +501,7 @@ class Finder:
         scale, state = motion.spaces.scale, motion.dynamics
         force = (state.F0 + state.M @ motion.a + state.J.T @ motion.nu) * scale
         left = motion.massless @ (motion.massless.T @ force)
-        if np.max(np.abs(left)) > unbalance(self.system, motion):
+        if not balanced(self.system, motion, left):
             worst = int(np.argmax(np.abs(left)))
             self.refuse_unbalanced(worst, math.inf, float(-left[worst] / scale[worst]))
 
@@ -518,7 +518,7 @@ class Finder:
     def _check_steady(self, motion: Motion, expected: Array, steady: Generator) -> None:
         """Refuse a steady motion, or a state at rest, that does not persist."""
         spaces, scale, excess = motion.spaces, motion.spaces.scale, motion.a - expected
-        if np.max(np.abs((motion.dynamics.M @ excess) * scale)) <= unbalance(self.system, motion):
+        if balanced(self.system, motion, (motion.dynamics.M @ excess) * scale):
             return
         worst = int(np.argmax(np.abs(excess / scale)))
         name = self.system.names[worst]
@@ -593,7 +593,7 @@ class Finder:
                 raise ConstraintError(singular_configuration(total / single, names))
 
 
-def unbalance(system: System, motion: Motion) -> float:
-    """Return the tolerance for scaled forces that should vanish; see `unbalance_at`."""
+def balanced(system: System, motion: Motion, left: Array) -> bool:
+    """Return whether scaled forces that should vanish do so; see `balanced_at`."""
     at = motion.q, motion.u, motion.a, motion.nu
-    return unbalance_at(system, at, motion.dynamics.F0, motion.sizes, motion.spaces.scale, motion.time)
+    return balanced_at(system, at, left, motion.dynamics.F0, motion.sizes, motion.spaces.scale, motion.time)

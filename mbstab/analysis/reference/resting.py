@@ -24,7 +24,7 @@ from mbstab.analysis.algebra.sparse_rank import Rows, SparseRank, sparse_rank
 from mbstab.analysis.algebra.subspaces import Redundancy, coordinate_scale, require_gap
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.coefficients import Matrices
-from mbstab.analysis.reference.imbalance import unbalance_at
+from mbstab.analysis.reference.imbalance import balanced_at
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.refusals import singular_configuration
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -176,7 +176,7 @@ def _balanced(finder: Finder, rest: Rest, J: Any) -> Rest:
     multipliers[rest.kept] = np.asarray(nu, dtype=float) * rest.row_scale[rest.kept]
     found = replace(rest, nu=multipliers)
     at = found.q, 0.0 * found.q, 0.0 * found.q, found.nu
-    if np.max(np.abs(left), initial=0.0) > unbalance_at(system, at, rest.dynamics.F0, rest.sizes, scale, rest.time):
+    if not balanced_at(system, at, left, rest.dynamics.F0, rest.sizes, scale, rest.time):
         worst = int(np.argmax(np.abs(left)))
         finder.refuse_unbalanced(worst, float(-left[worst] * scale[worst]), float(-left[worst] / scale[worst]))
     return replace(found, displaced=_displaced(found, allowed))

@@ -112,14 +112,11 @@ class Invariance(SymmetryCandidates):
             return False
         direction = shift.direction
         step = self.rate * float(self.motion.sizes.max()) * TOLERANCES.trial_move / float(np.max(np.abs(direction)))
-        faster = short(step) * direction
+        faster, identity = short(step) * direction, unchanged(len(direction))
+        pairs = [(x, State(x.q, x.u + part * faster, x.a)) for x in self.states for part in TOLERANCES.trial_parts]
         for element in self.containing(shift):
-            if not element.analytic:
+            if not element.analytic or not all(self.same(element, *pair, identity, exact=True) for pair in pairs):
                 return False
-            for state, part in ((state, part) for state in self.states for part in TOLERANCES.trial_parts):
-                there = State(state.q, state.u + part * faster, state.a)
-                if not self.same(element, state, there, unchanged(len(direction)), exact=True):
-                    return False
         touched = self._containing(shift)
         try:
             faithful = all(self.satisfies(state.q, state.u + faster, part=touched) for state in self.on_rows)
