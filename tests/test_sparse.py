@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 from chains import four_bar_loops, hanging_chain, spring_chain, straight_chain, string_of_points
 from random_mechanisms import random_mechanism
 
@@ -17,7 +18,9 @@ from mbstab.analysis.algebra.sparse_rank import last_rows, sparse_null_space, sp
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
+from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues
+from mbstab.analysis.verdict.work import Work
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
 
 
@@ -146,7 +149,7 @@ def test_arrays_of_rounded_numbers_are_rounded_numbers():
         found = case(g, one, other)
         for v, e, x, y in zip(found.v, found.e, *pairs, strict=True):
             known = case(f, x, y)
-            assert v == known.v
+            assert v == pytest.approx(known.v, rel=1e-15)  # sines of arrays and of numbers
             assert e == pytest.approx(known.e, rel=1e-12)
 
 
@@ -291,3 +294,44 @@ def test_few_zeros_that_nothing_explains_are_those_of_small_scenes():
     _agree(known, sparse)
     assert sparse.verdict == "undecided"
     assert max(e.error_bound for e in sparse.eigenvalues if e.kind == "undecided") < 1e-5
+
+
+def on_a_slide(text):
+    """Return the text of a planar chain whose upper end slides along x."""
+    model = yaml.safe_load(text)
+    del model["joints"]["pin_0"]
+    model["constraints"] = {"slide": {"holonomic": "rod_0.y - 0.5*sin(rod_0.theta)"}}
+    return yaml.safe_dump(model, sort_keys=False)
+
+
+CHAINS = {
+    "pinned": (straight_chain(45), True, []),
+    "damped": (straight_chain(45, damping=0.01), True, []),
+    "sliding": (on_a_slide(straight_chain(45)), False, ["translation along x"]),
+    "spherical": (straight_chain(30, "spherical"), False, [f"rod_{i}.psi" for i in range(30)]),
+}
+
+
+@pytest.mark.parametrize(("text", "alone", "names"), CHAINS.values(), ids=CHAINS)
+def test_what_rests_alone_is_moved_by_no_symmetry(text, alone, names, monkeypatch):
+    system = in_sparse(mbstab.loads(text).system())
+    motion = reference_motion(system)
+    invariance = Invariance(system, motion)
+    assert invariance._isolated() is alone
+    assert [item.name for item in invariance.symmetries] == names
+    monkeypatch.setattr(Invariance, "_isolated", lambda self: False)
+    assert [item.name for item in Invariance(system, motion).symmetries] == names
+
+
+@pytest.mark.parametrize("text", [CHAINS["pinned"][0], CHAINS["sliding"][0]], ids=["pinned", "sliding"])
+def test_rows_of_coordinates_alone_do_no_work(text, monkeypatch):
+    system = in_sparse(mbstab.loads(text).system())
+    motion = reference_motion(system)
+
+    def work():
+        found = Work(Invariance(system, motion), motion.generators[0])
+        return found.rows_at_rest, found.conserved, found.reversible
+
+    assert work() == (True, True, True)
+    monkeypatch.setattr(Invariance, "rows_of_places", False)
+    assert work() == (True, True, True)

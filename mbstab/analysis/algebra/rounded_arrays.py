@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
+from mbstab.analysis.algebra.rounded import FUNCTION, UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
 from mbstab.compiler.grouped import Form, Numbers, Pattern
 from mbstab.compiler.system import Array
 from mbstab.model.arithmetic import Arithmetic
@@ -113,11 +113,25 @@ def _each(name: str) -> Any:
     return function
 
 
+def _wave(function: Any, slope: Any, one: Any) -> Any:
+    """Return the sine or the cosine, whose slope is at most 1 and changes no faster than its argument."""
+
+    def wave(x: Any) -> Any:
+        if not isinstance(x, RoundedArray):
+            return one(x)
+        v, d = function(x.v), x.e
+        error = np.minimum(1.0, np.abs(slope(x.v)) + d) * d + FUNCTION * np.abs(v)
+        return RoundedArray(v, np.where((x.v == 0.0) & (d == 0.0), 0.0, error))
+
+    return wave
+
+
 @cache
 def _arithmetic() -> Arithmetic:
     plain = rounded_arithmetic()
     names = ["power", *(name for name, entry in TABLE.items() if entry.formula is None)]
     functions = {name: _each(name) for name in names}
+    functions |= {"sin": _wave(np.sin, np.cos, plain.sin), "cos": _wave(np.cos, np.sin, plain.cos)}
     return Arithmetic("rounded", plain.number, plain.constants, functions)
 
 

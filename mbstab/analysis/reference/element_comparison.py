@@ -228,6 +228,15 @@ class ElementComparison:
         )
         return len(self.on_rows) > 1 and not pieced
 
+    @cached_property
+    def rows_of_places(self) -> bool:
+        """Whether rows contain coordinates alone, so that their rates are J(q) u: no speeds and no time."""
+        system, scene = self.system, self.system.scene
+        if system.n_n or scene.timed or scene.balances:
+            return False
+        written = (item for item in scene.items if item.kind.written in ROWS)
+        return not any(x.rates() for item in written for x in expressions_in(item.entry.values))
+
     def projected(self, rng: RandomNumbers, spread: float) -> OnRows | None:
         """Return a state near a random one that satisfies the constraints, or None if there is none."""
         motion, sizes = self.motion, self.motion.sizes
@@ -261,7 +270,7 @@ class ElementComparison:
                 if float(np.max(np.abs(step))) > 4.0:
                     return None
                 q = q + sizes * step
-                if float(np.max(np.abs(step))) < 1e-13:
+                if float(np.max(np.abs(step))) < TOLERANCES.settled_onto_rows:
                     break
             # Rows are linear in the speeds, up to slips.
             for _ in range(TOLERANCES.newton_steps_onto_rows if system.n_n else 2 * bool(n_h)):

@@ -67,6 +67,11 @@ class Generator:
         return bool(np.any(self.rate))
 
     @property
+    def moves(self) -> bool:
+        """Whether anything moves; if not, X is zero everywhere."""
+        return self.turns or bool(np.any(self.velocity)) or bool(np.any(self.spins))
+
+    @property
     def starts(self) -> bool:
         """Whether the ground does not rotate, but its rate has a slope: it would with another value of a parameter."""
         return self.turns and not float(self.rate)

@@ -60,8 +60,7 @@ class Invariance(SymmetryCandidates):
         found = [candidate for candidate, good in zip(candidates, carried, strict=True) if good]
         for generator in self.motion.generators:
             # The reference may follow several groups, of which the simplest need not be a symmetry.
-            moves = generator.turns or np.any(generator.velocity) or np.any(generator.spins)
-            if moves and self.steady(generator):
+            if generator.moves and self.steady(generator):
                 return [*found, ("the motion itself", self.along(generator))]
         return found
 

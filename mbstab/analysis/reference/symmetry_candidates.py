@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.sparse import largest, row_norms, scaled
+from mbstab.analysis.algebra.sparse import bordered, largest, row_norms, scaled
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import (
@@ -176,6 +176,8 @@ class SymmetryCandidates(ElementComparison):
         from mbstab.analysis.algebra.sparse_rank import Rows, sparse_null_space, with_unit_rows
 
         system, sizes = self.system, self.motion.sizes
+        if self._isolated():
+            return np.zeros((system.n_q, 0))
         rows, forces, held = [], [], []
         for state in self.on_rows:
             dynamics = state.dynamics
@@ -198,12 +200,30 @@ class SymmetryCandidates(ElementComparison):
             return blind
         for force, J in zip(forces, held, strict=True):
             push, lengths = force @ blind, row_norms(J)
-            redundant = {id(item.row) for item in self.motion.redundant}
-            kept = [i for i, row in enumerate(system.rows) if id(row) not in redundant]
-            pushes.append(Rows(scaled(J, np.ones(system.n_q), 1.0 / lengths)[kept]).allowed(push))
+            pushes.append(Rows(scaled(J, np.ones(system.n_q), 1.0 / lengths)[self._kept_rows]).allowed(push))
         _, s, right = np.linalg.svd(np.vstack(pushes), full_matrices=False)
         result: Array = blind @ right[int(np.sum(s > 1e-8)) :].T
         return result
+
+    @property
+    def _kept_rows(self) -> list[int]:
+        redundant = {id(item.row) for item in self.motion.redundant}
+        return [i for i, row in enumerate(self.system.rows) if id(row) not in redundant]
+
+    def _isolated(self) -> bool:
+        """Whether a large scene rests where it has no neighbouring rest to first order: no shift is a symmetry then."""
+        from mbstab.analysis.algebra.sparse_rank import smallest_singular_values, with_unit_rows
+
+        motion, system, sizes = self.motion, self.system, self.motion.sizes
+        if not motion.at_rest or motion.massless is not None or system.n_n:
+            return False
+        K = scaled(system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)[0], sizes, sizes)
+        strongest = largest(K)
+        if not strongest:
+            return False
+        J = with_unit_rows(scaled(motion.dynamics.J, sizes)[self._kept_rows])
+        s, _ = smallest_singular_values(bordered(K * (1.0 / strongest), J).tocsr(), ALGEBRA.direction_unseen, 0)
+        return float(np.min(s)) > TOLERANCES.shift_felt
 
     def _axes(self) -> Iterator[tuple[str, Array, Array]]:
         """Yield the rotations worth trying: name, axis and a point on it."""

@@ -205,6 +205,8 @@ class Tolerances:
     """Rates of first-order states agree to this, relative to the terms of their change, where steps are not exact."""
     row_residual: Final = 1e-12
     """Constraint rows hold to this at the states that are compared, relative to the sizes in the scene."""
+    shift_felt: Final = 1e-6
+    """Forces and rows that change by more, relative to the strongest, along every shift leave no neighbouring rest."""
     repeated_row_misfit: Final = 30.0
     """Redundant rows agree elsewhere to this many times their disagreement in direction at the reference."""
     resting_speed: Final = 1e-6
@@ -214,7 +216,10 @@ class Tolerances:
     state_surroundings: Final = 1e-3
     """Spread of the states near the reference, relative to that of the others."""
     newton_steps_onto_rows: Final = 25
-    """Newton steps onto the constraints for a state that is compared."""
+    """Newton steps onto the constraints for a state that is compared …"""
+    settled_onto_rows: Final = 1e-9
+    """… until one is smaller than this, relative to the sizes in the scene: what is left is of the order of its square.
+    """
     parameter_offset: Final = 1e-6
     """Relative perturbation of the parameters of expressions in the search for structure."""
     state_coupling: Final = 1e-9

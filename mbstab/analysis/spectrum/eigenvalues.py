@@ -25,7 +25,7 @@ from mbstab.analysis.bounds.location import enclosures, enclosures_of
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
-from mbstab.analysis.spectrum.named_motions import Telling, Told, Whirl
+from mbstab.analysis.spectrum.named_motions import Telling, Told, Whirl, mirrored
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
@@ -205,11 +205,11 @@ class Modes:
     def __init__(self, linear: Linearization, placed: Placed) -> None:
         self.placed, scale = placed, linear.spaces.scale
         motion = linear.motion
-        self.telling = Telling.of(linear.system, motion.q, motion.sizes, lambda: scale[:, None] * linear.spaces.N)
+        telling = Telling.of(linear.system, motion.q, motion.sizes, lambda: scale[:, None] * linear.spaces.N)
         self.whirl = Whirl(linear.system, linear.motion, linear.generator)
-        self._told: dict[int, Told] = {}
         self._shares = participation(scaled(linear.M, scale, scale), linear.names, placed.vectors)
         self._shapes = mode_shapes(scale[:, None] * placed.vectors, linear.motion.sizes)
+        self._told = telling.told(self._shapes)
 
     def of(self, i: int) -> tuple[dict[str, float], Complex | None, Told]:
         """Return the participation of the bodies, the shape of a mode, and the motions by which it is told."""
@@ -217,12 +217,10 @@ class Modes:
         j = i if placed.column is None else int(placed.column[i])
         shape = self._shapes[j]
         shares = self._shares[j] if shape is not None else {}
-        if j not in self._told:
-            self._told[j] = self.telling.told(shape)
         told = self._told[j]
         if placed.column is None or placed.values[i].imag >= 0.0 or shape is None:
             return shares, shape, told
-        return shares, shape.conj(), tuple((name, x.conjugate() + 0.0) for name, x in told)
+        return shares, shape.conj(), mirrored(told)
 
 
 def mode_shapes(dq: Any, sizes: Array) -> list[Complex | None]:

@@ -28,7 +28,7 @@ from mbstab.analysis.reference.resting import at_rest
 from mbstab.analysis.spectrum.census import Resting, census, resting
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues, inexact, mode_shapes, participation, with_saddles
 from mbstab.analysis.spectrum.few import Few, few
-from mbstab.analysis.spectrum.named_motions import Telling
+from mbstab.analysis.spectrum.named_motions import Telling, mirrored
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.constancy import time_doubt
@@ -210,15 +210,16 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
     shares = participation(equations.matrices.M, subject.names, found.vectors)
     vectors = mode_shapes(equations.scale[:, None] * found.vectors, subject.sizes)
     telling = Telling.of(subject.system, subject.q, subject.sizes, lambda: _allowed(equations))
+    motions = telling.told(vectors)
     for i, (disc, share, vector) in enumerate(zip(discs, shares, vectors, strict=True)):
         e = Eigenvalue(
             disc.centre, _kind(disc), disc.radius, float(found.condition[i]), float(found.backward_error[i]),
-            share, vector=vector, motions=telling.told(vector),
+            share, vector=vector, motions=motions[i],
         )  # fmt: skip
         listed.append(e)
         if disc.centre.imag:
             other = None if vector is None else vector.conj()
-            listed.append(replace(e, value=disc.centre.conjugate(), vector=other, motions=telling.told(other)))
+            listed.append(replace(e, value=disc.centre.conjugate(), vector=other, motions=mirrored(motions[i])))
     listed = with_saddles(listed)
     listed += [Eigenvalue(0j, "neutral", math.nan, math.nan, math.nan) for _ in range(neutral)]
     listed.sort(key=lambda e: (e.exact, -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))

@@ -102,7 +102,8 @@ class Telling:
         named = NamedMotions.of(system, q, scales)
         relative = named.rows / named.sizes[:, None]
         basis = np.linalg.qr(allowed() / scales[:, None])[0] * scales[:, None]
-        rows = relative @ basis
+        # Below the motions of joints, rows are those of single coordinates.
+        rows = np.vstack([relative[: named.joints] @ basis, basis / named.sizes[named.joints :, None]])
         # What the holonomic rows hold moves by rounding only.
         rows[np.linalg.norm(rows, axis=1) <= TOLERANCES.told_held * np.linalg.norm(relative * scales, axis=1)] = 0.0
         chosen = _independent(rows, [range(named.joints), *_by_mass(system, named)])
@@ -113,23 +114,32 @@ class Telling:
         """Which motions are first-order states."""
         return np.array([is_state(name) and not is_measure(name) for name in self.names])
 
-    def told(self, shape: Complex | None) -> Told:
-        """Return the motions of a mode, shape (n_q,), that are not small, the largest first."""
-        if shape is None or not len(self.names):
-            return ()
-        moved = self.rows @ shape
+    def told(self, shapes: Sequence[Complex | None]) -> list[Told]:
+        """Return for each mode, shape (n_q,), its motions that are not small, the largest first."""
+        found: list[Told] = [()] * len(shapes)
+        known = [(k, shape) for k, shape in enumerate(shapes) if shape is not None]
+        if not known or not len(self.names):
+            return found
+        moved = np.array([shape for _, shape in known]) @ self.rows.T
         sizes = np.abs(moved)
-        if np.any(sizes[~self._states] > 0.0):
-            sizes[self._states] = 0.0  # in units of their own
-        most = float(np.max(sizes))
-        if not most > 0.0:
-            return ()
+        bodily = np.any(sizes[:, ~self._states] > 0.0, axis=1)
+        sizes[np.ix_(bodily, self._states)] = 0.0  # in units of their own
+        most = np.max(sizes, axis=1)
         # The first of those that move equally, so that rounding does not decide.
-        first = int(np.argmax(sizes >= (1.0 - 1e-9) * most))
-        large = np.flatnonzero(sizes >= TOLERANCES.told_part * most)
-        order = large[np.argsort(-sizes[large], kind="stable")][: TOLERANCES.told_motions + 1].tolist()
-        order = [first, *(i for i in order if i != first)][: TOLERANCES.told_motions]
-        return tuple((self.names[i], complex(moved[i] / moved[first]) + 0.0) for i in order)
+        first = np.argmax(sizes >= (1.0 - 1e-9) * most[:, None], axis=1).tolist()
+        orders = np.argsort(-sizes, axis=1, kind="stable")[:, : TOLERANCES.told_motions + 1]
+        large = np.take_along_axis(sizes, orders, axis=1) >= TOLERANCES.told_part * most[:, None]
+        for (k, _), row, i, order, told, size in zip(known, moved, first, orders, large, most, strict=True):
+            if size > 0.0:
+                chosen = [i, *(j for j in order[told].tolist() if j != i)][: TOLERANCES.told_motions]
+                parts = (row[chosen] / row[i]).tolist()
+                found[k] = tuple((self.names[j], x + 0.0) for j, x in zip(chosen, parts, strict=True))
+        return found
+
+
+def mirrored(told: Told) -> Told:
+    """Return the motions of the conjugate mode."""
+    return tuple((name, x.conjugate() + 0.0) for name, x in told)
 
 
 def _by_mass(system: System, named: NamedMotions) -> Iterator[list[int]]:
@@ -219,7 +229,7 @@ class Whirl:
         value : complex (1/s)
         shape : ndarray of complex, shape (n_q,), or None
         """
-        if shape is None:
+        if shape is None or not self.rotors:
             return ""
         found = [self._circles(rotor, value.imag, shape) for rotor in self.rotors]
         most = max((sum(x) for x in found), default=0.0)

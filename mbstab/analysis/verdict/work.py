@@ -112,6 +112,9 @@ class Work:
     def _homogeneous(self, field: Any, system: System, rows: Any = slice(None)) -> bool:
         """Whether the rows of a system, or some of them, hold for u = X(q), and are linear in u − X."""
         motion = self.motion
+        still = field is np.zeros_like or self.generator is None or not self.generator.moves
+        if still and self.invariance.rows_of_places:
+            return True
         if not system.n_c or not self.invariance.seen:
             return self.invariance.seen
         for state in self.invariance.on_rows:
@@ -230,6 +233,8 @@ class Work:
         return self._rows_odd() and all(self._even(e) for e in self.invariance.elements)
 
     def _rows_odd(self) -> bool:
+        if self.invariance.rows_of_places:
+            return True
         odd = all(self.invariance.satisfies(state.q, -state.u) for state in self.invariance.on_rows)
         return odd and self.rows_at_rest
 
