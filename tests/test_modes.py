@@ -361,3 +361,33 @@ def test_a_long_chain_with_a_circulatory_force_is_counted_right(damping, unstabl
     places = "".join(f"    p{i}: {{x: 0, y: 0}}\n" for i in range(n))
     text = f"mbstab: 1\nbodies:\n{bodies}joints:\n{rails}forces:\n{forces}reference:\n  coordinates:\n{places}"
     assert mbstab.loads(text).modes(2).counts.unstable_proven == unstable
+
+
+TURNING = """mbstab: 1
+parameters: {{w: 1.512}}
+bodies:
+  hub: {{type: planar, mass: 2, inertia: 0.7, points: {{B: [0.7, 0.3]}}}}
+  arm: {{type: planar, mass: 1.5, inertia: 1.1, points: {{F: [-0.6, 0]}}}}
+joints:
+  axle: {{type: revolute, between: [hub, ground]}}
+  hinge: {{type: revolute, between: [arm.F, hub.B]}}
+forces:
+  hinge: {{type: joint_spring, joint: hinge, stiffness: 27, damping: {damping}, rest: 0.31}}
+  motor: {{type: expression, on: {{hub.theta: '1.5*(w - rate(hub.theta))'}}}}
+reference:
+  {{find: steady, coordinates: {{hub: {{theta: 0.3}}}}, rates: {{hub: {{theta: w}}}}, steady: {{axis: z, rate: w}}}}
+"""
+
+
+@pytest.mark.parametrize("damping", [0, 0.4, 40])
+@pytest.mark.parametrize("rightmost", [False, True])
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_the_zero_of_a_steady_turn_is_one_value_and_hides_no_others(count, rightmost, damping):
+    model = mbstab.loads(TURNING.format(damping=damping))
+    every = [e.value for e in model.eig().eigenvalues]
+    upper = sorted((s for s in every if s.imag >= 0), key=lambda s: -s.real if rightmost else abs(s))
+    found = model.modes(count, rightmost=rightmost)
+    values = [e.value for e in found.eigenvalues if e.value.imag >= 0]
+    assert np.allclose(values, sorted(upper[:count], key=lambda s: -s.real), rtol=0, atol=1e-10)
+    assert found.counts.found == len(found.eigenvalues) <= found.counts.expected
+    assert not any("lost" in warning for warning in found.warnings)

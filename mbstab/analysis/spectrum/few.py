@@ -95,8 +95,8 @@ def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool)
         if p[1][4]
         < max(TOLERANCES.correction_of_eigenvalue * abs(p[0]), TOLERANCES.correction_beyond_rounding * p[1][0])
     ]
-    s = np.array([p[0] for p in pairs])
     first, residual = (np.array([p[1][k] for p in pairs]) for k in (0, 1))
+    s = np.array([_real_if_alone(p[0], p[1][0], p[2]) for p in pairs])
     strength = np.array([p[1][2] for p in pairs])
     gaps = _gaps(s, np.array([p[3] for p in pairs]))
     with np.errstate(all="ignore"):
@@ -107,6 +107,12 @@ def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool)
     X = np.stack([p[2] for p in pairs], axis=1) if pairs else np.zeros((equations.n_q, 0), dtype=complex)
     order = np.argsort(np.abs(s - shift), kind="stable")
     return _once(Few(s, bounds, condition, backward, X, reach).only(order))
+
+
+def _real_if_alone(s: complex, bound: float, x: Complex) -> complex:
+    """Return an eigenvalue without its imaginary part if that is rounding: its conjugate has the same vector."""
+    alone = abs(s.imag) <= bound and abs(np.dot(x, x)) > TOLERANCES.equal_vectors_cosine * np.linalg.norm(x) ** 2
+    return complex(s.real) if alone else s
 
 
 def _once(found: Few) -> Few:
@@ -162,6 +168,10 @@ def _searched(equations: SparseEquations, start: complex, wanted: int) -> tuple[
             start, aside = start + aside, 10.0 * aside
             continue
         distance = np.abs(values - start)
+        if len(values) == 1 < min(wanted, equations.n_left):
+            # The shift is an eigenvalue but for rounding, and the others are lost beside it.
+            start, aside = start + aside, 10.0 * aside
+            continue
         if len(values) == 1 or np.min(distance) >= TOLERANCES.search_start_nearest * np.max(distance):
             break
         aside = TOLERANCES.search_start_aside * float(np.max(distance))
@@ -186,10 +196,13 @@ def _unmatched(others: Complex, values: Complex) -> list[int]:
 
 
 def _upper(values: Complex, vectors: Complex, shift: complex) -> tuple[Complex, Complex]:
-    """Return one of each conjugate pair, the nearest first."""
+    """Return one of each conjugate pair, the nearest first; what has no partner, by rounding, is above the axis."""
     real = np.abs(values.imag) <= TOLERANCES.real_value * np.abs(values)
     values = np.where(real, values.real, values)
-    upper = np.flatnonzero(real | (values.imag > 0.0))
+    above = real | (values.imag > 0.0)
+    lonely = np.flatnonzero(~above)[_unmatched(values[~above].conj(), values[above])]
+    values[lonely], vectors[:, lonely] = values[lonely].conj(), vectors[:, lonely].conj()
+    upper = np.union1d(np.flatnonzero(above), lonely)
     order = upper[np.argsort(np.abs(values[upper] - shift), kind="stable")]
     return values[order], vectors[:, order]
 
