@@ -143,7 +143,7 @@ class ElementComparison:
     def rate(self) -> float:
         """A characteristic rate of the scene (1/s)."""
         motion, scale = self.motion, self.motion.spaces.scale
-        K, R, _ = self.system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
+        K, R = self.slopes_there
         # States may be in any unit.
         scale = scale.copy()
         scale[self.system.states[0]] = 0.0
@@ -151,6 +151,12 @@ class ElementComparison:
         sizes = float(np.max(np.abs(motion.u) / motion.sizes)), K**0.5, R
         # Where nothing acts and nothing moves, moving surfaces give the only rate.
         return max(sizes) or self._surface_rate or 1.0
+
+    @cached_property
+    def slopes_there(self) -> tuple[Any, Any]:
+        """K = ∂F/∂q and R = ∂F/∂u at the reference."""
+        motion = self.motion
+        return self.system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)[:2]
 
     @property
     def _surface_rate(self) -> float:

@@ -55,7 +55,11 @@ class Invariance(SymmetryCandidates):
     @cached_property
     def fields(self) -> list[tuple[str, Field]]:
         """All verified groups with their names, including those that do not move the reference."""
+        q, sizes = self.motion.q, self.motion.sizes
         candidates = list(self._candidates())
+        if self.isolated:
+            # A symmetry that moved the reference would lead to other rests beside it.
+            candidates = [x for x in candidates if np.all(np.abs(x[1].field(q)) < TOLERANCES.field_felt * sizes)]
         carried = self.passing([field for _, field in candidates], self.carries)
         found = [candidate for candidate, good in zip(candidates, carried, strict=True) if good]
         for generator in self.motion.generators:
@@ -73,7 +77,7 @@ class Invariance(SymmetryCandidates):
             direction, rate = field.field(motion.q), field.slope(motion.q) @ motion.u
             vector = self.disturbance(direction, rate)
             length = float(np.linalg.norm(vector))
-            if length < 1e-9:
+            if length < TOLERANCES.field_felt:
                 continue
             count = len(found)
             room[count] = vector / length

@@ -33,7 +33,8 @@ class SymmetryCandidates(ElementComparison):
 
     def _candidates(self) -> Iterator[tuple[str, Field]]:
         """Yield the groups worth trying, the simplest first."""
-        yield from self._shifts()
+        if not self.isolated:
+            yield from self._shifts()
         system = self.system
         for name, axis, point in self._axes():
             plain = Generator(system, axis, point, 1.0, np.zeros(3), np.zeros(system.n_q))
@@ -176,8 +177,6 @@ class SymmetryCandidates(ElementComparison):
         from mbstab.analysis.algebra.sparse_rank import Rows, sparse_null_space, with_unit_rows
 
         system, sizes = self.system, self.motion.sizes
-        if self._isolated():
-            return np.zeros((system.n_q, 0))
         rows, forces, held = [], [], []
         for state in self.on_rows:
             dynamics = state.dynamics
@@ -210,19 +209,25 @@ class SymmetryCandidates(ElementComparison):
         redundant = {id(item.row) for item in self.motion.redundant}
         return [i for i, row in enumerate(self.system.rows) if id(row) not in redundant]
 
-    def _isolated(self) -> bool:
-        """Whether a large scene rests where it has no neighbouring rest to first order: no shift is a symmetry then."""
-        from mbstab.analysis.algebra.sparse_rank import smallest_singular_values, with_unit_rows
-
+    @cached_property
+    def isolated(self) -> bool:
+        """Whether the reference rests where there is no other rest beside it, to first order."""
         motion, system, sizes = self.motion, self.system, self.motion.sizes
-        if not motion.at_rest or motion.massless is not None or system.n_n:
+        if not motion.at_rest or motion.massless is not None or system.n_n or system.scene.timed:
             return False
-        K = scaled(system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)[0], sizes, sizes)
+        K = scaled(self.slopes_there[0], sizes, sizes)
         strongest = largest(K)
         if not strongest:
             return False
-        J = with_unit_rows(scaled(motion.dynamics.J, sizes)[self._kept_rows])
-        s, _ = smallest_singular_values(bordered(K * (1.0 / strongest), J).tocsr(), ALGEBRA.direction_unseen, 0)
+        J = scaled(motion.dynamics.J, sizes)
+        J = scaled(J, np.ones(system.n_q), 1.0 / row_norms(J))[self._kept_rows]
+        K = K * (1.0 / strongest)
+        if not system.sparse:
+            whole = np.block([[K, J.T], [J, np.zeros((len(J), len(J)))]])
+            return float(np.min(np.linalg.svd(whole, compute_uv=False))) > TOLERANCES.shift_felt
+        from mbstab.analysis.algebra.sparse_rank import smallest_singular_values
+
+        s, _ = smallest_singular_values(bordered(K, J).tocsr(), ALGEBRA.direction_unseen, 0)
         return float(np.min(s)) > TOLERANCES.shift_felt
 
     def _axes(self) -> Iterator[tuple[str, Array, Array]]:

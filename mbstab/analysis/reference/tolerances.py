@@ -206,7 +206,9 @@ class Tolerances:
     row_residual: Final = 1e-12
     """Constraint rows hold to this at the states that are compared, relative to the sizes in the scene."""
     shift_felt: Final = 1e-6
-    """Forces and rows that change by more, relative to the strongest, along every shift leave no neighbouring rest."""
+    """Where forces and rows change by more in every direction, relative to the strongest, no other rest is near."""
+    field_felt: Final = 1e-9
+    """A field that moves the reference by less, relative to the sizes in the scene, does not move it."""
     repeated_row_misfit: Final = 30.0
     """Redundant rows agree elsewhere to this many times their disagreement in direction at the reference."""
     resting_speed: Final = 1e-6
