@@ -64,6 +64,8 @@ class Invariance(SymmetryCandidates):
         found = [candidate for candidate, good in zip(candidates, carried, strict=True) if good]
         for generator in self.motion.generators:
             # The reference may follow several groups, of which the simplest need not be a symmetry.
+            if any(isinstance(field, Turn) and field.generator.turns_as(generator) for _, field in found):
+                self._steady[self._key(generator)] = True
             if generator.moves and self.steady(generator):
                 return [*found, ("the motion itself", self.along(generator))]
         return found
@@ -412,11 +414,14 @@ class Invariance(SymmetryCandidates):
 
     def steady(self, generator: Generator) -> bool:
         """Return whether the flow of a steady motion maps all motions to motions."""
-        # Generators are the same if they move the reference in the same way.
-        key = generator.field(self.motion.q).tobytes() + np.array([generator.rate, *generator.axis]).tobytes()
+        key = self._key(generator)
         if key not in self._steady:
             self._steady[key] = self.carries(self.along(generator))
         return self._steady[key]
+
+    def _key(self, generator: Generator) -> bytes:
+        """Return the same for generators that move the reference in the same way."""
+        return generator.field(self.motion.q).tobytes() + np.array([generator.rate, *generator.axis]).tobytes()
 
     def along(self, generator: Generator) -> Field:
         """Return the group of a steady motion, with a noticeable step."""
