@@ -62,26 +62,28 @@ else:
         defaults = {f.name: f.default for f in fields if f.default is not dataclasses.MISSING}
         factories = tuple((f.name, f.default_factory) for f in fields if f.default_factory is not dataclasses.MISSING)
         known, count, complete = frozenset(names), len(names), len(names) == len(fields)
+        made = [name for name, _ in factories]
+        required = [name for name in names if name not in defaults and name not in made]
+        least = names.index(required[-1]) + 1 if required else 0
         checked = hasattr(cls, "__post_init__")
 
         def __init__(self, *values, **named):
-            state = self.__dict__
-            if complete and len(values) == count and not named:
+            state, given = self.__dict__, len(values)
+            if complete and given == count and not named:
                 state.update(zip(names, values, strict=True))
             else:
-                if (
-                    len(values) > count
-                    or not known.issuperset(named)
-                    or not named.keys().isdisjoint(names[: len(values)])
+                if given > count or (
+                    named and not (known.issuperset(named) and named.keys().isdisjoint(names[:given]))
                 ):
                     raise TypeError(f"{cls.__qualname__}() takes {', '.join(names)}, each at most once")
                 state.update(defaults)
                 state.update(zip(names, values, strict=False))
-                state.update(named)
+                if named:
+                    state.update(named)
                 for name, factory in factories:
                     if name not in state:
                         state[name] = factory()
-                if missing := [name for name in names if name not in state]:
+                if given < least and (missing := [name for name in required if name not in state]):
                     raise TypeError(f"{cls.__qualname__}() needs {', '.join(missing)}")
             if checked:
                 self.__post_init__()
