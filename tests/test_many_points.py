@@ -140,6 +140,17 @@ def test_steps_of_a_march_become_longer_where_solutions_are_near_their_extrapola
     assert sum(at.q.ndim == 2 for at in derivatives) <= 26
 
 
+def test_few_points_start_from_polynomials_that_are_just_good_enough_to_be_known_as_smooth():
+    mechanism, ends = mbstab.load("governor.yaml"), (1.0, 40.0)
+    few, many = (follow(mechanism.model, "omega", *ends, wanted=points).surface for points in (3, 1000))
+    assert 2 * (len(few.coefficients) - 1) == len(many.coefficients) - 1
+    x = np.linspace(*ends, 3)
+    found = Evaluator(mechanism.model, few).spectra({"omega": x})
+    for own, value in zip(found.values, x.tolist(), strict=True):
+        exact = mechanism.eig(omega=value).values()
+        assert optimal(own, exact) <= 1e-13 * np.max(np.abs(exact))
+
+
 def test_from_a_start_that_is_far_points_take_their_own_derivatives():
     model = mbstab.load("rotating_pendulum.yaml").model
     path, values = follow(model, "Omega", 7.0, 12.0), {"Omega": np.linspace(7.0, 12.0, 100)}

@@ -44,12 +44,14 @@ def follow(
     first_at: float | None = None,
     near: tuple[Array, Array] | None = None,
     further: bool = True,
+    wanted: float = math.inf,
 ) -> Path:
     """Return the solutions over a range of a parameter, followed from one value in both directions.
 
     The first solution is sought at `first_at`, or else at the lowest value; where there is none, at the other end, the
     file's own value, or the middle. It is the one `near` given coordinates and rates, or else the
-    one that the file's own guess leads to. Paths behind folds are followed only if `further` is set.
+    one that the file's own guess leads to. Paths behind folds are followed only if `further` is set. `wanted` is the
+    number of values at which solutions are asked for.
 
     Raises
     ------
@@ -72,7 +74,7 @@ def follow(
         assert failure is not None
         raise failure
     moved = "" if failure is None else str(failure).splitlines()[0]
-    if smooth := curve.smooth(start):
+    if smooth := curve.smooth(start, wanted):
         return replace(smooth, moved=moved)
     up, down = (curve.traced(sign, further) for sign in (1.0, -1.0))
     main = joined(down[0], up[0])
@@ -118,7 +120,8 @@ def _surface(model: Model, axes: Mapping[str, Array]) -> Surface | None:
     except MbstabError:
         return None
     ranges = {name: (float(x[0]), float(x[-1])) for name, x in axes.items()}
-    return SmoothSolutions(model, search.balance, ranges, start, at.q, at.c).surface()
+    wanted = math.prod(map(len, axes.values()))
+    return SmoothSolutions(model, search.balance, ranges, start, at.q, at.c).surface(wanted)
 
 
 def _edge(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> tuple[Path, float]:
@@ -190,12 +193,12 @@ class _Curve:
             good, bad = (middle, bad) if valid(middle) else (good, middle)
         return good
 
-    def smooth(self, start: float) -> Path | None:
-        """Return the path over the whole range if it is smooth."""
+    def smooth(self, start: float, wanted: float) -> Path | None:
+        """Return the path over the whole range if it is smooth, for so many values on it."""
         if start not in (self.low, self.high) or self.low == self.high:
             return None
         ranges, at = {self.parameter: (self.low, self.high)}, {self.parameter: start}
-        surface = SmoothSolutions(self.model, self.balance, ranges, at, self.first.q, self.first.c).surface()
+        surface = SmoothSolutions(self.model, self.balance, ranges, at, self.first.q, self.first.c).surface(wanted)
         if surface is None:
             return None
         values = np.array([self.low, self.high])

@@ -49,8 +49,15 @@ class SmoothSolutions:
     ) -> None:
         self.model, self.balance, self.ranges, self.start, self.q, self.c = model, balance, ranges, start, q, c
 
-    def surface(self) -> Surface | None:
-        """Return them as polynomials over the ranges; None where they are not known to be smooth."""
+    def surface(self, wanted: float = math.inf) -> Surface | None:
+        """Return them as polynomials over the ranges; None where they are not known to be smooth.
+
+        Parameters
+        ----------
+        wanted : float
+            Number of solutions that start from the polynomials. For fewer of them than there are points on the next
+            finer grid, polynomials are not made more exact than it takes to know that the solutions are smooth.
+        """
         dimensions, surface = len(self.ranges), None
         counts, before = [TOLERANCES.smooth_points_first[dimensions - 1]] * dimensions, np.full(dimensions, np.inf)
         while True:
@@ -68,6 +75,8 @@ class SmoothSolutions:
                 counts, [_factor(np.max(np.abs(scaled)), x) if y else 1 for x, y in zip(left, more, strict=True)]
             )
             if not more.any() or math.prod(counts) > TOLERANCES.smooth_points_most:
+                break
+            if np.all(left <= TOLERANCES.smooth_remainder) and math.prod(counts) > wanted:
                 break
             if np.any(more & (left > TOLERANCES.smooth_decay * before)):
                 break  # rounding, or no decay

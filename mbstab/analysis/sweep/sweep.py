@@ -185,7 +185,7 @@ def sweep(
     x = values[order]
     paths: list[Solutions | None] = [None]
     if model.reference.find is not None:
-        main = follow_path(model, parameter, float(x[0]), float(x[-1]), float(values[0]))
+        main = follow_path(model, parameter, float(x[0]), float(x[-1]), float(values[0]), wanted=len(x))
         paths = [main, *main.beyond]
     grids = [x, *(x[path.covers({parameter: x})] for path in paths[1:] if path is not None)]
     # What happens between the last point and a fold shows at a point near the fold.
