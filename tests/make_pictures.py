@@ -56,7 +56,8 @@ def commands(path):
     """Return the commands that draw an example, without the option that says where to."""
     model, name = load(path).model, path.name
     lines = [f"eig {name} --plot spectrum,modes"]
-    lines += [f"sweep {name} --param {parameter} --plot map,locus,campbell" for parameter in model.sweep]
+    kinds = "map,locus,campbell" + ",path" * (model.reference.find is not None)
+    lines += [f"sweep {name} --param {parameter} --plot {kinds}" for parameter in model.sweep]
     lines += [f"response {name} --plot bode,nyquist", f"response {name} --step 5"] * bool(model.inputs)
     return [*lines, f"simulate {name} --to 0.2 --once --plot energy,residuals"]
 

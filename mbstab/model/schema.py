@@ -432,6 +432,12 @@ def unit_of_rate(coordinate: str, order: int = 1) -> str:
     return f"{unit_of(coordinate)}/s" + (f"^{order}" if order > 1 else "")
 
 
+def unit_of_solved(name: str) -> str:
+    """Return the SI unit of a coordinate or of its rate, ``rate(rod.theta)``."""
+    coordinate = name.removeprefix("rate(").removesuffix(")")
+    return unit_of(name) if coordinate == name else unit_of_rate(coordinate)
+
+
 SIGNS: tuple[Sign, ...] = ("positive", "nonnegative", "nonzero")
 PARAMETER_FIELDS = {
     "value": "number or expression",

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from io import BytesIO, StringIO
 from typing import TYPE_CHECKING, Any
 
-from mbstab.model.schema import Model, unit_of
+from mbstab.model.schema import Model, unit_of, unit_of_solved
 from mbstab.model.words import UNDECIDED
 from mbstab.report.tables import decimals
 
@@ -170,8 +170,9 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     ``warnings``, ``names`` (of the branches, null for those without), ``start`` (from where equilibria were followed,
     null if they are given), ``orders``, ``crossings`` (of frequencies with these: ``value``, ``order``,
     ``frequency`` in rad/s, ``branch``, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches, with orders:
-    ``forward``, ``backward``, ``mixed``, null elsewhere) and ``beyond``: for each path beyond a fold, an object
-    with the same keys from ``values`` on.
+    ``forward``, ``backward``, ``mixed``, null elsewhere), ``reference`` (where the file asks to find it, lists of its
+    coordinates in m and rad by name, and of its rates as ``rate(…)``; else empty) and ``beyond``: for each path beyond
+    a fold, an object with the same keys from ``values`` on.
 
     An ``enclosure`` is null unless proofs are asked for: ``midpoint`` and ``radius`` as decimal texts, in the unit of
     the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why
@@ -226,6 +227,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
             for c in result.crossings
         ],
         "whirls": [word or None for word in result.whirls] or [None] * result.branches.shape[1],
+        "reference": result.reference,
     }
 
 
@@ -238,23 +240,36 @@ def _enclosure(enclosed: Enclosed) -> dict[str, Any]:
 def sweep_csv(result: Sweep, factor: float) -> str:
     """Return one line per value: the value, the number of unstable eigenvalues, the verdict, the branches, the path.
 
-    The heads of branches with names contain these. Paths count from 1; those beyond folds come after the first. The
-    last column says why there is no answer, ``undecided`` where the verdict is open, and ``ok`` otherwise. Where proofs
-    are requested, a line for each critical value follows those of its path; its last column begins with ``critical``
-    and says what is proven.
+    The heads of branches with names contain these. Coordinates and rates of a reference that is found follow the
+    branches. Paths count from 1; those beyond folds come after the first. The last column says why there is no answer,
+    ``undecided`` where the verdict is open, and ``ok`` otherwise. Where proofs are requested, a line for each critical
+    value follows those of its path; its last column begins with ``critical`` and says what is proven.
     """
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)
     names = [f" ({name})" if name else "" for name in result.names] + [""] * count
     parts = [f"{part} {b + 1}{names[b]}" for b in range(count) for part in ("real", "imag")]
+    followed = list(dict.fromkeys(name for path in paths for name in path.reference))
+    heads = [
+        result.parameter,
+        "unstable",
+        "verdict",
+        *parts,
+        *(f"{x} ({unit_of_solved(x)})" for x in followed),
+        "path",
+        "status",
+    ]
     rows: list[list[Any]] = []
     for number, path in enumerate(paths, 1):
         missing = [float("nan")] * (2 * (count - path.branches.shape[1]))
         columns = zip(in_unit(path.values, factor), path.unstable, path.verdicts, path.branches, strict=True)
+        # A path on which a rate is zero everywhere does not list it.
+        solved = [path.reference.get(name, 0.0 * path.values).tolist() for name in followed]
         for i, (x, n, verdict, row) in enumerate(columns):
             numbers = [float(part) for s in row for part in (s.real, s.imag)]
+            at = [column[i] for column in solved]
             status = path.problems.get(i, UNDECIDED if verdict == UNDECIDED else "ok").splitlines()[0]
-            rows.append([float(x), int(n) if n >= 0 else "", verdict, *numbers, *missing, number, status])
+            rows.append([float(x), int(n) if n >= 0 else "", verdict, *numbers, *missing, *at, number, status])
         for c in path.critical:
             if c.enclosed is not None:
                 given = _enclosure(c.enclosed)
@@ -262,8 +277,8 @@ def sweep_csv(result: Sweep, factor: float) -> str:
                 status = "; ".join(
                     [f"critical: {c.kind}", ball, *given["conditions"], *filter(None, [given["reason"]])]
                 )
-                rows.append([c.value / factor, "", "", *[float("nan")] * (2 * count), number, status])
-    return to_csv([result.parameter, "unstable", "verdict", *parts, "path", "status"], rows)
+                rows.append([c.value / factor, "", "", *[float("nan")] * (2 * count + len(followed)), number, status])
+    return to_csv(heads, rows)
 
 
 def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
@@ -272,6 +287,7 @@ def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
 
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)
+    solved = {name: [x.reference.get(name, 0.0 * x.values) for x in paths] for path in paths for name in path.reference}
     wide = [np.pad(x.branches, ((0, 0), (0, count - x.branches.shape[1])), constant_values=np.nan) for x in paths]
     return {
         "parameter": np.array(result.parameter),
@@ -281,6 +297,8 @@ def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
         "verdicts": np.array([word for path in paths for word in path.verdicts]),
         "names": np.array(result.names or [""] * count),
         "path": np.repeat(np.arange(len(paths)) + 1, [len(path.values) for path in paths]),
+        "reference_names": np.array([*solved], dtype=str),
+        "reference": np.array([np.concatenate(columns) for columns in solved.values()]).T,
         "critical": np.array([c.value / factor for path in paths for c in path.critical]),
         "critical_kind": np.array([c.kind for path in paths for c in path.critical]),
     }

@@ -74,6 +74,8 @@ class Spectra:
         Additional number of neutral eigenvalues.
     sizes : ndarray, shape (points,)
         Norms of the matrices (1/s).
+    motion : ndarray, shape (points, 2 n_q)
+        Coordinates and rates of solved references, nan where there are none; (points, 0) if the file gives them.
     """
 
     values: Complex
@@ -83,6 +85,7 @@ class Spectra:
     problems: dict[int, str]
     neutral: int
     sizes: Array
+    motion: Array
 
     @property
     def unstable(self) -> Index:
@@ -194,11 +197,9 @@ class Evaluator:
 
     def learn(self, values: Mapping[str, Array]) -> None:
         """Compute the patterns of some of many points."""
-        points = len(next(iter(values.values())))
-        some = np.unique(np.linspace(0, points - 1, 4 * TOLERANCES.points_of_lonely_pattern).round().astype(int))
-        _Work(self, {name: x[some] for name, x in values.items()}, lambda done: None).run(
-            TOLERANCES.points_of_lonely_pattern
-        )
+        points, fewest = len(next(iter(values.values()))), TOLERANCES.points_of_lonely_pattern
+        some = np.unique(np.linspace(0, points - 1, 4 * fewest).round().astype(int))
+        _Work(self, {name: x[some] for name, x in values.items()}, lambda done: None).run(fewest)
 
 
 @dataclass(frozen=True)
@@ -389,7 +390,8 @@ class _Work:
         mirrored, sizes = np.zeros(self.points, dtype=bool), np.zeros(self.points)
         words = np.full(self.points, WORD[UNDECIDED], dtype=np.int8)
         n_f, neutral = self._sizes(count)
-        values = np.full((self.points, n_f - neutral), NO_EIGENVALUE)
+        width = 2 * len(self.evaluator.model.coordinates()) * (self.path is not None)
+        values, motion = np.full((self.points, n_f - neutral), NO_EIGENVALUE), np.full((self.points, width), np.nan)
         sides = np.full(values.shape, OPEN, dtype=np.int8)
         for part in self.found:
             index, other = part.index, part.known.neutral.count
@@ -409,9 +411,10 @@ class _Work:
                 sides[index] = np.take_along_axis(places, order, axis=1)
             words[index], mirrored[index] = part.found.words, bool(part.known.mirrored)
             sizes[index] = part.found.sizes
+            motion[index] = part.found.motion[:, :width]
         lost = list(self.problems)
-        values[lost], sides[lost], words[lost] = NO_EIGENVALUE, OPEN, WORD[UNDECIDED]
-        return Spectra(values, sides, words, mirrored, self.problems, neutral, sizes)
+        values[lost], sides[lost], words[lost], motion[lost] = NO_EIGENVALUE, OPEN, WORD[UNDECIDED], np.nan
+        return Spectra(values, sides, words, mirrored, self.problems, neutral, sizes, motion)
 
     def _sizes(self, count: int | None) -> tuple[int, int]:
         """Return the number of eigenvalues at most points, and the number of neutral ones."""
@@ -495,9 +498,8 @@ class _Work:
         for disc, own in zip(discs, placed.discs, strict=True):
             sides[0, list(own.members)] = numbers[disc.side]
         word: int = WORD[verdict.word]
-        values = placed.values[None, :]
-        sizes = np.array([float(np.linalg.norm(grounds.S))])
-        found = Judged(values, sides, np.array([word], dtype=np.int8), sizes)
+        sizes, motion = np.array([np.linalg.norm(grounds.S)]), np.hstack([grounds.motion.q, grounds.motion.u])
+        found = Judged(placed.values[None], sides, np.array([word], dtype=np.int8), sizes, motion[None])
         # Earlier results for the point are discarded.
         for n, part in enumerate(self.found):
             if len(part.index) and i in part.index:
@@ -577,9 +579,8 @@ class _Work:
         return Equations(pattern, System(scene), len(index), self._start(index), some)
 
     def _start(self, index: Index) -> tuple[Array, Array] | None:
-        if self.path is None:
-            return None
-        return self.path.predicted({name: x[index] for name, x in self.values.items()})
+        chosen = {name: x[index] for name, x in self.values.items()}
+        return None if self.path is None else self.path.predicted(chosen)
 
     def _growth(self, pattern: Pattern, index: Index) -> Array:
         """Return the ratio of terms to their sums, from some of the points."""

@@ -56,26 +56,30 @@ class Judged:
         Numbers of the verdicts among `mbstab.analysis.verdict.rule.WORDS`.
     sizes : ndarray, shape (points,)
         Norms of the matrices (1/s).
+    motion : ndarray, shape (points, 2 n_q)
+        Coordinates and rates of the reference.
     """
 
     values: Complex
     sides: Sides
     words: npt.NDArray[np.int8]
     sizes: Array
+    motion: Array
 
     def at(self, index: Any) -> Judged:
         """Return some of the points."""
-        return Judged(self.values[index], self.sides[index], self.words[index], self.sizes[index])
+        return Judged(self.values[index], self.sides[index], self.words[index], self.sizes[index], self.motion[index])
 
 
 def judged(known: Known, points: Points, separation: Separation) -> Judged:
     """Return eigenvalues, their sides and verdicts of points of a pattern."""
     A, error = separation.A, separation.error
     size, r = A.shape[0], A.shape[-1]
+    motion = np.hstack([points.q, points.u])
     if not r:
         empty = np.zeros((size, 0))
         words_ = _words(known, np.zeros((size, 5), dtype=int))
-        return Judged(empty.astype(complex), empty.astype(np.int8), words_, points.size)
+        return Judged(empty.astype(complex), empty.astype(np.int8), words_, points.size, motion)
     values = eigenvalues(A)
     least = np.broadcast_to(error, (size,)) + r * EPS * np.linalg.norm(A, axis=(1, 2))
     minima = np.zeros(size, dtype=int)
@@ -96,7 +100,7 @@ def judged(known: Known, points: Points, separation: Separation) -> Judged:
                 minima[asked] = _minima(known, points.at(asked) if len(asked) < size else points)
                 if known.grounds.structure.work.conserved:
                     sides[minima != 0] = AXIS
-    return Judged(values, sides, words(known, sides, minima), points.size)
+    return Judged(values, sides, words(known, sides, minima), points.size, motion)
 
 
 def words(known: Known, sides: Sides, minima: Index) -> npt.NDArray[np.int8]:

@@ -90,6 +90,8 @@ class Block:
         Whether a real part may change its sign before the next point …
     turns : ndarray of bool, shape (points,)
         … or come close to zero and turn back at this one.
+    motion : ndarray, shape (points, 2 n_q)
+        Coordinates and rates, as `mbstab.analysis.sweep.batched_spectra.Spectra` has them.
     """
 
     values: Complex
@@ -101,6 +103,7 @@ class Block:
     mirrored: Flags
     passes: Flags
     turns: Flags
+    motion: Array
 
     @property
     def unstable(self) -> npt.NDArray[np.intp]:
@@ -108,7 +111,7 @@ class Block:
         return unstable_counts(self.sides, self.words)
 
 
-ARRAYS = ("values", "clear", "sides", "words", "mirrored", "passes", "turns")
+ARRAYS = ("values", "clear", "sides", "words", "mirrored", "passes", "turns", "motion")
 """The arrays of a block."""
 
 
@@ -131,6 +134,7 @@ def compute(task: Task, progress: Progress = lambda done: None) -> Block:
             found.mirrored,
             unknown,
             unknown,
+            found.motion,
         )
     return followed(replace(found, values=whole))
 
@@ -142,7 +146,9 @@ def followed(found: Spectra) -> Block:
     values: Complex = np.take_along_axis(found.values, order, axis=1)
     sides: Sides = np.take_along_axis(found.sides, order, axis=1)
     watched = _watched(values, sides)
-    return Block(values, clear, found.problems, found.neutral, sides, found.words, found.mirrored, *watched)
+    return Block(
+        values, clear, found.problems, found.neutral, sides, found.words, found.mirrored, *watched, found.motion
+    )
 
 
 def home_of(values: Mapping[str, Array]) -> dict[str, float]:
@@ -266,6 +272,7 @@ def _fitted(block: Block, total: int, neutral: int) -> Block:
             block, values=np.full((points, count), NO_EIGENVALUE), sides=np.full((points, count), OPEN, dtype=np.int8),
             words=np.full(points, WORD[UNDECIDED], dtype=np.int8), clear=np.zeros(points - 1, dtype=bool),
             problems={i: block.problems.get(i, text) for i in range(points)}, neutral=neutral,
+            motion=np.full_like(block.motion, np.nan),
         )  # fmt: skip
     if own == count:
         return block

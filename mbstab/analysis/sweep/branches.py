@@ -128,7 +128,7 @@ class Branches:
         empty = Spectra(
             np.full(shape, NO_EIGENVALUE), np.full(shape, OPEN, dtype=np.int8),
             np.full(len(points), WORD[UNDECIDED], dtype=np.int8), np.zeros(len(points), dtype=bool),
-            {}, 0, np.zeros(len(points)),
+            {}, 0, np.zeros(len(points)), np.zeros((len(points), 0)),
         )  # fmt: skip
         for n, p in enumerate(points.tolist()):
             self.looked.setdefault(p, _Looked(empty.values[n], empty.sides[n], False, WORD[UNDECIDED]))

@@ -112,6 +112,9 @@ class Sweep:
     whirls : tuple of str
         With orders: ``forward``, ``backward`` or ``mixed`` for each branch on which spinning bodies whirl in the same
         sense from end to end, else empty.
+    reference : dict of ndarray, shape (points,)
+        If the file asks to find the reference: its coordinates by name (m, rad), and as ``rate(…)`` those rates that
+        are not zero everywhere; nan where there is no answer.
     """
 
     parameter: str
@@ -131,6 +134,7 @@ class Sweep:
     orders: tuple[float, ...] = ()
     crossings: tuple[OrderCrossing, ...] = ()
     whirls: tuple[str, ...] = ()
+    reference: dict[str, Array] = field(default_factory=dict)
 
     @property
     def verdicts(self) -> list[str]:
@@ -226,8 +230,18 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
         parameter, x, branches, unstable_counts(raw.sides, words), raw.neutral, tuple(critical),
         tuple(sorted(tracker.meetings)), raw.problems, None if path is None else path.start,
         "" if path is None else path.moved, (), words,
-        warnings,
+        warnings, reference=_named(model, raw.motion),
     )  # fmt: skip
+
+
+def _named(model: Model, motion: Array) -> dict[str, Array]:
+    """Return coordinates and rates of solved references by name, rates if they are not zero everywhere."""
+    if not motion.shape[1]:
+        return {}
+    names = model.coordinates()
+    q, u = motion[:, : len(names)].T, motion[:, len(names) :].T
+    moving = {f"rate({name})": x for name, x in zip(names, u, strict=True) if np.any(np.nan_to_num(x))}
+    return dict(zip(names, q, strict=True)) | moving
 
 
 def _undecided(raw: Block) -> Index:
@@ -243,7 +257,7 @@ def _at(x: Array, result: Sweep) -> Sweep:
     problems = {n: result.problems[int(i)] for n, i in enumerate(kept) if int(i) in result.problems}
     return replace(
         result, values=x, branches=result.branches[kept], unstable=result.unstable[kept], words=result.words[kept],
-        problems=problems,
+        problems=problems, reference={name: x[kept] for name, x in result.reference.items()},
     )  # fmt: skip
 
 
@@ -258,6 +272,7 @@ def _ordered(result: Sweep, order: slice) -> Sweep:
         unstable=result.unstable[order],
         words=result.words[order],
         problems=dict(sorted(problems.items())),
+        reference={name: x[order] for name, x in result.reference.items()},
     )
 
 

@@ -25,7 +25,7 @@ from mbstab.cli.output import (
     save_picture,
     warn,
 )
-from mbstab.errors import NumericalError, OutputError, UsageError, counted
+from mbstab.errors import NumericalError, OutputError, UsageError, counted, suggestion
 from mbstab.model.units import is_angular_velocity
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from mbstab.model.schema import Model
     from mbstab.report.pictures.scales import Axis
 
-PICTURES = ("map", "locus", "campbell", "none")
+PICTURES = ("map", "locus", "campbell", "path", "none")
 CHART_POINTS = 101
 
 
@@ -89,6 +89,14 @@ CHART_POINTS = 101
     "--plot campbell, which shows the first order if none is given.",
 )
 @click.option("--max-frequency", type=float, metavar="HZ", help="End of the axis of --plot campbell.")
+@click.option(
+    "--coordinate",
+    "coordinates",
+    callback=listed(),
+    metavar="NAME,...",
+    multiple=True,
+    help="What --plot path draws, such as apex.y or rate(car.psi); else what the parameter changes most.",
+)
 @click.option("--certify", is_flag=True, help="Prove each critical value: enclose it in a ball, or say why not.")
 @click.option(
     "--sensitivity",
@@ -113,6 +121,7 @@ def sweep(
     place: Path | None,
     orders: tuple[float, ...],
     max_frequency: float | None,
+    coordinates: tuple[str, ...],
     certify: bool,
     sensitivity: bool,
     resume: bool,
@@ -142,6 +151,7 @@ def sweep(
     mechanism = load_model(file, settings)
     model = mechanism.model
     grids = _grids(model, parameters, given, logarithmic, values)
+    _check_path(model, parameters, pictures, coordinates)
     stem = picture_stem(place, output.path, Path(model.name), "-".join(parameters))
     wanted = pictures or (("map", "locus") if output.format == "table" or output.path is not None else ())
     drawn = () if "none" in wanted else wanted
@@ -150,7 +160,9 @@ def sweep(
         if "campbell" in paths and is_angular_velocity(model.parameters[parameters[0]].unit):
             orders = orders or (1.0,)
         asked = {"certify": certify, "sensitivity": sensitivity, "orders": orders}
-        total, missing = _sweep(mechanism, parameters[0], grids, run, paths, output, asked, max_frequency)
+        total, missing = _sweep(
+            mechanism, parameters[0], grids, run, paths, output, asked, (max_frequency, coordinates)
+        )
     else:
         total, missing = _chart(mechanism, grids, run, paths, output)
     if missing:
@@ -166,7 +178,7 @@ def _sweep(
     paths: dict[str, Path],
     output: Output,
     asked: dict[str, Any],
-    max_frequency: float | None,
+    drawn: tuple[float | None, tuple[str, ...]],
 ) -> tuple[int, int]:
     """Sweep a parameter, write and draw the answer; return the number of points, and of those without an answer."""
     model = mechanism.model
@@ -175,7 +187,7 @@ def _sweep(
             answer = mechanism.sweep(parameter, grids[parameter], progress, **asked, **vars(run))
         output.write(_sweep_answer(answer, model, asked["sensitivity"]), summary=True)
         if len(answer.unanswered) < len(answer.values):
-            _draw(answer, paths, partial(_axis, model, parameter), model.title, max_frequency)
+            _draw(answer, paths, partial(_axis, model, parameter), model.title, *drawn)
     warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
     return len(answer.values), len(answer.unanswered)
 
@@ -215,6 +227,24 @@ def _check_options(
     if "none" in pictures and (len(pictures) > 1 or place is not None):
         raise UsageError("--plot none goes with no other picture")
     check_pictures(place)
+
+
+def _check_path(
+    model: Model, parameters: tuple[str, ...], pictures: tuple[str, ...], coordinates: tuple[str, ...]
+) -> None:
+    """Refuse a picture of references that are not found, and coordinates without one."""
+    if coordinates and "path" not in pictures:
+        raise UsageError("--coordinate goes with --plot path")
+    if "path" in pictures and len(parameters) == 1 and model.reference.find is None:
+        raise UsageError(
+            "--plot path draws a reference that is found, and the coordinates of this one are given or follow from "
+            "the constraints\nhint: reference: has a key find:, see mbstab manual find"
+        )
+    known = model.coordinates()
+    for name in coordinates:
+        if name.removeprefix("rate(").removesuffix(")") not in known:
+            near = suggestion(name, known)
+            raise UsageError(f"--coordinate {name}: no coordinate or rate" + f"\nhint: {near}" * bool(near))
 
 
 def _grids(
@@ -315,17 +345,24 @@ def _draw_chart(result: Chart, path: Path, model: Model) -> None:
 
 
 def _draw(
-    result: Sweep, paths: dict[str, Path], axis: Callable[[], Axis], title: str, max_frequency: float | None
+    result: Sweep,
+    paths: dict[str, Path],
+    axis: Callable[[], Axis],
+    title: str,
+    max_frequency: float | None,
+    coordinates: tuple[str, ...],
 ) -> None:
     """Draw pictures of a sweep to their files."""
     if not paths:
         return
+    from mbstab.report.pictures.bifurcation import bifurcation
     from mbstab.report.pictures.campbell import campbell
     from mbstab.report.pictures.root_locus import root_locus
     from mbstab.report.pictures.stability_map import stability_map
 
     limited = campbell if max_frequency is None else partial(campbell, highest=max_frequency)
     kinds = {"map": stability_map, "locus": root_locus, "campbell": limited}
+    kinds["path"] = partial(bifurcation, asked=coordinates)
     for picture, path in paths.items():
         save_picture(partial(kinds[picture], result, axis(), title), path)
 

@@ -50,14 +50,17 @@ def model_page(path: Path, folder: Path, group: click.Group) -> ModelPage:
     parts += pictures.shown
     parts.append(f"<h2>Eigenvalues</h2>\n{_session(group, f'mbstab eig {name}', path)}")
     parts += _compared(mechanism)
-    maps = _Drawn((), ())
+    maps: tuple[str, ...] = ()
     for parameter in list(model.sweep)[:1]:  # others are swept in the same way
-        line = f"mbstab sweep {name} --param {parameter} --plot map --pictures {stem}.png"
-        maps = _drawn(group, line, path, folder, f"{path.stem}-map.png")
-        parts += ["<h2>Critical values</h2>", *maps.shown]
+        parts.append("<h2>Critical values</h2>")
+        for kind in ("map", "path") if model.reference.find is not None else ("map",):
+            line = f"mbstab sweep {name} --param {parameter} --plot {kind} --pictures {stem}.png"
+            drawn = _drawn(group, line, path, folder, f"{path.stem}-{kind}.png")
+            maps += drawn.files
+            parts += drawn.shown
     link = f'<a href="{quote(path.name)}" download>{html.escape(path.name)}</a>'
     parts.append(f"<h2>The file</h2>\n<p>{link}</p>\n<pre>{html.escape(text)}</pre>")
-    return ModelPage(path, model.title, mechanism.eig().verdict, "\n".join(parts), pictures.files + maps.files)
+    return ModelPage(path, model.title, mechanism.eig().verdict, "\n".join(parts), pictures.files + maps)
 
 
 @dataclass(frozen=True)

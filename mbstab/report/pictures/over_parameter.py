@@ -28,6 +28,9 @@ from mbstab.report.pictures.drawing import (
 from mbstab.report.pictures.scales import parameter_range
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
+HEIGHTS = ((4.4,), (2.7, 2.3), (2.0, 2.0, 2.0), (1.7,) * 4, (1.5,) * 5)
+"""Of panels, by their number (inches on a page)."""
+
 ROWS = 5
 """Rows of labels of critical values above a picture; values that do not fit have no label."""
 
@@ -35,19 +38,24 @@ Placed = tuple[list[Critical], str, float, int]
 """Critical values that share a label, the label, its place as a fraction of the width, and its row."""
 
 
-def panels_over_parameter(curves: SweepCurves, title: str, names: Sequence[str]) -> tuple[Figure, list[Axes], int]:
-    """Return a figure, its panels over the parameter, and the number of critical values that have no label."""
+def panels_over_parameter(
+    curves: SweepCurves, title: str, names: Sequence[str], shaded: bool = True
+) -> tuple[Figure, list[Axes], int]:
+    """Return a figure, its panels over the parameter, and the number of critical values that have no label.
+
+    Unless `shaded` is false, unstable ranges of the first path are.
+    """
     lo, hi = parameter_range(curves.points)
     labels = _placed(curves, lo, hi)
     rows = 1 + max((row for *_, row in labels), default=-1)
-    figure, panels = titled_figure(title, (2.7, 2.3) if len(names) == 2 else (4.4,), above=0.17 * rows)
+    figure, panels = titled_figure(title, HEIGHTS[len(names) - 1], above=0.17 * rows)
     for axes, name in zip(panels, names, strict=True):
         axes.set_ylabel(name)
         axes.set_xlim(lo, hi)
         for a, b, state in curves.ranges():
             if state < 0:
                 axes.axvspan(a, b, facecolor="none", edgecolor="0.6", hatch="////", linewidth=0, zorder=0)
-            else:
+            elif shaded:
                 axes.axvspan(a, b, color=UNSTABLE_SHADE, linewidth=0, zorder=0)
         for group in curves.marked:
             axes.axvline(group[0].value, color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, zorder=1.5)

@@ -1,0 +1,92 @@
+"""References that are found, over the parameter of a sweep: as data, and as a picture of stable and unstable parts."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+from test_cli import run
+
+import mbstab
+from mbstab.report.export import sweep_csv, sweep_data, to_json
+from mbstab.report.pictures.bifurcation import _pieces, bifurcation, shown_names
+from mbstab.report.pictures.scales import Axis
+from mbstab.report.pictures.sweep_curves import SweepCurves
+
+TRUSS, PENDULUM, CAR = (mbstab.load(f"{name}.yaml") for name in ("von_mises_truss", "rotating_pendulum", "car_turn"))
+
+
+def load_on(y):
+    """Return the load of the truss at a height of its apex, in closed form."""
+    k, a, h = (TRUSS.parameters()[name] for name in ("k", "a", "h"))
+    return 2.0 * k * y * (np.hypot(a, h) / np.hypot(a, y) - 1.0)
+
+
+@pytest.fixture(scope="module")
+def truss():
+    return TRUSS.sweep("P", np.linspace(-10.0, 10.0, 41))
+
+
+def test_coordinates_of_all_paths_are_the_closed_form(truss):
+    assert len(truss.beyond) == 2
+    for path in (truss, *truss.beyond):
+        known = np.isfinite(path.reference["apex.y"])
+        assert known.sum() >= 15
+        np.testing.assert_allclose(load_on(path.reference["apex.y"][known]), path.values[known], rtol=0, atol=1e-12)
+        assert np.array_equal(~known, np.isnan(path.branches).any(axis=1))
+
+
+def test_descending_sweeps_have_coordinates_in_their_order():
+    values = np.linspace(20.0, 5.0, 31)
+    found = PENDULUM.sweep("Omega", values)
+    np.testing.assert_allclose(found.reference["bob.z"], -PENDULUM.parameters()["g"] / values**2, rtol=1e-12)
+    np.testing.assert_allclose(found.reference["rate(fork.psi)"], values, rtol=1e-14)
+
+
+def test_given_references_have_none():
+    assert mbstab.load("top.yaml").sweep("omega", np.linspace(1.0, 10.0, 5)).reference == {}
+
+
+def test_csv_and_json_have_the_coordinates(truss):
+    rows = list(csv.DictReader(io.StringIO(sweep_csv(truss, 1.0))))
+    column = [float(row["apex.y (m)"] or "nan") for row in rows]
+    whole = np.concatenate([path.reference["apex.y"] for path in (truss, *truss.beyond)])
+    assert np.array_equal(column, whole, equal_nan=True)
+    data = json.loads(to_json(sweep_data(truss, "N", 1.0, "truss", "")))
+    assert data["beyond"][1]["reference"]["apex.y"] == truss.beyond[1].reference["apex.y"].tolist()
+
+
+def test_curves_go_round_folds_and_tell_stable_from_unstable(truss):
+    curves = SweepCurves(truss, Axis("P", "N"))
+    pieces = _pieces(truss, curves, 1.0, ["apex.y"])
+    a, h = (TRUSS.parameters()[name] for name in ("a", "h"))
+    turn = np.sqrt(np.cbrt(np.hypot(a, h) * a**2) ** 2 - a**2)
+    for piece in pieces:
+        y = piece.columns["apex.y"]
+        np.testing.assert_allclose(load_on(y), piece.x, rtol=0, atol=0.02)
+        assert piece.state == (1 if abs(y[len(y) // 2]) < turn else 0)
+    heights = np.concatenate([piece.columns["apex.y"] for piece in pieces])
+    assert np.max(np.diff(np.sort(heights))) < 0.02
+    figure = bifurcation(truss, Axis("P", "N"), "truss")
+    assert figure.axes[0].get_ylabel() == "apex.y (m)"
+
+
+def test_what_the_parameter_changes_is_drawn_and_the_rest_counted():
+    found = CAR.sweep("steer", np.linspace(0.01, 0.05, 9))
+    assert shown_names(found, ())[0] == ["car.y", "car.x", "rate(car.y)", "rate(car.theta)"]
+    assert shown_names(found, ["rate(car.theta)"]) == (["rate(car.theta)"], 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["top.yaml", "--param", "omega", "--plot", "path"], "draws a reference that is found"),
+        (["von_mises_truss.yaml", "--param", "P", "--coordinate", "apex.y"], "goes with --plot path"),
+        (["von_mises_truss.yaml", "--param", "P", "--plot", "path", "--coordinate", "apex.z"], "did you mean 'apex.y'"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(words, said):
+    answer = run("sweep", *words)
+    assert answer.exit_code == 2
+    assert said in " ".join(answer.output.split())
