@@ -19,6 +19,7 @@ from mbstab.errors import UsageError, suggestion
 from mbstab.model.schema import unit_of_solved
 from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated
+from mbstab.report.pictures.dense_curves import slopes
 from mbstab.report.pictures.drawing import CRITICAL_STYLE, draw_legend, house_style, legend_marker
 from mbstab.report.pictures.over_parameter import panels_over_parameter
 from mbstab.report.pictures.scales import Axis, axis_range, typeset
@@ -172,8 +173,6 @@ def _columns(path: Sweep, factor: float, names: Sequence[str]) -> tuple[Array, d
 
 def _along(path: Sweep, own: SweepCurves, factor: float, names: Sequence[str]) -> list[_Piece]:
     """Return the parts of a path between its critical values, smooth between its points."""
-    from scipy.interpolate import PchipInterpolator
-
     x, columns, run = _columns(path, factor, names)
     critical = [group[0].value for group in own.critical]
     ranges = list(own.ranges())
@@ -191,12 +190,26 @@ def _along(path: Sweep, own: SweepCurves, factor: float, names: Sequence[str]) -
         ]
         edges = np.unique([part[0], part[-1], *(c for c in ends if part[0] < c < part[-1]),
                            *(v for a, b, _ in ranges for v in (a, b) if part[0] < v < part[-1])])  # fmt: skip
-        smooth = {name: PchipInterpolator(part, column[inside]) for name, column in columns.items()}
+        values = (
+            np.stack([column[inside] for column in columns.values()], axis=1) if names else np.zeros((len(part), 0))
+        )
         for a, b in pairwise(edges.tolist()):
             at = np.concatenate([[a], fine[(fine > a) & (fine < b)], [b]])
             middle = 0.5 * (a + b)
             state = next((state for low, high, state in ranges if low <= middle <= high), 0)
-            found.append(_Piece(at, {name: curve(at) for name, curve in smooth.items()}, state))
+            found.append(_Piece(at, dict(zip(names, _smooth(part, values, at).T, strict=True)), state))
+    return found
+
+
+def _smooth(x: Array, y: Array, at: Array) -> Array:
+    """Return the values of curves between points, shape (points, curves): cubic, and linear between two points."""
+    steps = np.diff(x)[:, None]
+    chord = np.diff(y, axis=0) / steps
+    slope = slopes(steps, chord) if len(x) > 2 else np.repeat(chord, 2, axis=0)
+    k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
+    h, t = steps[k], (at - x[k])[:, None] / steps[k]
+    one, other = slope[k], slope[k + 1]
+    found: Array = y[k] + t * h * (one + t * (3.0 * chord[k] - 2.0 * one - other + t * (one + other - 2.0 * chord[k])))
     return found
 
 

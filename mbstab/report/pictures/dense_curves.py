@@ -179,7 +179,7 @@ def _divided(x: Array, branches: Complex, growing: Mask) -> Curves:
     steps = np.diff(x)[:, None]
     squared = branches.real + 1j * branches.imag * np.abs(branches.imag)
     chord = np.diff(squared, axis=0) / steps
-    slope = _slopes(steps, chord.real) + 1j * _slopes(steps, chord.imag)
+    slope = slopes(steps, chord.real) + 1j * slopes(steps, chord.imag)
     new = [(x[:1], branches[:1], growing[:1])]
     inner = np.arange(1, PARTS + 1)[:, None] / PARTS
     for k, (at, end) in enumerate(pairwise(x.tolist())):
@@ -198,7 +198,7 @@ def _divided(x: Array, branches: Complex, growing: Mask) -> Curves:
     return np.concatenate(xs), np.concatenate(curves), np.concatenate(grown_all)
 
 
-def _slopes(steps: Array, chord: Array) -> Array:
+def slopes(steps: Array, chord: Array) -> Array:
     """Return the slope of a curve at its points: of parabolas through three, but not steeper than its chords allow.
 
     Parameters
