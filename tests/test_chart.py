@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from sampling import sample
 import mbstab
 from mbstab.cli import main
 from mbstab.errors import UsageError
+from mbstab.model.library import installed_models
+from mbstab.report.sweeps import chart_text
 
 # a.x and b.x are uncoupled oscillators with stiffness k and c; the first has the mass m and the damping d.
 OSCILLATORS = """\
@@ -337,3 +340,54 @@ def test_a_parameter_of_the_guess_alone_changes_nothing_and_that_is_said():
     assert "equilibria followed from y = 0.025, h = 0.5" in shown.stdout
     assert f"warning: {text}" in shown.stderr
     assert mbstab.load("bead_on_hoop.yaml").sweep("Omega", np.linspace(1.0, 5.0, 3)).warnings == ()
+
+
+def damped(**settings):
+    """Return Ziegler's column with the same damping in both hinges."""
+    text = next(path for path in installed_models() if path.name == "ziegler_column.yaml").read_text(encoding="utf-8")
+    text = text.partition("\nsweep:")[0].replace("b_1: {value: 0.1,", "b_1: {value: b_2,").partition("\nexpect:")[0]
+    return mbstab.loads(text).at(**settings)
+
+
+def test_damping_that_begins_at_zero_makes_a_jump_which_a_chart_tells():
+    chart = damped().chart({"P": np.linspace(0.0, 4.0, 17), "b_2": np.linspace(0.0, 0.5, 9)})
+    words = " ".join(chart_text(chart, [("N", 1.0), ("N*m*s", 1.0)], "").split())
+    low, high = map(float, re.search(r"along b_2 = 0 from about P = (\S+) to (\S+):", words).groups())
+    # Without damping the collision at 7/2 - sqrt(2), with the least damping the limit 41/28 of the closed form.
+    assert high == pytest.approx(3.5 - math.sqrt(2.0), abs=0.01)
+    assert low == pytest.approx(41.0 / 28.0, abs=0.04)
+
+
+def test_damping_that_begins_at_zero_makes_a_jump_which_a_sweep_tells():
+    found = damped(P=1.8).sweep("b_2", np.linspace(0.0, 0.5, 11))
+    (jump,) = found.critical
+    assert (jump.value, jump.kind, jump.unstable) == (0.0, "flutter", (0, 2))
+    assert jump.frequency == pytest.approx(math.sqrt((3.4 - math.sqrt(3.4**2 - 8.0)) / 4.0), rel=1e-12)
+    assert damped(P=1.4).sweep("b_2", np.linspace(0.0, 0.5, 11)).critical == ()
+
+
+UPRIGHT = """\
+mbstab: 1
+parameters: {m: 1, k: 2}
+gravity: [0, -8]
+bodies:
+  rod: {type: planar, mass: m, inertia: 1, points: {O: [-0.25, 0]}}
+joints:
+  pivot: {type: revolute, between: [rod.O, ground]}
+forces:
+  spring: {type: joint_spring, joint: pivot, stiffness: k, rest: pi/2}
+reference:
+  coordinates: {rod: {theta: pi/2}}
+  guess: {rod: {y: 0.25}}
+"""
+
+
+def test_points_on_a_boundary_are_judged_as_eig_judges_them():
+    mechanism = mbstab.loads(UPRIGHT)
+    m, k = np.linspace(0.5, 1.5, 3), np.linspace(1.0, 3.0, 3)
+    chart = mechanism.chart({"m": m, "k": k})
+    for i, stiffness in enumerate(k.tolist()):
+        for j, mass in enumerate(m.tolist()):
+            found = mechanism.eig(m=mass, k=stiffness)
+            assert chart.verdicts[i][j] == found.verdict != "undecided"
+            assert chart.unstable[i, j] == sum(e.value.real > 0.1 for e in found.eigenvalues)

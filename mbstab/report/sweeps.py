@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 """A number in a message."""
 
+ON_EDGE = 1e-9
+"""Points of boundaries are on an edge of a chart if they are nearer than this part of the range."""
+
 SHOWN = 13
 """Digits of a proven critical value, which `decimals` shows with a few more: its row has room for them."""
 
@@ -280,4 +283,21 @@ def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -
         rows.append(["no answer", f"{float(unanswered.mean()):.1%}"])
     lines += ["", table(["region", "part of the points"], rows, left=(0,))]
     lines.append(f"{counted(len(result.boundaries), 'boundary curve')}")
+    for text in _edges(result, labels):
+        lines += wrap(text, width=WIDTH)
     return "\n".join(lines) + "\n"
+
+
+def _edges(result: Chart, labels: Sequence[tuple[str, float]]) -> list[str]:
+    """Say where a boundary runs along an edge: stability jumps there, as with damping that begins at zero."""
+    found = []
+    for d, along in enumerate((result.x, result.y)):
+        name, other, factor = result.parameters[d], result.parameters[1 - d], labels[1 - d][1]
+        for end in along[[0, -1]].tolist():
+            for curve in result.boundaries:
+                on = abs(curve[:, d] - end) <= ON_EDGE * (along[-1] - along[0])
+                if on.sum() > 1:
+                    low, high = (number(float(f(curve[on, 1 - d])) / factor, 3) for f in (min, max))
+                    place = f"{name} = {number(end / labels[d][1])} from about {other} = {low} to {high}"
+                    found.append(f"jump: a boundary runs along {place}: stability exactly there is not that beside it")
+    return found

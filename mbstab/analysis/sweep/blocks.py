@@ -14,7 +14,7 @@ from dataclasses import field, replace
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.algebra.arrays import Complex, Flags
+from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import Surface
 from mbstab.analysis.sweep.batched_equations import Pattern
@@ -260,6 +260,13 @@ def merged(blocks: list[Block]) -> Block:
         start += len(block.values)
     arrays = {name: np.concatenate([getattr(block, name) for block in fitted]) for name in ARRAYS if name != "clear"}
     return Block(clear=np.concatenate(clear), problems=problems, neutral=neutral, **arrays)
+
+
+def undecided(raw: Block) -> Index:
+    """Return the numbers of points that are undecided; zeros that are neutral elsewhere are not among the values."""
+    open_ = raw.words == WORD[UNDECIDED]
+    open_[list(raw.problems)] = False
+    return np.flatnonzero(open_)
 
 
 def _fitted(block: Block, total: int, neutral: int) -> Block:

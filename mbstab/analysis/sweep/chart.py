@@ -20,9 +20,9 @@ from mbstab.analysis.reference.continuation import follow_all
 from mbstab.analysis.reference.guesses import idle
 from mbstab.analysis.reference.paths import Sheet, Surface
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import WORD
+from mbstab.analysis.sweep.batched_verdict import WORD, unstable_counts
 from mbstab.analysis.sweep.batched_verdict import unplaced as unplaced_of
-from mbstab.analysis.sweep.blocks import Block, Progress, Task, home_of, merged, patterns_at, tasks
+from mbstab.analysis.sweep.blocks import Block, Progress, Task, home_of, merged, patterns_at, tasks, undecided
 from mbstab.analysis.sweep.boundaries import Grid, counts, traced
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
@@ -134,22 +134,29 @@ def _charted(
         place = np.flatnonzero(np.repeat([path is not None for path in sheet.paths], len(x)))
         problems = {int(i): sheet.missing(points, int(i)) for i in others(len(x) * len(y), place)}
     shape = len(y), len(x)
+    unstable = np.full(shape, -1)
     grid = Grid(x, y, np.full(shape, -1), np.full(shape, -1), np.zeros(shape, dtype=int))
     words = np.full(shape, WORD[UNDECIDED], dtype=np.int8)
     count = unplaced = 0
     if blocks:
         whole = merged(blocks)
         count, unplaced = whole.values.shape[1], unplaced_of(whole.sides, whole.words, whole.problems)
-        words.flat[place] = whole.words
+        open_ = undecided(whole)
+        at = {name: values[place[open_]] for name, values in points.items()}
+        judged_words = whole.words.copy()
+        judged_words[open_] = evaluator.at_zeros(at, whole.values[open_], whole.sides[open_])
+        words.flat[place] = judged_words
         for goal, numbers in zip((grid.unstable, grid.settled, grid.oscillating), counts(whole, unplaced), strict=True):
             goal.flat[place] = numbers
         problems |= {int(place[i]): text for i, text in whole.problems.items()}
         grid.settled.flat[list(problems)] = -1
+        # Between the points exact zeros decide nothing: boundaries are followed without them.
+        unstable.flat[place] = unstable_counts(whole.sides, judged_words)
     evaluator.learn(points)
     detail, boundaries = traced(evaluator, (one, other), grid, count, unplaced)
     if isinstance(sheet, Sheet):
         boundaries += _ends(sheet)
-    answer = (one, other), x, y, grid.unstable, grid.oscillating, boundaries, detail
+    answer = (one, other), x, y, unstable, grid.oscillating, boundaries, detail
     return Chart(*answer, dict(sorted(problems.items())), words)
 
 

@@ -14,6 +14,8 @@ from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import PathEnd
 from mbstab.analysis.sweep.batched_verdict import (
+    AXIS,
+    RIGHT,
     Sides,
     settled,
     signs,
@@ -162,7 +164,28 @@ class CriticalValues(Branches):
                 critical = self._located(near, bracket, branches)
                 if critical is not None:
                     return critical
-        return Critical(0.5 * (low + high), "unresolved", (), 0.0, counts)
+        left = self._leaving(part, (a, b), (low, high), branches)
+        return left or Critical(0.5 * (low + high), "unresolved", (), 0.0, counts)
+
+    def _leaving(
+        self, part: _Stretch, places: tuple[int, int], near: tuple[float, float], branches: Complex
+    ) -> Critical | None:
+        """Return a change exactly at a point: eigenvalues that a structure holds on the axis there leave it beside it.
+
+        Damping that begins at zero does so, from both sides or from one.
+        """
+        counts = int(part.counts[places[0]]), int(part.counts[places[1]])
+        end = 0 if counts[0] == 0 else 1
+        if min(counts) != 0 or near[end] != part.x[places[end]]:
+            return None
+        pair = self._stretch(np.array(near))
+        growing = np.flatnonzero(pair.sides[1 - end] == RIGHT)
+        if not pair.mirrored[end] or pair.mirrored[1 - end] or np.any(pair.sides[end, growing] != AXIS):
+            return None
+        there = pair.values[end]
+        which = int(growing[np.argmax(there[growing].imag)])
+        kind = "flutter" if there[which].imag else "divergence"
+        return self._described(near[end], kind, there, counts, branches, which)
 
     def _unexplained(
         self, part: _Stretch, found: list[Critical], doubtful: list[tuple[int, int]]

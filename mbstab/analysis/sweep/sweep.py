@@ -20,22 +20,21 @@ from itertools import islice
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.arrays import Complex, Flags
 from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.reference.guesses import idle
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import (
-    WORD,
     unstable_counts,
 )
-from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks
+from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks, undecided
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
-from mbstab.analysis.verdict.rule import UNDECIDED, WORDS
+from mbstab.analysis.verdict.rule import WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.schema import Model
@@ -212,7 +211,7 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
     branches = tracker.branches()
     critical = tracker.critical(branches)
     # Zeros that nonlinear terms decide do not tell where stability changes.
-    words, open_ = raw.words.copy(), _undecided(raw)
+    words, open_ = raw.words.copy(), undecided(raw)
     if len(open_):
         words[open_] = evaluator.at_zeros({parameter: x[open_]}, raw.values[open_], raw.sides[open_])
     if path is not None:
@@ -242,13 +241,6 @@ def _named(model: Model, motion: Array) -> dict[str, Array]:
     q, u = motion[:, : len(names)].T, motion[:, len(names) :].T
     moving = {f"rate({name})": x for name, x in zip(names, u, strict=True) if np.any(np.nan_to_num(x))}
     return dict(zip(names, q, strict=True)) | moving
-
-
-def _undecided(raw: Block) -> Index:
-    """Return the numbers of points that are undecided; zeros that are neutral elsewhere are not among the values."""
-    open_ = raw.words == WORD[UNDECIDED]
-    open_[list(raw.problems)] = False
-    return np.flatnonzero(open_)
 
 
 def _at(x: Array, result: Sweep) -> Sweep:

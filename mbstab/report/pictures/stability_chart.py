@@ -76,7 +76,9 @@ def chart(
             points = np.asarray(curve, dtype=float).reshape(-1, 2) / factors
             # Dark on a lighter, wider line, which lies below all curves: the curve is visible on every grey.
             for width, colour, layer in ((2.8, "w", 1.9), (1.4, "k", 2.0)):
-                axes.plot(*thinned(points[:, 0], points[:, 1]), color=colour, linewidth=width, zorder=layer)
+                # Not cut off: on the frame, where damping begins at zero, a line would be lost.
+                line = thinned(points[:, 0], points[:, 1])
+                axes.plot(*line, color=colour, linewidth=width, zorder=layer, clip_on=colour == "w")
         handles: list[Artist] = []
         for number in sorted({int(k) for k in np.unique(count) if k >= 0}):
             more = " or more" if number == len(REGIONS) - 1 else ""
