@@ -391,3 +391,13 @@ def test_points_on_a_boundary_are_judged_as_eig_judges_them():
             found = mechanism.eig(m=mass, k=stiffness)
             assert chart.verdicts[i][j] == found.verdict != "undecided"
             assert chart.unstable[i, j] == sum(e.value.real > 0.1 for e in found.eigenvalues)
+
+
+def test_a_line_divides_flutter_from_divergence():
+    """Without damping Ziegler's column flutters from P l/k = 7/2 - sqrt(2) on, and diverges from 7/2 + sqrt(2) on."""
+    chart = mbstab.load("ziegler_column.yaml").chart(
+        {"P": np.linspace(3.03, 6.03, 7), "k": np.linspace(0.8, 1.2, 5)}, b_1=0, b_2=0
+    )
+    (line,) = chart.divisions
+    np.testing.assert_allclose(line[:, 0], (3.5 + math.sqrt(2.0)) * line[:, 1], rtol=1e-6)
+    assert np.ptp(line[:, 1]) == pytest.approx(0.4)

@@ -18,7 +18,7 @@ from mbstab.report.pictures.curves import INK, THICK, THIN
 from mbstab.report.pictures.drawing import save
 from mbstab.report.pictures.regions import regions
 from mbstab.report.pictures.root_locus import root_locus
-from mbstab.report.pictures.scales import Axis, number_text
+from mbstab.report.pictures.scales import Axis, number_text, upward_range
 from mbstab.report.pictures.spectrum import FAINT
 from mbstab.report.pictures.stability_chart import REGIONS, chart
 from mbstab.report.pictures.stability_map import stability_map
@@ -559,3 +559,18 @@ def test_settings_of_the_user_are_left_alone():
     with mpl.rc_context({"font.size": 23.0}):
         stability_map(oscillator(), "p", "")
         assert mpl.rcParams["font.size"] == 23.0
+
+
+def test_a_curve_that_hardly_changes_does_not_lie_on_the_frame():
+    low, high = upward_range(np.linspace(2.0, 2.001, 11), 2.001)
+    assert low == 0.0
+    assert high > 2.1
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "text"),
+    [("rotating_pendulum", "Omega", "frequency in the turning frame (Hz)"), ("rigid_rotor", "Omega", "frequency (Hz)")],
+)
+def test_the_campbell_diagram_says_in_which_frame_frequencies_are(name, parameter, text):
+    found = mbstab.load(f"{name}.yaml").sweep(parameter, np.linspace(6.0, 20.0, 9))
+    assert campbell(found, parameter, "").axes[0].get_ylabel() == text

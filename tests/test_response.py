@@ -403,3 +403,12 @@ def test_a_response_that_is_zero_by_a_gain_is_told(tmp_path):
     assert [x["vanishes"] for x in channels] == [True, False]
     assert "does not respond to the input" in run("response", str(path)).stdout
     assert run("response", str(path), "--set", "loop=1").stdout.count("does not respond") == 0
+
+
+def test_phases_fall_across_an_undamped_pole_and_rise_across_an_undamped_zero():
+    """(4 - ω²)/((1 - ω²)(9 - ω²)), as with the least damping; 1e-17 of either sign does not decide."""
+    x = np.array([0.2, 0.6, 0.9, 1.1, 1.5, 1.9, 2.1, 2.5, 2.9, 3.1, 4.0, 6.0])
+    for sign in (1.0, -1.0):
+        values = (4 - x**2) / ((1 - x**2) * (9 - x**2)) * (1.0 + sign * 1e-17j * (-1.0) ** np.arange(len(x)))
+        expected = np.where(x < 1, 0, np.where(x < 2, -180, np.where(x < 3, 0, -180)))
+        np.testing.assert_allclose(phase(values), expected, atol=1e-9)

@@ -213,3 +213,37 @@ def test_wrong_options_are_refused(arguments, message, tmp_path):
     result = run("response", str(path), *arguments)
     assert result.exit_code == 2
     assert message in result.stderr
+
+
+def test_every_peak_of_at_least_a_hundredth_of_the_largest_is_told(tmp_path):
+    """With 4500 N/m along x and 9000 N/m along y, x + y answers with Ω²/(k_x - m Ω² + icΩ) - iΩ²/(k_y - m Ω² + icΩ)."""
+    stiffer = JEFFCOTT.replace(
+        "outputs: {", "  more: {type: expression, on: {disk.y: -4500*disk.y}}\noutputs: {w: disk.x + disk.y, "
+    )
+    found = unbalance(mbstab.loads(stiffer).model, "disk", "n", np.linspace(5.0, 60.0, 56), ("w", "u"))
+    speeds = np.linspace(5.0, 60.0, 1_000_001)
+    exact = abs(sum(f * speeds**2 / (k - 5 * speeds**2 + 8j * speeds) for f, k in ((1, 4500), (-1j, 9000))))
+    tops = speeds[1:-1][(exact[1:-1] > exact[:-2]) & (exact[1:-1] > exact[2:])]
+    assert len(tops) == 2
+    peaks = sorted([found.peaks[0], *found.further[0]], key=lambda peak: peak.speed)
+    assert [peak.speed for peak in peaks] == pytest.approx(tops, abs=1e-3)
+    assert found.further[1] == ()
+    path = tmp_path / "rotor.yaml"
+    path.write_text(stiffer, encoding="utf-8")
+    words = (
+        "response",
+        str(path),
+        "--unbalance",
+        "disk",
+        "--speed",
+        "n",
+        "--measured",
+        "w",
+        "--from",
+        "5",
+        "--to",
+        "60",
+    )
+    assert "further peak: " in run(*words).stdout
+    (other,) = json.loads(run(*words, "--format", "json").stdout)["outputs"][0]["further_peaks"]
+    assert other["speed"] == pytest.approx(found.further[0][0].speed, abs=1e-3)

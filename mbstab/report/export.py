@@ -368,8 +368,8 @@ def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, t
 
     Keys: ``model``, ``title``, ``parameters``, ``units``, ``values`` (two lists, in these units),
     ``unstable`` (for each value of the second parameter a list over the first; null where the verdict
-    is open), ``verdicts`` (in the same way), ``boundaries`` (lists of points), ``problems``, ``warnings``, ``start``
-    (the two values from which equilibria were followed, null if they are given).
+    is open), ``verdicts`` (in the same way), ``boundaries`` and ``divisions`` (lists of points), ``problems``,
+    ``warnings``, ``start`` (the two values from which equilibria were followed, null if they are given).
     """
     begin = None if result.start is None else [x / factor for x, (_, factor) in zip(result.start, labels, strict=True)]
     return {
@@ -381,6 +381,7 @@ def chart_data(result: Chart, labels: Sequence[tuple[str, float]], model: str, t
         "unstable": [[int(n) if n >= 0 else None for n in row] for row in result.unstable],
         "verdicts": result.verdicts,
         "boundaries": [curve / [factor for _, factor in labels] for curve in result.boundaries],
+        "divisions": [curve / [factor for _, factor in labels] for curve in result.divisions],
         "problems": [{"point": i, "reason": reason} for i, reason in result.problems.items()],
         "warnings": result.warnings,
         "start": begin,

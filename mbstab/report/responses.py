@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from mbstab.analysis.response.zeros import Zeros
     from mbstab.analysis.sweep.unbalance import Peak, UnbalanceResponse
 
+HALF_TURN = 1e-6
+"""Steps of a phase this near to half a turn (rad) are those across a pole or a zero without damping."""
+
 ROWS = 13
 """Rows of a table; the other formats hold all."""
 
@@ -31,9 +34,22 @@ def decibels(value: Any) -> Any:
 
 
 def phase(values: Any) -> Any:
-    """Return the phase without jumps (degrees), the first one between -180 and 180; nan on a pole and at 0."""
+    """Return the phase without jumps (degrees), the first one between -180 and 180; nan on a pole and at 0.
+
+    Across a pole or a zero without damping it jumps by 180: down at a pole, where the values grow, up at a zero, as
+    with the least damping.
+    """
     found, known = np.full(len(values), np.nan), np.isfinite(values) & (values != 0.0)
-    found[known] = np.degrees(np.unwrap(np.angle(values[known])))
+    if not known.any():
+        return found
+    angle, size = np.unwrap(np.angle(values[known])), np.log(np.abs(values[known]))
+    steps = np.diff(angle)
+    # A step inside is compared with both neighbours; one at an end, with its own.
+    beyond = np.pad(size, 1, mode="edge")
+    grows = beyond[1:-2] + beyond[2:-1] >= beyond[:-3] + beyond[3:]
+    turned = np.abs(np.abs(steps) - np.pi) < HALF_TURN
+    steps[turned] = np.where(grows, -np.pi, np.pi)[turned]
+    found[known] = np.degrees(np.concatenate([angle[:1], angle[:1] + np.cumsum(steps)]))
     return found
 
 
@@ -219,7 +235,8 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
     """Return the answer of ``mbstab response --unbalance`` as text, speeds in `unit`, which is `factor` rad/s."""
     lines = [title, ""] if title else []
     rows, speeds = _rows(len(result.speeds)), result.speeds / factor
-    for name, own, values, peak in zip(result.outputs, result.units, result.values, result.peaks, strict=True):
+    whole = zip(result.outputs, result.units, result.values, result.peaks, result.further, strict=True)
+    for name, own, values, peak, others in whole:
         lines.append(f"From an unbalance at {result.point} to {name}" + (f" ({own})" if own else ""))
         angle = phase(values)
         body = [
@@ -229,7 +246,10 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
         heads = [f"{result.parameter} ({unit})", "amplitude", "phase (°)", ""]
         shown = len(heads) if np.any(result.unstable[rows]) else len(heads) - 1
         lines += [table(heads[:shown], [row[:shown] for row in body]), *_left_out(len(speeds), "speeds")]
-        lines += [*wrap(_peak_text(peak, result.speeds, angle, unit, factor), WIDTH), ""]
+        for which in (peak, *others):
+            text = _peak_text(which, result.speeds, angle, unit, factor)
+            lines += wrap(text if which is peak else f"further {text}", WIDTH)
+        lines.append("")
     if np.any(result.unstable):
         ends = " to ".join(f"{x:.6g}" for x in np.unique(speeds[result.unstable][[0, -1]]))
         lines += wrap(
@@ -258,8 +278,8 @@ def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[st
 
     Keys: ``model``, ``title``, ``kind``, ``point``, ``parameter``, ``speed`` (rad/s) and ``outputs``: ``name``,
     ``unit``, ``real`` and ``imag``, for an unbalance of 1 kg m, and ``peak`` with ``speed``, ``real`` and ``imag``
-    (null if the amplitude grows without bound there) and whether it is ``inside`` the range; ``verdicts`` of the
-    motion without it.
+    (null if the amplitude grows without bound there) and whether it is ``inside`` the range, ``further_peaks`` (those
+    of at least a hundredth of it, in the same form); ``verdicts`` of the motion without it.
     """
     found = [
         {
@@ -267,17 +287,20 @@ def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[st
             "unit": own,
             "real": values.real,
             "imag": values.imag,
-            "peak": {
-                "speed": peak.speed,
-                "real": peak.value.real if peak.bounded else None,
-                "imag": peak.value.imag if peak.bounded else None,
-                "inside": peak.inside,
-            },
+            "peak": _peak_data(peak),
+            "further_peaks": [_peak_data(other) for other in others],
         }
-        for name, own, values, peak in zip(result.outputs, result.units, result.values, result.peaks, strict=True)
+        for name, own, values, peak, others in zip(
+            result.outputs, result.units, result.values, result.peaks, result.further, strict=True
+        )
     ]
     head = {"model": model, "title": title, "kind": "unbalance", "point": result.point, "parameter": result.parameter}
     return head | {"speed": result.speeds, "outputs": found, "verdicts": list(result.verdicts)}
+
+
+def _peak_data(peak: Peak) -> dict[str, Any]:
+    known = {"real": peak.value.real, "imag": peak.value.imag} if peak.bounded else {"real": None, "imag": None}
+    return {"speed": peak.speed, **known, "inside": peak.inside}
 
 
 def unbalance_csv(result: UnbalanceResponse, unit: str, factor: float) -> str:

@@ -67,8 +67,10 @@ def counts(found: Spectra | Block, unplaced: int) -> tuple[Counts, Counts, Count
 
 def traced(
     evaluator: Evaluator, names: tuple[str, str], grid: Grid, count: int, unplaced: int
-) -> tuple[Grid, list[Array]]:
+) -> tuple[Grid, list[Array], list[Array]]:
     """Return a grid with more lines where they are needed, and the curves on which its numbers change.
+
+    The last are curves between equally many unstable eigenvalues, of which not equally many oscillate.
 
     Parameters
     ----------
@@ -82,8 +84,9 @@ def traced(
         Number of eigenvalues that are undecided at all points.
     """
     known: dict[Place, tuple[Array, bool]] = {}
+    between_rows = not isinstance(evaluator.path, Sheet)
     while True:
-        edges = _changes(grid, between_rows=not isinstance(evaluator.path, Sheet))
+        edges = _changes(grid.settled, between_rows)
         places = {edge: _place(grid, edge) for edge in edges}
         new = [edge for edge in edges if places[edge] not in known]
         found = _located(evaluator, names, new, grid, count, unplaced)
@@ -93,16 +96,17 @@ def traced(
         crossed = [edge for edge in edges if known[places[edge]][1]]
         x, y = _finer(evaluator, grid, points, neighbours, crossed)
         if len(x) == len(grid.x) and len(y) == len(grid.y):
-            return grid, _curves(points, neighbours)
+            divided = _divided(evaluator, names, grid, between_rows, count, unplaced)
+            return grid, _curves(points, neighbours), divided
         grid = _filled(evaluator, names, grid, (x, y), count, unplaced)
 
 
 # --- points on edges ------------------------------------------------------------------------------------------------
 
 
-def _changes(grid: Grid, between_rows: bool) -> list[Edge]:
+def _changes(numbers: Counts, between_rows: bool) -> list[Edge]:
     """Return the edges whose ends differ; between paths of equilibria that differ nothing is followed."""
-    sides = [(grid.settled[:, :-1], grid.settled[:, 1:]), (grid.settled[:-1], grid.settled[1:])]
+    sides = [(numbers[:, :-1], numbers[:, 1:]), (numbers[:-1], numbers[1:])]
     return [
         (axis, i, j)
         for axis, (left, right) in enumerate(sides[: 1 + between_rows])
@@ -142,6 +146,31 @@ def _located(
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     points = a + (0.5 * (low + high))[:, None] * (b - a)
     return list(zip(points, crossed.tolist(), strict=True))
+
+
+def _divided(
+    evaluator: Evaluator, names: tuple[str, str], grid: Grid, between_rows: bool, count: int, unplaced: int
+) -> list[Array]:
+    """Return the curves between divergence and flutter where the number of unstable eigenvalues is the same."""
+    numbers = np.where(grid.settled > 0, (count + 1) * grid.settled + grid.oscillating, -1)
+    edges = [
+        (axis, i, j)
+        for axis, i, j in _changes(numbers, between_rows)
+        if grid.settled[i, j] == grid.settled[i + (axis == 1), j + (axis == 0)]
+    ]
+    if not edges:
+        return []
+    ends = np.array([_place(grid, edge) for edge in edges])
+    a, b = ends[:, :2], ends[:, 2:]
+    first = np.array([grid.oscillating[i, j] for _, i, j in edges])
+    low, high = np.zeros(len(edges)), np.ones(len(edges))
+    for _ in range(TOLERANCES.edge_halvings):
+        middle = 0.5 * (low + high)
+        at = a + middle[:, None] * (b - a)
+        same = counts(evaluator.near({names[0]: at[:, 0], names[1]: at[:, 1]}, count), unplaced)[2] == first
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    points = dict(zip(edges, a + (0.5 * (low + high))[:, None] * (b - a), strict=True))
+    return _curves(points, _neighbours(points, *grid.settled.shape))
 
 
 def _signatures(found: Spectra, unplaced: int, index: npt.NDArray[np.intp] | None = None) -> npt.NDArray[np.intp]:

@@ -50,6 +50,8 @@ class Chart:
         How many of them are complex: all where a motion is lost by flutter, none where by divergence.
     boundaries : list of ndarray, shape (k, 2)
         Curves on which the number changes, or on which the equilibria that are followed end.
+    divisions : list of ndarray, shape (k, 2)
+        Curves between divergence and flutter where equally many eigenvalues are unstable on both sides.
     detail : Grid
         The same numbers with more lines where boundaries bend or meet, for a picture.
     problems : dict
@@ -67,6 +69,7 @@ class Chart:
     unstable: npt.NDArray[np.intp]
     oscillating: npt.NDArray[np.intp]
     boundaries: list[Array]
+    divisions: list[Array]
     detail: Grid
     problems: dict[int, str]
     words: npt.NDArray[np.int8]
@@ -153,10 +156,10 @@ def _charted(
         # Between the points exact zeros decide nothing: boundaries are followed without them.
         unstable.flat[place] = unstable_counts(whole.sides, judged_words)
     evaluator.learn(points)
-    detail, boundaries = traced(evaluator, (one, other), grid, count, unplaced)
+    detail, boundaries, divisions = traced(evaluator, (one, other), grid, count, unplaced)
     if isinstance(sheet, Sheet):
         boundaries += _ends(sheet)
-    answer = (one, other), x, y, unstable, grid.oscillating, boundaries, detail
+    answer = (one, other), x, y, unstable, grid.oscillating, boundaries, divisions, detail
     return Chart(*answer, dict(sorted(problems.items())), words)
 
 

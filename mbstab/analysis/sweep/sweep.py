@@ -114,6 +114,8 @@ class Sweep:
     reference : dict of ndarray, shape (points,)
         If the file asks to find the reference: its coordinates by name (m, rad), and as ``rate(…)`` those rates that
         are not zero everywhere; nan where there is no answer.
+    turning : bool
+        Whether the eigenvalues are those of disturbances in a frame that turns with the motion.
     """
 
     parameter: str
@@ -134,6 +136,7 @@ class Sweep:
     crossings: tuple[OrderCrossing, ...] = ()
     whirls: tuple[str, ...] = ()
     reference: dict[str, Array] = field(default_factory=dict)
+    turning: bool = False
 
     @property
     def verdicts(self) -> list[str]:
@@ -229,8 +232,14 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
         parameter, x, branches, unstable_counts(raw.sides, words), raw.neutral, tuple(critical),
         tuple(sorted(tracker.meetings)), raw.problems, None if path is None else path.start,
         "" if path is None else path.moved, (), words,
-        warnings, reference=_named(model, raw.motion),
+        warnings, reference=_named(model, raw.motion), turning=_turns(evaluator),
     )  # fmt: skip
+
+
+def _turns(evaluator: Evaluator) -> bool:
+    """Return whether the motions turn and the equations are written in frames that turn with them."""
+    frames = (pattern.linear.generator for pattern in evaluator.patterns[:1])
+    return any(frame is not None and bool(frame.turns) for frame in frames)
 
 
 def _named(model: Model, motion: Array) -> dict[str, Array]:

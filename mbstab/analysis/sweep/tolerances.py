@@ -149,6 +149,8 @@ class Tolerances:
     """The speed of a peak is found to this fraction …"""
     peak_steps: Final = 30
     """… in at most so many steps."""
+    share_of_peak: Final = 0.01
+    """Peaks of an unbalance response are told if they are at least this part of the largest."""
     high_peak: Final = 1e4
     """With an amplitude that is so much larger than those beside it, the eigenvalue is asked whether it is damped."""
     sure_peak: Final = 0.1

@@ -83,7 +83,9 @@ class UnbalanceResponse:
     verdicts : tuple of str
         Of the motion without unbalance at each speed. Where it is unstable, no rotor answers like this.
     peaks : tuple of Peak
-        Of each output.
+        The largest of each output, and …
+    further : tuple of tuple of Peak
+        … its other peaks that are at least `TOLERANCES.share_of_peak` of it, in the order of the speeds.
     """
 
     point: str
@@ -94,6 +96,7 @@ class UnbalanceResponse:
     values: Complex
     verdicts: tuple[str, ...]
     peaks: tuple[Peak, ...]
+    further: tuple[tuple[Peak, ...], ...]
 
     @property
     def unstable(self) -> Array:
@@ -157,7 +160,7 @@ def unbalance(
     return UnbalanceResponse(
         point, parameter, speeds, outputs, tuple(f"{units[x]}/(kg*m)" if units[x] else "" for x in outputs), values,
         _verdicts(plain, parameter, speeds, spectra),
-        _peaks(speeds, values, spectra.values, partial(answer, sure=True), partial(_undamped, plain, parameter)),
+        *_peaks(speeds, values, spectra.values, partial(answer, sure=True), partial(_undamped, plain, parameter)),
     )  # fmt: skip
 
 
@@ -188,8 +191,8 @@ def _peaks(
     branches: Complex,
     answer: Callable[[float], list[complex]],
     undamped: Callable[[float], float | None],
-) -> tuple[Peak, ...]:
-    """Return the peak of each output.
+) -> tuple[tuple[Peak, ...], tuple[tuple[Peak, ...], ...]]:
+    """Return the largest peak of each output, and its other ones.
 
     Beside the speeds themselves, those are looked at where the frequency of a branch is the spin (resonances may be
     much narrower than the steps between the speeds); the best is refined between its neighbours.
@@ -202,9 +205,7 @@ def _peaks(
             known[speed] = answer(speed)
         return float(abs(known[speed][output]))
 
-    def peak(output: int) -> Peak:
-        x = sorted(known)
-        i = max(range(len(x)), key=lambda i: size(x[i], output))
+    def peak(output: int, x: list[float], i: int) -> Peak:
         best, largest = x[i], size(x[i], output)
         beside = max((size(y, output) for y in x[max(i - 1, 0) : i + 2] if y != best), default=largest)
         inside = 0 < i < len(x) - 1 and beside < largest
@@ -215,7 +216,17 @@ def _peaks(
             return Peak(best if critical is None else critical, complex(np.nan, np.nan), inside, bounded=False)
         return Peak(best, known[best][output], inside, bounded=True)
 
-    return tuple(peak(k) for k in range(len(values)))
+    grid, largest, further = sorted(known), list[Peak](), list[tuple[Peak, ...]]()
+    for k in range(len(values)):
+        sizes = np.array([size(x, k) for x in grid])
+        first = int(np.argmax(sizes))
+        tops = np.flatnonzero((sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
+        finite = sizes[np.isfinite(sizes) & (np.arange(len(grid)) != first)]
+        least = TOLERANCES.share_of_peak * (sizes[first] if np.isfinite(sizes[first]) else np.max(finite, initial=0.0))
+        largest.append(peak(k, grid, first))
+        others = [peak(k, grid, i) for i in tops.tolist() if abs(i - first) > 1 and sizes[i] >= least]
+        further.append(tuple(x for x in others if x.inside))
+    return tuple(largest), tuple(further)
 
 
 def _resonances(speeds: Array, branches: Complex) -> list[float]:

@@ -341,7 +341,7 @@ def _draw_chart(result: Chart, path: Path, model: Model) -> None:
     missing = unanswered_text(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
     fine = result.detail
     grid = fine.x, fine.y, fine.unstable, fine.oscillating
-    save_picture(lambda: chart(*grid, result.boundaries, (one, other), model.title, missing), path)
+    save_picture(lambda: chart(*grid, result.boundaries, (one, other), model.title, missing, result.divisions), path)
 
 
 def _draw(

@@ -63,7 +63,7 @@ def campbell(result: Sweep, label: Axis | str, title: str, highest: float = math
             raise UsageError(f"--max-frequency {highest:g}: the lowest frequency is {lowest:.6g} Hz")
         if any(result.whirls):
             curves.ink = [WHIRL_INK.get(word, INK[0]) for word in result.whirls]
-        figure, (axes,), unlabelled = panels_over_parameter(curves, title, ("frequency (Hz)",))
+        figure, (axes,), unlabelled = panels_over_parameter(curves, title, (_head(result),))
         for other in curves.others:
             for column, growing in zip(other.upper_half().T, other.growing.T, strict=True):
                 draw_branch(axes, other.x, column / (2.0 * math.pi), BEYOND_INK, growing)
@@ -88,6 +88,11 @@ def campbell(result: Sweep, label: Axis | str, title: str, highest: float = math
         draw_legend(figure, handles + legend_entries(curves, _oscillates, unlabelled))
         labels.draw()
         return figure
+
+
+def _head(result: Sweep) -> str:
+    """Return the label of the axis, which says so if an observer at rest sees other frequencies."""
+    return f"frequency{' in the turning frame' if result.turning else ''} (Hz)"
 
 
 def _oscillates(path: SweepCurves) -> Mask:

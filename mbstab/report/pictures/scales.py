@@ -108,7 +108,8 @@ def upward_range(values: Array, size: float) -> tuple[float, float]:
     """Return the range of an axis of nonnegative values."""
     lo, hi = axis_range(values, size)
     top = hi if hi > 1e-6 * size else 0.1 * size
-    return (0.0 if lo > 0.0 else -0.03 * top, top)
+    # From zero on, a curve that hardly changes is not to lie on the frame.
+    return (0.0, max(top, 1.06 * float(np.nanmax(values)))) if lo > 0.0 else (-0.03 * top, top)
 
 
 def set_real_scale(axes: Axes, which: str, real: Array, largest: float) -> None:

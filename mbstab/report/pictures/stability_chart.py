@@ -25,6 +25,9 @@ REGIONS = ("1.0", "0.82", "0.64", "0.46", "0.28")
 """Grey of a region by its number of unstable eigenvalues; the last is for 4 or more."""
 
 
+BETWEEN: Any = (0, (4.0, 2.0))
+"""Dashes of the line between divergence and flutter."""
+
 GRAIN = 3.0
 """Side of the squares in which room for a text is looked for (points)."""
 
@@ -44,6 +47,7 @@ def chart(
     labels: tuple[Axis | str, Axis | str],
     title: str,
     missing: str = "no answer",
+    divisions: Sequence[Array] = (),
 ) -> Figure:
     """Return a stability chart of two parameters.
 
@@ -59,6 +63,8 @@ def chart(
     title : str
     missing : str
         Text of the legend for points without a number.
+    divisions : sequence of ndarray, shape (k, 2)
+        Curves (SI) on which eigenvalues begin to oscillate, with equally many unstable ones on both sides.
     """
     across, up = (Axis.read(label) for label in labels)
     factors = across.factor, up.factor
@@ -79,6 +85,9 @@ def chart(
                 # Not cut off: on the frame, where damping begins at zero, a line would be lost.
                 line = thinned(points[:, 0], points[:, 1])
                 axes.plot(*line, color=colour, linewidth=width, zorder=layer, clip_on=colour == "w")
+        for curve in divisions:
+            points = np.asarray(curve, dtype=float).reshape(-1, 2) / factors
+            axes.plot(*thinned(points[:, 0], points[:, 1]), color="k", linewidth=1.0, linestyle=BETWEEN, zorder=1.8)
         handles: list[Artist] = []
         for number in sorted({int(k) for k in np.unique(count) if k >= 0}):
             more = " or more" if number == len(REGIONS) - 1 else ""
@@ -90,6 +99,9 @@ def chart(
             handles.append(no_answer_patch(missing))
         if len(boundaries):
             handles.append(Line2D([], [], color="k", linewidth=1.4, label="stability boundary"))
+        if len(divisions):
+            text = "between divergence and flutter"
+            handles.append(Line2D([], [], color="k", linewidth=1.0, linestyle=BETWEEN, label=text))
         draw_legend(figure, handles)
         _write_kinds(axes, x / across.factor, y / up.factor, count, kind)
         return figure
