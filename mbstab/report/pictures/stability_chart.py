@@ -78,16 +78,7 @@ def chart(
         axes.set_ylim(*parameter_range(y / up.factor))
         if min(len(x), len(y)) > 1:
             _fill(axes, regions(x, y, count, boundaries), factors)
-        for curve in boundaries:
-            points = np.asarray(curve, dtype=float).reshape(-1, 2) / factors
-            # Dark on a lighter, wider line, which lies below all curves: the curve is visible on every grey.
-            for width, colour, layer in ((2.8, "w", 1.9), (1.4, "k", 2.0)):
-                # Not cut off: on the frame, where damping begins at zero, a line would be lost.
-                line = thinned(points[:, 0], points[:, 1])
-                axes.plot(*line, color=colour, linewidth=width, zorder=layer, clip_on=colour == "w")
-        for curve in divisions:
-            points = np.asarray(curve, dtype=float).reshape(-1, 2) / factors
-            axes.plot(*thinned(points[:, 0], points[:, 1]), color="k", linewidth=1.0, linestyle=BETWEEN, zorder=1.8)
+        lines = _draw_curves(axes, boundaries, divisions, factors)
         handles: list[Artist] = []
         for number in sorted({int(k) for k in np.unique(count) if k >= 0}):
             more = " or more" if number == len(REGIONS) - 1 else ""
@@ -97,14 +88,31 @@ def chart(
             handles.append(Patch(facecolor=REGIONS[number], edgecolor="0.3", linewidth=0.6, label=text))
         if np.any(count < 0):
             handles.append(no_answer_patch(missing))
-        if len(boundaries):
-            handles.append(Line2D([], [], color="k", linewidth=1.4, label="stability boundary"))
-        if len(divisions):
-            text = "between divergence and flutter"
-            handles.append(Line2D([], [], color="k", linewidth=1.0, linestyle=BETWEEN, label=text))
-        draw_legend(figure, handles)
+        draw_legend(figure, handles + lines)
         _write_kinds(axes, x / across.factor, y / up.factor, count, kind)
         return figure
+
+
+def _draw_curves(
+    axes: Axes, boundaries: Sequence[Array], divisions: Sequence[Array], factors: tuple[float, float]
+) -> list[Artist]:
+    """Draw the curves between regions; return their entries of the legend."""
+    handles: list[Artist] = []
+    for curve in boundaries:
+        line = thinned(*(np.asarray(curve, dtype=float).reshape(-1, 2) / factors).T)
+        # Dark on a lighter, wider line, which lies below all curves: the curve is visible on every grey.
+        for width, colour, layer in ((2.8, "w", 1.9), (1.4, "k", 2.0)):
+            # Not cut off: on the frame, where damping begins at zero, a line would be lost.
+            axes.plot(*line, color=colour, linewidth=width, zorder=layer, clip_on=colour == "w")
+    for curve in divisions:
+        line = thinned(*(curve / factors).T)
+        axes.plot(*line, color="k", linewidth=1.0, linestyle=BETWEEN, zorder=1.8)
+    if len(boundaries):
+        handles.append(Line2D([], [], color="k", linewidth=1.4, label="stability boundary"))
+    if len(divisions):
+        text = "between divergence and flutter"
+        handles.append(Line2D([], [], color="k", linewidth=1.0, linestyle=BETWEEN, label=text))
+    return handles
 
 
 def _fill(axes: Axes, polygons: dict[int, list[Polygon]], factors: tuple[float, float]) -> None:
