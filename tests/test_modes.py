@@ -391,3 +391,24 @@ def test_the_zero_of_a_steady_turn_is_one_value_and_hides_no_others(count, right
     assert np.allclose(values, sorted(upper[:count], key=lambda s: -s.real), rtol=0, atol=1e-10)
     assert found.counts.found == len(found.eigenvalues) <= found.counts.expected
     assert not any("lost" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        "b.x: '-b.x - 2*rate(b.x)', b.y: '-3*b.y - rate(b.y)'",
+        "b.x: '-b.x - 2*rate(b.x) + b.y', b.y: '-b.y - 2*rate(b.y)'",
+        "b.x: '-b.x - 2*rate(b.x) + 3*b.y', b.y: '-b.y - 2*rate(b.y)'",
+    ],
+)
+@pytest.mark.parametrize("near", [0.0, -0.9, -1 + 0.01j, 2j])
+def test_the_nearest_eigenvalue_is_not_left_out_because_it_is_defective(law, near):
+    place = "reference: {coordinates: {b: {x: 0, y: 0}}}"
+    body = "bodies: {b: {type: planar_point, mass: 1}}"
+    result = mbstab.loads(f"mbstab: 1\n{body}\nforces: {{law: {{type: expression, on: {{{law}}}}}}}\n{place}\n").modes(
+        2, near=near
+    )
+    lost = any("lost" in warning for warning in result.warnings)
+    assert lost or min(abs(e.value + 1) for e in result.eigenvalues) < 1e-2
+    for e in result.eigenvalues:
+        assert min(abs(e.value - s) for s in (-1, -0.5 + 0.5j * 11**0.5, -0.5 - 0.5j * 11**0.5)) <= e.error_bound

@@ -88,19 +88,20 @@ def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool)
     pairs: list[tuple[complex, Array, Complex, int]] = []
     for number, group in enumerate(_groups(values)):
         pairs += _corrected(equations, values[group], vectors[:, group], symmetric, number)
-    # Beside very slow eigenvalues very fast ones are lost, and infinite ones appear.
+    # Beside very slow eigenvalues very fast ones are lost, and infinite ones appear. A defective one has no correction.
     pairs = [
         p
         for p in pairs
-        if p[1][4]
-        < max(TOLERANCES.correction_of_eigenvalue * abs(p[0]), TOLERANCES.correction_beyond_rounding * p[1][0])
+        if np.any(p[2])
+        and not p[1][4]
+        >= max(TOLERANCES.correction_of_eigenvalue * abs(p[0]), TOLERANCES.correction_beyond_rounding * p[1][0])
     ]
     first, residual = (np.array([p[1][k] for p in pairs]) for k in (0, 1))
     s = np.array([_real_if_alone(p[0], p[1][0], p[2]) for p in pairs])
     strength = np.array([p[1][2] for p in pairs])
     gaps = _gaps(s, np.array([p[3] for p in pairs]))
     with np.errstate(all="ignore"):
-        second = residual * np.max(strength, initial=0.0) / gaps
+        second = residual * np.max(strength[np.isfinite(strength)], initial=0.0) / gaps
         bounds = np.where(np.isfinite(first + second), first + second, np.inf)
         condition = bounds / (EPS * np.abs(s))
     backward = np.array([p[1][3] for p in pairs])
@@ -200,7 +201,8 @@ def _upper(values: Complex, vectors: Complex, shift: complex) -> tuple[Complex, 
     real = np.abs(values.imag) <= TOLERANCES.real_value * np.abs(values)
     values = np.where(real, values.real, values)
     above = real | (values.imag > 0.0)
-    lonely = np.flatnonzero(~above)[_unmatched(values[~above].conj(), values[above])]
+    below = np.flatnonzero(~above & np.any(vectors, axis=0))
+    lonely = below[_unmatched(values[below].conj(), values[above])]
     values[lonely], vectors[:, lonely] = values[lonely].conj(), vectors[:, lonely].conj()
     upper = np.union1d(np.flatnonzero(above), lonely)
     order = upper[np.argsort(np.abs(values[upper] - shift), kind="stable")]
@@ -260,7 +262,7 @@ def _corrected(
         product = float(np.linalg.norm(right) * np.linalg.norm(left)) * strength
         backward = float(np.linalg.norm(right) / np.linalg.norm(sizes @ np.abs(X)))
     numbers = np.array([first, product, strength, backward, np.linalg.norm(change)])
-    shapes = X[:n] @ turn
+    shapes = X[:n] @ turn if np.all(np.isfinite(change)) else vectors[:n]
     corrected = np.where(np.abs(corrected.imag) <= TOLERANCES.real_value * np.abs(corrected), corrected.real, corrected)
     return [(complex(s), numbers, shapes[:, k], number) for k, s in enumerate(corrected)]
 

@@ -81,7 +81,7 @@ class Eigenvalue:
             return complex(0.0, imag)
         if self.kind == "critical":
             return 0j
-        if self.kind not in ("undecided", "neutral") or math.isnan(self.error_bound):
+        if self.kind not in ("undecided", "neutral") or not math.isfinite(self.error_bound):
             return self.value
         return complex(*(x if abs(x) > self.error_bound else 0.0 for x in (real, imag)))
 
