@@ -281,6 +281,8 @@ IMPLICIT = [name for name, solvers in METHODS.items() if any(x.compiled == name 
 def test_compiled_implicit_steps_are_those_of_the_interpreted_method(method, name, accuracy):
     perturb, parameters = MOTIONS[name]
     model = mbstab.load(MODELS[name])
+    if name == "kapitza" and "step" in accuracy:
+        accuracy = {"step": 0.001}  # its support moves up and down within 0.06 s
     one, other = (
         model.simulate(1.0, perturb=perturb, method=method, points=21, compiled=x, **accuracy, **parameters)
         for x in (False, True)

@@ -399,7 +399,7 @@ def test_what_is_not_possible_yet_says_so(ask):
         ask(scene)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 5, *(pytest.param(k, marks=pytest.mark.long) for k in (3, 4))])
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 5, pytest.param(4, marks=pytest.mark.long)])
 def test_sweeps_and_eig_of_chains_with_massless_nodes_agree(seed):
     """Springs and dampers in series, some of them driving: values, verdicts and refusals at points of a sweep."""
     rng = np.random.default_rng(seed)

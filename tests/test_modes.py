@@ -89,7 +89,8 @@ def test_instability_is_counted_where_nothing_found_grows():
     assert "1 eigenvalue lies right" in result.reasons[0]
 
 
-@pytest.mark.parametrize("seed", sample(range(96), 24))
+# The vectors of 81 are those of a search that does not converge well beside zeros with a chain.
+@pytest.mark.parametrize("seed", [81, *sample([x for x in range(96) if x != 81], 23)])
 def test_modes_of_random_mechanisms(seed):
     full, few = outcome(random_mechanism(seed), 3)
     values = np.array([e.value for e in full.eigenvalues])

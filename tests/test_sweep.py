@@ -17,6 +17,7 @@ from closed_forms import critical_disk, critical_top, critical_ziegler
 from paths import avoided, bicycle_paths, chain_path, swaps
 from sampling import sample
 from scipy.optimize import linear_sum_assignment
+from zoo import SYSTEMS
 
 import mbstab
 from mbstab.analysis.reference import continuation
@@ -1333,3 +1334,33 @@ def test_an_eigenvalue_that_passes_zero_beside_an_open_one_is_found(other, point
     (found,) = mbstab.loads(text).sweep("p", np.linspace(-1.0, 1.0, points)).critical
     assert (found.kind, found.unstable) == ("divergence", (3, 2))
     assert abs(found.value) < 1e-12
+
+
+BALANCE = next(x.text for x in SYSTEMS if x.name == "Roberval balance, tilted")
+
+
+@pytest.mark.parametrize("points", [2, 3, 5])
+@pytest.mark.parametrize("parameter", ["dummy", "a"])
+def test_a_stiffness_that_is_the_sum_of_large_terms_is_zero_to_their_rounding(parameter, points):
+    """Reactions of 10 N m cancel in it, at any angle: what is left is no stiffness."""
+    found = mbstab.loads(BALANCE).sweep(parameter, np.linspace(0.1, 0.6, points))
+    assert set(found.verdicts) <= {"stable up to symmetry", "undecided"}
+    assert not found.critical
+
+
+@pytest.mark.parametrize("k", [1e-17, 1e-3, -1e-17, -1e-3])
+def test_what_is_left_of_large_terms_is_judged_as_alone(k):
+    text = BALANCE.replace(
+        "\nreference:",
+        f"""
+forces:
+  law: {{type: expression, on: {{upper.theta: '-({k})*(upper.theta - a)'}}}}
+reference:""",
+    )
+    model = mbstab.loads(text)
+    found = model.sweep("dummy", np.linspace(0.1, 0.6, 5))
+    alone = model.eig().verdict
+    allowed = {"stable" if k > 0 else "unstable", "undecided"}
+    assert alone in allowed
+    assert set(found.verdicts) <= allowed
+    assert abs(k) < 1e-9 or set(found.verdicts) == {alone} != {"undecided"}

@@ -2,7 +2,7 @@
 
 Approximate vectors x and y of shift-invert iterations give, with the whole problem Q(s) and not a reduced one,
 
-    s₁ = s − yᴴQ(s)x / yᴴQ'(s)x
+    s₁ = s + d,   yᴴQ(s)x + d yᴴQ'(s)x + d² yᴴMx = 0
 
 whose error is the product of those of x and y (Lancaster 1961, Numer. Math. 3; Schwetlick, Schreiber 2012, Linear
 Algebra Appl. 436). The remaining error is bounded by the errors of the entries, and by the residuals of both vectors:
@@ -225,6 +225,19 @@ def _groups(values: Complex) -> list[Array]:
 def _corrected(
     equations: SparseEquations, values: Complex, vectors: Complex, symmetric: bool, number: int
 ) -> list[tuple[complex, Array, Complex, int]]:
+    """Return for values that are treated together what `_projected` does; again where the correction is large."""
+    found = _projected(equations, values, vectors, symmetric, number)
+    there = np.array([x[0] for x in found])
+    if not found[0][1][4] > TOLERANCES.correction_again * np.max(np.abs(there)) or not np.all(np.isfinite(there)):
+        return found
+    again = _iterated(equations, complex(np.mean(there)), vectors, "N")
+    closer = _projected(equations, there, again, symmetric, number) if np.all(np.isfinite(again)) else found
+    return closer if closer[0][1][4] < found[0][1][4] else found
+
+
+def _projected(
+    equations: SparseEquations, values: Complex, vectors: Complex, symmetric: bool, number: int
+) -> list[tuple[complex, Array, Complex, int]]:
     """Return for values that are treated together the corrected values, their measures, and Δq.
 
     The measures are the first bound, the product of the residuals divided by |yᴴQ'x|, the strength κ of the pair, the
@@ -232,7 +245,7 @@ def _corrected(
     """
     problem, n, s0 = equations.problem, equations.n_q, complex(np.mean(values))
     X = _orthonormal(vectors, n)
-    Y = X.conj() if symmetric else _left(equations, s0, X)
+    Y = X.conj() if symmetric else _iterated(equations, s0, _beside(X), "H")
     slope = Y.conj().T @ (problem.at(s0, slope=True) @ X)
     with np.errstate(all="ignore"):
         try:
@@ -240,11 +253,14 @@ def _corrected(
         except np.linalg.LinAlgError:
             inverse = np.full_like(slope, np.nan)
         missing = problem.product(s0, Y, X, equations.remainder)
-        change = inverse @ missing
+        bent = problem.part(2) @ X
+        curved = Y.conj().T @ bent
+        step = _solvent(inverse @ missing, inverse @ curved)
+        left_step = _solvent((missing @ inverse).T, (curved @ inverse).T).T
         if len(values) == 1:
-            corrected, turn = np.array([s0 - change[0, 0]]), np.eye(1, dtype=complex)
-        elif np.all(np.isfinite(change)):
-            steps, turn = np.linalg.eig(-change)
+            corrected, turn = np.array([s0 + step[0, 0]]), np.eye(1, dtype=complex)
+        elif np.all(np.isfinite(step)):
+            steps, turn = np.linalg.eig(step)
             corrected = s0 + steps
         else:
             corrected, turn = values, np.eye(len(values), dtype=complex)
@@ -257,32 +273,50 @@ def _corrected(
         )
         right, left = problem.at(s0) @ X, problem.at(s0).conj().T @ Y
         # The part of the residuals that the correction removes is no error.
-        right = right - (problem.at(s0, slope=True) @ X) @ change
-        left = left - (problem.at(s0, slope=True).conj().T @ Y) @ (missing @ inverse).conj().T
+        right = right + (problem.at(s0, slope=True) @ X) @ step + bent @ step @ step
+        back = left_step.conj().T
+        left = left + (problem.at(s0, slope=True).conj().T @ Y) @ back + (problem.part(2).conj().T @ Y) @ back @ back
         product = float(np.linalg.norm(right) * np.linalg.norm(left)) * strength
         backward = float(np.linalg.norm(right) / np.linalg.norm(sizes @ np.abs(X)))
-    numbers = np.array([first, product, strength, backward, np.linalg.norm(change)])
-    shapes = X[:n] @ turn if np.all(np.isfinite(change)) else vectors[:n]
+    numbers = np.array([first, product, strength, backward, np.linalg.norm(step)])
+    shapes = X[:n] @ turn if np.all(np.isfinite(step)) else vectors[:n]
     corrected = np.where(np.abs(corrected.imag) <= TOLERANCES.real_value * np.abs(corrected), corrected.real, corrected)
     return [(complex(s), numbers, shapes[:, k], number) for k, s in enumerate(corrected)]
 
 
-def _left(equations: SparseEquations, s: complex, X: Complex) -> Complex:
-    """Return a basis of the left vectors of an eigenvalue, by inverse iteration."""
+def _solvent(first: Complex, second: Complex) -> Complex:
+    """Return the small solution D of D + first + second D² = 0, shape (k, k): a step to eigenvalues of Q(s) itself.
+
+    Both D² second and second D² have the same eigenvalues, so the order matters for the vectors alone.
+    """
+    step = -first
+    for _ in range(TOLERANCES.steps_of_correction):
+        step = -first - second @ step @ step
+    return step
+
+
+def _iterated(equations: SparseEquations, s: complex, start: Complex, of: str) -> Complex:
+    """Return a basis of the right ("N") or left ("H") vectors of an eigenvalue, by inverse iteration."""
     problem = equations.problem
     shift = s * (1.0 + LINEAR.vector_shift) + LINEAR.vector_shift**2 * equations.rate * (1.0 + 1.0j)
     lu = problem.factors(shift)
     if lu is None:
-        return np.full_like(X, np.nan)
-    slope = problem.at(s, slope=True).conj().T
-    rng = np.random.default_rng(13)
-    Y: Complex = (X.conj() + rng.normal(size=X.shape) / X.shape[0] ** 0.5).astype(complex)
-    matrix = problem.at(complex(shift)).conj().T
-    for _ in range(TOLERANCES.left_vector_steps):
-        right = np.ascontiguousarray(slope @ Y)
-        Y = np.asarray(lu.solve(right, "H"), dtype=complex)
-        Y = _orthonormal(Y + lu.solve(np.ascontiguousarray(right - matrix @ Y), "H"), equations.n_q)
-    return Y
+        return np.full_like(start, np.nan)
+    slope, matrix = problem.at(s, slope=True), problem.at(complex(shift))
+    if of == "H":
+        slope, matrix = slope.conj().T, matrix.conj().T
+    found: Complex = start
+    for _ in range(TOLERANCES.vector_steps):
+        right = np.ascontiguousarray(slope @ found)
+        found = np.asarray(lu.solve(right, of), dtype=complex)
+        found = _orthonormal(found + lu.solve(np.ascontiguousarray(right - matrix @ found), of), equations.n_q)
+    return found
+
+
+def _beside(X: Complex) -> Complex:
+    """Return vectors near given ones that are orthogonal to none."""
+    result: Complex = (X.conj() + np.random.default_rng(13).normal(size=X.shape) / X.shape[0] ** 0.5).astype(complex)
+    return result
 
 
 def _orthonormal(vectors: Complex, n: int) -> Complex:

@@ -32,9 +32,13 @@ class Tolerances:
     """A value that is corrected by more than this, relatively, is not an eigenvalue …"""
     correction_beyond_rounding: Final = 1e2
     """… if the correction is also more than this many times the effect of rounding."""
+    correction_again: Final = 1e-9
+    """Relative correction above which vectors are computed again at the corrected value."""
+    steps_of_correction: Final = 8
+    """Steps to the root of a quadratic: each gains the digits of the correction above."""
     values_together: Final = 1e-7
     """Values closer than this, relatively, are treated together."""
-    left_vector_steps: Final = 3
+    vector_steps: Final = 3
     """… left ones with this many steps of inverse iteration."""
     real_value: Final = 1e-9
     """Values are real if their imaginary part is smaller than this, relatively."""

@@ -25,6 +25,7 @@ from mbstab.analysis.reference.steady import Family, Generator, spins_freely
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.sweep.batched_massless import Light
 from mbstab.analysis.sweep.batched_structure import Known
+from mbstab.analysis.sweep.cancellation import Cancellation
 from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.stacks import transposed
 from mbstab.analysis.sweep.tolerances import TOLERANCES
@@ -84,14 +85,8 @@ class Equations:
         if pattern.family is not None:
             self.good &= spins_freely(system, pattern.family.columns)
 
-    def linearized(self, growth: Array | None = None) -> tuple[Flags, Points]:
-        """Return which points fit the pattern, and their linearized equations.
-
-        Parameters
-        ----------
-        growth : ndarray, shape (points,), optional
-            Ratio of the terms of the matrices to their sums; 1 if not given.
-        """
+    def linearized(self, cancellation: Cancellation) -> tuple[Flags, Points]:
+        """Return which points fit the pattern, and their linearized equations."""
         pattern, system = self.pattern, self.system
         q, steady, u, dynamics = self._motion()
         self._require_rows(dynamics, u)
@@ -117,10 +112,29 @@ class Equations:
         S = self._balanced_matrix(A, gamma, N.shape[-1])
         if self.light is not None:
             self.good &= self.light.carried(M_z)
-        spread = (np.ones(1) if growth is None else growth) * (1.0 if self.light is None else self.light.cancelling)
+        ratio, terms = cancellation.larger()
+        spread = ratio * (1.0 if self.light is None else self.light.cancelling)
         error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, W_inverse, S) * spread
         return self.good, Points(
-            system, q, u, a, steady, scale, M, R, K, allowed, N, Z, P, S, gamma, error, balance[2], spread
+            system,
+            q,
+            u,
+            a,
+            steady,
+            scale,
+            M,
+            R,
+            K,
+            allowed,
+            N,
+            Z,
+            P,
+            S,
+            gamma,
+            error,
+            balance[2],
+            spread,
+            terms * _norm(K)[:, None, None],
         )
 
     def _balanced_matrix(self, A: Array, gamma: Array, n_xi: int) -> Array:
@@ -153,8 +167,8 @@ class Equations:
         result: Array = TOLERANCES.roundings_of_matrix * EPS * bases * (lost * forces + rows + _norm(S))
         return result
 
-    def growth(self) -> Array:
-        """Return the ratio of the terms of the matrices to their sums, shape (points,)."""
+    def cancellation(self) -> tuple[Array, Array]:
+        """Return the ratio and the terms of the stiffness of `Cancellation`, for all of these points."""
         system = self.system
         q, steady, u, dynamics = self._motion()
         _, J, scale, row_scale = self._scaled(dynamics)
@@ -174,7 +188,9 @@ class Equations:
         gamma = np.sqrt(sizes[0][1]) + sizes[1][1]
         whole = sizes[0][1] + sizes[1][1] * gamma + _norm(dynamics.M * both) * gamma**2
         found: Array = np.broadcast_to((sizes[0][0] + sizes[1][0] * gamma) / np.maximum(whole, 1e-300), (self.points,))
-        return np.maximum(np.nan_to_num(found, nan=1.0, posinf=1e6), 1.0)
+        entries = np.broadcast_to(terms["K"] * both, (self.points, *both.shape[1:]))
+        parts = entries / np.maximum(sizes[0][1], 1e-300)[:, None, None]
+        return np.maximum(np.nan_to_num(found, nan=1.0, posinf=1e6), 1.0), np.nan_to_num(parts, nan=0.0, posinf=1e300)
 
     def _motion(self) -> tuple[Array, Generator | None, Array, Dynamics]:
         """Return the coordinates, the steady motion, the speeds and the equations of motion there."""

@@ -38,6 +38,7 @@ from mbstab.analysis.sweep.batched_verdict import (
     judged,
     unstable_counts,
 )
+from mbstab.analysis.sweep.cancellation import Cancellation, sampled
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
 from mbstab.analysis.verdict.facts import Grounds
@@ -111,7 +112,7 @@ class Evaluator:
     ) -> None:
         self.model, self.path = model, path
         self.patterns = list(patterns)
-        self.growth = 1.0
+        self.cancellation: Cancellation | None = None
         self.alone = 0
         """How many points of the last call of `near` no pattern fits, so that each was computed by itself."""
 
@@ -270,10 +271,12 @@ class _Work:
         """Compute points with a pattern; return which of them fit it."""
         done = np.zeros(len(pending), dtype=bool)
         block = max(64, TOLERANCES.block_entries // pattern.linear.M.size)
-        growth = self._growth(pattern, pending)
+        cancellation = self._cancellation(pattern, pending)
+        if cancellation is None:
+            return done
         for start in range(0, len(pending), block):
             part = slice(start, start + block)
-            done[part] = self._block(pattern, pending[part], growth if len(growth) == 1 else growth[part])
+            done[part] = self._block(pattern, pending[part], cancellation.at(part))
             self.progress(1.0 - (len(pending) - start) / self.points)
         return done
 
@@ -426,7 +429,7 @@ class _Work:
             return count or 0, 0
         n_f, neutral = max(counts, key=lambda key: counts[key])
         if count is not None:
-            return n_f, max(n_f - count, 0)
+            return max(n_f, count), max(n_f - count, 0)
         # At single points symmetries may be missing: eigenvalues that are zero elsewhere are small there.
         for part in self.found:
             further = neutral - part.known.neutral.count
@@ -545,7 +548,7 @@ class _Work:
 
     # --- many points ------------------------------------------------------------------------------------------------
 
-    def _block(self, pattern: Pattern, index: Index, growth: Array) -> Flags:
+    def _block(self, pattern: Pattern, index: Index, cancellation: Cancellation) -> Flags:
         """Compute points of a pattern together; return which of them fit it."""
         if not len(index):
             return np.zeros(0, dtype=bool)
@@ -556,12 +559,10 @@ class _Work:
                 return np.zeros(1, dtype=bool)
             half = len(index) // 2
             parts = (slice(0, half), slice(half, None))
-            return np.concatenate(
-                [self._block(pattern, index[x], growth if len(growth) == 1 else growth[x]) for x in parts]
-            )
+            return np.concatenate([self._block(pattern, index[x], cancellation.at(x)) for x in parts])
         with np.errstate(all="ignore"):
             try:
-                good, points = self._equations(pattern, index, scene).linearized(growth)
+                good, points = self._equations(pattern, index, scene).linearized(cancellation)
                 separation = pattern.known.separated(points)
                 for x in self.values.values():
                     good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= VERDICT.number_lost))
@@ -582,19 +583,15 @@ class _Work:
         chosen = {name: x[index] for name, x in self.values.items()}
         return None if self.path is None else self.path.predicted(chosen)
 
-    def _growth(self, pattern: Pattern, index: Index) -> Array:
-        """Return the ratio of terms to their sums, from some of the points."""
-        evaluator = self.evaluator
-        if not self.sampled or len(index) < TOLERANCES.points_of_lonely_pattern:
-            return np.full(1, evaluator.growth)
-        some = np.unique(np.linspace(0, len(index) - 1, TOLERANCES.points_with_terms).round().astype(int))
-        try:
-            growth = self._equations(pattern, index[some], self.scene(index[some])).growth()
-        except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
-            growth = np.full(len(some), evaluator.growth)
-        evaluator.growth = max(evaluator.growth, float(np.max(growth)))
-        # The larger one of two neighbouring samples.
-        right = np.clip(np.searchsorted(some, np.arange(len(index))), 1, max(len(some) - 1, 1))
-        if len(some) < 2:
-            return growth
-        return np.maximum(growth[right - 1], growth[right])
+    def _cancellation(self, pattern: Pattern, index: Index) -> Cancellation | None:
+        """Return how much cancels in the matrices, from some of the points; None where it is known of none."""
+        evaluator, points = self.evaluator, len(index)
+        earlier = evaluator.cancellation
+        if earlier is not None and (not self.sampled or points < TOLERANCES.points_of_lonely_pattern):
+            return earlier
+        found = sampled(
+            lambda some: self._equations(pattern, index[some], self.scene(index[some])).cancellation(), points
+        )
+        if found is not None:
+            evaluator.cancellation = found.largest(earlier)
+        return found or earlier

@@ -354,12 +354,14 @@ class Known:
         stiffness = transposed(points.N) @ points.K @ points.N
         N, moved = np.abs(points.N), np.abs(rates)
         size = transposed(moved) @ (transposed(N) @ np.abs(points.M) @ N) @ moved
-        known = transposed(N) @ np.abs(points.K) @ N
+        spread = points.spread[:, None, None]
+        known = transposed(N) @ np.maximum(spread * np.abs(points.K), points.terms) @ N
+        size = spread * size
         shape = points.S.shape
         H, size = (np.broadcast_to(x, np.broadcast_shapes(x.shape, shape)).copy() for x in (H, size))
         H[:, :n, :n] += 0.5 * (stiffness + transposed(stiffness))
         size[:, :n, :n] += 0.5 * (known + transposed(known))
-        return H, VERDICT.roundings_of_variation * EPS * points.spread[:, None, None] * size
+        return H, VERDICT.roundings_of_variation * EPS * size
 
     def inertia(self, points: Points) -> Array:
         """Return the numbers of positive, negative and doubtful directions of the second variation, shape (points, 3).

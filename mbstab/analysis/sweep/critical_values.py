@@ -453,6 +453,9 @@ class CriticalValues(Branches):
         there = spectrum(value)
         # Others may pass the axis at the same value.
         which = test.number(there) if isinstance(test, _RealPart) else None
+        # Where real eigenvalues pass through infinity, another one may be nearest to the middle of both ends.
+        if kind == "divergence" and which is not None and there[which].imag != 0.0:
+            return None
         found = replace(self._described(value, kind, there, counts, branches, which), verdicts=words)
         if kind == "collision":
             stable = a if counts[0] < counts[1] else b

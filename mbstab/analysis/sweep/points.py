@@ -42,6 +42,8 @@ class Points:
         Forces across rows on speeds, relative to all forces.
     spread : ndarray, shape (points,)
         Ratio of the terms of the matrices to their sums.
+    terms : ndarray, shape (points, n_q, n_q)
+        Sizes of the terms of K.
     """
 
     system: System
@@ -62,6 +64,7 @@ class Points:
     error: Array
     across: Array
     spread: Array
+    terms: Array
 
     @property
     def n_xi(self) -> int:
@@ -97,7 +100,7 @@ class Points:
         arrays = (
             some(x, index, 0) for x in (
                 self.scale, self.M, self.R, self.K, self.allowed, self.N, self.Z, self.P, self.S, self.gamma,
-                self.error, self.across, self.spread,
+                self.error, self.across, self.spread, self.terms,
             )
         )  # fmt: skip
         return Points(self.system, self.q[index], self.u[index], self.a[index], steady, *arrays)
