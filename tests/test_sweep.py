@@ -1219,7 +1219,7 @@ def test_a_search_that_is_too_long_ends_and_says_where(monkeypatch):
 
 
 def test_a_path_that_is_too_long_ends_without_a_verdict_on_its_end(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.reference.smooth.SmoothSolutions.surface", lambda self: None)  # step by step
+    monkeypatch.setattr("mbstab.analysis.reference.smooth.SmoothSolutions.surface", lambda *given: None)  # step by step
     monkeypatch.setattr("mbstab.analysis.reference.tolerances.Tolerances.path_evaluated_numbers", 12)
     monkeypatch.setattr("mbstab.analysis.reference.tolerances.Tolerances.path_evaluations", 12)
     result = mbstab.load("rotating_pendulum.yaml").sweep("Omega", np.linspace(5.0, 20.0, 9))
