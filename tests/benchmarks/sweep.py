@@ -6,6 +6,7 @@ that part. Times are those of the processor, but for several processes.
 
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -14,7 +15,14 @@ from mbstab.analysis.sweep.chart import chart
 from mbstab.analysis.sweep.settings import SweepSettings
 from mbstab.analysis.sweep.sweep import sweep
 
-CASES = (("top", "omega", 100_001, 4, 4.0), ("whipple_bicycle", "v", 10_001, 10, 4.0))
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from chains import straight_chain
+
+CASES = (
+    ("top", "omega", (0.0, 10.0), 100_001, 4, 4.0),
+    ("whipple_bicycle", "v", (0.0, 10.0), 10_001, 10, 4.0),
+    ("chain of 20", "g", (5.0, 20.0), 2_001, 40, 4.0),
+)
 LONG = 1_000_000
 SHORT, MANY, SIDE = 2, 5_000, 300
 
@@ -30,10 +38,18 @@ def eigenvalue_call(points, size):
     return timed(lambda: np.linalg.eigvals(matrices))[0]
 
 
+def model_of(name):
+    """Return an example, or a chain of rods with its gravity as a parameter."""
+    if not name.startswith("chain"):
+        return mbstab.load(f"{name}.yaml").model
+    head = '{"parameters": {"g": {"value": 9.81, "unit": "m/s^2"}},'
+    return mbstab.loads(straight_chain(20).replace("-9.81", '"-g"').replace("{", head, 1)).model
+
+
 def given():
     """Sweeps of motions that are given."""
-    for name, parameter, points, size, goal in CASES:
-        model, x = mbstab.load(f"{name}.yaml").model, np.linspace(0.0, 10.0, points)
+    for name, parameter, ends, points, size, goal in CASES:
+        model, x = model_of(name), np.linspace(*ends, points)
         sweep(model, parameter, x[:1000])
         ratios = sorted(timed(lambda: sweep(model, parameter, x))[0] / eigenvalue_call(points, size) for _ in range(3))  # noqa: B023
         print(f"{name}, {points} points: {ratios[1]:.2f} x numpy.linalg.eigvals (goal {goal:g})")
