@@ -431,9 +431,12 @@ class CriticalValues(Branches):
         if test is None:
             return None
 
+        known: dict[float, Complex] = {a: before, b: after}
+
         def spectrum(p: float) -> Complex:
-            found: Complex = self._spectra(np.array([p]), needed=needed).values[0]
-            return found
+            if p not in known:
+                known[p] = self._spectra(np.array([p]), needed=needed).values[0]
+            return known[p]
 
         size = float(np.max(np.abs([before, after])))
         ends = test(before, size), test(after, size)
