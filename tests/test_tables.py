@@ -320,6 +320,22 @@ def test_a_table_in_a_file_beside_the_model(tmp_path):
     assert "3, 2.0,0.1" in str(caught.value)
 
 
+@pytest.mark.parametrize("function", ["table", "spline", "linear"])
+def test_a_table_from_a_file_that_is_left_is_told_with_the_name_of_the_file(function, tmp_path):
+    found = "find: equilibrium, guess: {b: {x: 0.5}}"
+    text = MODEL.format(function=function, F=1).replace(found, "coordinates: {b: {x: 4}}")
+    (table,) = mbstab.loads(text).model.tables.values()
+    start = text.index("tables:")
+    end = text.index("\n", text.index("y:", start))
+    (tmp_path / "m.yaml").write_text(text[:start] + "tables:\n  grip: {file: grip.csv}" + text[end:], encoding="utf-8")
+    lines = [f"{x},{y}" for x, y in zip(table.x, table.y, strict=True)]
+    (tmp_path / "grip.csv").write_text("\n".join(["slip,load", *lines]) + "\n", encoding="utf-8")
+    with pytest.raises(MbstabError) as caught:
+        mbstab.load(tmp_path / "m.yaml").eig()
+    assert "4 is outside the table, which goes from -2 to 3.5" in str(caught.value)
+    assert re.search(r"give the table 'grip' \(grip\.csv, .*m\.yaml:\d+:3\) more points", str(caught.value))
+
+
 @pytest.mark.parametrize("separator", [",", ";", "\t", " ; ", ", "])
 def test_one_separator_stands_in_a_whole_file(separator, tmp_path):
     rows = ["slip", "load"], *zip(map(str, X), map(str, Y), strict=True)

@@ -303,11 +303,12 @@ class Expectation:
 
 @dataclass(frozen=True)
 class TableValue:
-    """A function given by points."""
+    """A function given by points; `file` is the name of the file that they come from, if they do."""
 
     x: tuple[Decimal, ...]
     y: tuple[Decimal, ...]
     location: Location
+    file: str = ""
 
     def points(self, function: str) -> tuple[str, ...]:
         """Return x, y and slope of each point for a function of `mbstab.model.functions.TABULATED`."""
@@ -367,9 +368,9 @@ class Model:
             return ""
         known = ((name, x.points(function)) for name, x in self.tables.items() for function in TABULATED)
         name = next(name for name, points in known if tuple(map(float, points)) == error.points)
-        return (
-            f"hint: give the table {name!r} ({self.tables[name].location}) more points, or saturate(...) its argument"
-        )
+        table = self.tables[name]
+        place = f"{table.file}, {table.location}" if table.file else str(table.location)
+        return f"hint: give the table {name!r} ({place}) more points, or saturate(...) its argument"
 
     @property
     def settings(self) -> dict[str, int | float | str]:

@@ -29,7 +29,9 @@ class TableReader:
                 table = self._table(item, path) or TableValue(
                     (Decimal(-1), Decimal(1)), (Decimal(0), Decimal(0)), key.location
                 )
-                found[key.text] = replace(table, location=key.location)
+                file = item.entries.get("file") if isinstance(item, Mapping) else None
+                name = file.text.strip() if isinstance(file, Scalar) else ""
+                found[key.text] = replace(table, location=key.location, file=name)
         return found
 
     def _table(self, node: YamlNode, path: str) -> TableValue | None:
