@@ -241,7 +241,7 @@ def test_json_of_a_chart():
     data = json.loads(result.stdout)
     assert result.exit_code == 0
     keys = {"model", "title", "parameters", "units", "values", "unstable", "verdicts", "boundaries", "problems"}
-    keys |= {"warnings", "start"}
+    keys |= {"divisions", "warnings", "start"}
     assert set(data) == keys
     assert data["parameters"] == ["omega", "R"]
     assert data["units"] == ["rad/s", "m"]
