@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,12 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement, efforts
 from mbstab.analysis.reference.motion import Finder
 from mbstab.cli.main import main
+from mbstab.errors import UsageError
+from mbstab.model.expressions import ExpressionError, parse
+from mbstab.model.sections.outputs import measured_expression
+from mbstab.report.pictures.motion_plots import read_picture
+
+MODELS = Path(__file__).parents[1] / "models"
 
 PLANAR = """\
 mbstab: 1
@@ -91,6 +98,100 @@ def test_several_states_at_once_are_as_each_alone():
         alone = efforts(Placement(attitudes, system, q[k], u[k]), nu[k], times[k])
         for one, other in zip(together, alone, strict=True):
             assert one.values[k] == pytest.approx(other.values, rel=1e-13)
+
+
+def _power(system, path, q, u):
+    """Return the power of one entry at t = 0.7 s, from its generalized forces."""
+    return float(-dict(system.parts())[path].dynamics(q, u, 0.7).F0 @ u)
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_one_list_of_efforts_serves_outputs_plots_and_tables(path):
+    mechanism = mbstab.load(path)
+    model = mechanism.model
+    entries = [entry for section in ("drives", "forces") for entry in model.entries[section].values()]
+    acting, units = {entry.name for entry in entries if entry.has_effort}, {}
+    for entry in entries:
+        word = f"effort({entry.name})"
+        if entry.name in acting:
+            measured_expression(model, word)
+            units[entry.called] = read_picture(model, word).panels[0].curves[0].unit.replace("·", "*")
+        else:
+            with pytest.raises(ExpressionError, match="no force or drive along one motion"):
+                measured_expression(model, word)
+            with pytest.raises(UsageError, match="no force or drive along one motion"):
+                read_picture(model, word)
+    for group in model.entries.values():
+        for entry in group.values():
+            word, said = f"force({entry.name}.x)", "there is no joint|nothing called|there are several called"
+            several = sum(other.has_reaction for x in model.entries.values() if (other := x.get(entry.name))) > 1
+            if entry.has_reaction and not several:
+                measured_expression(model, word)
+                read_picture(model, word)
+            elif several or not any(entry.name in x and x[entry.name].has_reaction for x in model.entries.values()):
+                with pytest.raises(ExpressionError, match=said):
+                    measured_expression(model, word)
+                with pytest.raises(UsageError, match=said):
+                    read_picture(model, word)
+    system = mechanism.system()
+    at = Placement(Attitudes.of(system), system, *np.full((2, system.n_q), 0.1))
+    found = efforts(at, np.zeros(system.n_c), 0.0)
+    assert {x.owner: x.unit for x in found} == units
+
+
+WRITTEN = """\
+mbstab: 1
+parameters: {k: {value: 3}}
+tables: {soft: {x: [-9, 0, 9], y: [-4, 0, 7]}}
+bodies:
+  a: {type: spatial, mass: 2, inertia: [1, 2, 2.5], points: {p: [0.3, 0.1, 0]}}
+  b: {type: spatial, mass: 1, inertia: [1, 1, 1]}
+joints:
+  pivot: {type: revolute, between: [a.p, ground], axis: y}
+  rail: {type: prismatic, between: [b, a], axis: x}
+states: {z: {rate: k - z}}
+forces:
+  pid: {type: pid, joint: pivot, of: angle(pivot), target: 0.2*sin(t), P: k, I: 2, D: 0.5, filter: 0.01, lag: 0.1}
+  now: {type: pid, coordinate: b.z, of: b.z, P: k, D: 0.5}
+  lqr: {type: state_feedback, joint: rail, gains: {displacement(rail): k, rate(angle(pivot)): 2, z: 1}}
+  tf: {type: transfer_function, joint: pivot, signal: angle(pivot), numerator: [1, k], denominator: [1, 2]}
+  ss: {type: state_space, joint: pivot, signal: z, A: [[-1]], B: [1], C: [k], D: 2}
+  dc: {type: motor, joint: rail, voltage: 4*cos(t), resistance: 1, inductance: 0.1, constant: k}
+  law: {type: actuator, joint: rail, effort: "z - table(displacement(rail), soft)"}
+  own: {type: expression, on: {a.theta: -k*rate(a.theta)**3}}
+  part: {type: expression, on: {"distance(a.p, b)": "saturate(z, -0.2, 0.2, 0.1) - vx(a.p)"}}
+"""
+
+
+def test_efforts_that_are_written_times_rates_are_the_power_in_the_equations_of_motion():
+    system = mbstab.loads(WRITTEN).system()
+    assert {x.name for x in system.scene.model.entries["forces"].values() if x.has_effort} == {
+        "pid", "now", "lqr", "tf", "ss", "dc", "law", "own", "part"
+    }  # fmt: skip
+    rng = np.random.default_rng(5)
+    for _ in range(3):
+        q, u = 0.4 * rng.normal(size=(2, system.n_q))
+        at = Placement(Attitudes.of(system), system, q, u)
+        found = {acted.owner: acted for acted in efforts(at, np.zeros(system.n_c), 0.7)}
+        for entry in system.scene.model.entries["forces"].values():
+            along = entry.load[0]
+            rate = float(at.value(parse(f"rate({along})"), 0.7))
+            power = float(found[entry.called].values) * rate
+            assert power == pytest.approx(_power(system, entry.path, q, u), rel=1e-12), entry.name
+            assert found[entry.called].unit == ("N*m" if "angle" in along or "theta" in along else "N")
+
+
+def test_the_effort_of_a_controller_is_told_by_equilibrium_and_simulate(tmp_path):
+    model = tmp_path / "held.yaml"
+    old = "{type: joint_spring, joint: shoulder, stiffness: 100}"
+    assert old in HELD
+    model.write_text(HELD.replace(old, "{type: pid, joint: shoulder, of: angle(shoulder), P: 100}"))
+    angle = mbstab.load(model).equilibria()[0].motion.q[2]
+    assert f"force 'hold'  angle of 'shoulder'  {-100.0 * angle:.5g}  N*m" in run("equilibrium", model).stdout
+    arguments = ("simulate", model, "--to", "0.1", "--points", "3", "-o", tmp_path / "x.csv", "--plot", "effort(hold)")
+    assert run(*arguments).exit_code == 0
+    rows = csv.DictReader(io.StringIO((tmp_path / "x.csv").read_text()))
+    assert [float(row["effort of force 'hold' (N*m)"]) for row in rows] == pytest.approx([-100.0 * angle] * 3)
 
 
 @pytest.mark.parametrize("law", ["position: A", "velocity: 0"])
@@ -181,7 +282,7 @@ def test_unknown_efforts_are_named(tmp_path, name, said):
     model.write_text(HELD)
     result = run("simulate", model, "--plot", f"effort({name})")
     assert result.exit_code == 2
-    assert f"no spring, damper, actuator or drive is called {name!r}" in result.stderr
+    assert f"there is no force or drive along one motion {name!r}" in result.stderr
     assert said in result.stderr
 
 

@@ -79,9 +79,9 @@ def quantities(context: click.Context, parameter: click.Parameter, incomplete: s
     known = [*names, *(f"rate({name})" for name in names), *WORDS, *GROUPS, *(f"phase:{name}" for name in names)]
     if model is not None:
         joints, forces = model.entries.get("joints", {}), model.entries.get("forces", {})
-        drives = model.entries.get("drives", {})
+        acting = (*forces.items(), *model.entries.get("drives", {}).items())
         motions = [motion_name(motion, name) for name, joint in joints.items() for motion in joint.kind.motions]
         known += [*motions, *(f"rate({name})" for name in motions)]
         known += [f"{what}({name})" for name in joints for what in ("force", "torque")]
-        known += [f"effort({name})" for name in (*forces, *drives)]
+        known += [f"effort({name})" for name, entry in acting if entry.has_effort]
     return [_item(word) for word in known if word.startswith(incomplete)]

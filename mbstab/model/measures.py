@@ -30,6 +30,11 @@ _INSTEAD = {
 """What expressions of the motion may contain instead of what stands in outputs only."""
 
 
+def effort_unit(unit: str) -> str:
+    """Return the unit of a force along a motion that has a unit: N*m along an angle or a turn rate."""
+    return {"rad": "N*m", "rad/s": "N*m", "m": "N", "m/s": "N"}.get(unit, "")
+
+
 @dataclass(frozen=True)
 class Measurement:
     """One thing that an output measures.

@@ -197,6 +197,22 @@ class Entry:
         value = next(self.values[key] for key in ("on", "rate", self.kind.written) if key in self.values)
         return value if isinstance(value, dict) else {self.kind.written: value}
 
+    @property
+    def load(self) -> tuple[str, Expression] | None:
+        """Return the one motion along which the effort that the file itself gives acts, and that effort."""
+        loads = self.values.get("on") if self.kind.written == "force" else None
+        return next(iter(loads.items())) if isinstance(loads, dict) and len(loads) == 1 else None
+
+    @property
+    def has_effort(self) -> bool:
+        """Whether it acts along one motion, so that it has an effort, a force or a torque."""
+        return self.kind.effort is not None or self.load is not None
+
+    @property
+    def has_reaction(self) -> bool:
+        """Whether it transmits a force or a torque between bodies, or from the ground."""
+        return self.section != "states" and (self.section != "forces" or self.kind.transmits)
+
     def expressions(self) -> list[Expression]:
         """Return its expressions, of which those of its equations and of some of its numbers contain coordinates."""
         return [x for x in (*self.equations.values(), *self.values.values()) if isinstance(x, Expression)]

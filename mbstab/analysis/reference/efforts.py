@@ -1,4 +1,4 @@
-"""Motions of joints, and the forces and torques of springs, dampers, actuators and drives along them."""
+"""Motions of joints, and the forces and torques of all entries that act along one motion."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.compiler.measured import values
 from mbstab.compiler.system import Array, System
 from mbstab.mechanics.catalogue import GROUND, Effort, Item, Marker
 from mbstab.model.arithmetic import array_arithmetic
+from mbstab.model.expressions import Expression
+from mbstab.model.measures import Measurement, effort_unit
 from mbstab.model.scene import ItemValues, Scene
 from mbstab.model.schema import unit_of
 from mbstab.records import dataclass
@@ -102,6 +105,20 @@ class Placement:
         axis = self._direction(second, item.triads("axis", "zero")[1].v1)
         return np.sum(axis * speed + _across(self._spin(second), axis) * gap, axis=-1)
 
+    def value(self, expression: Expression, times: Any) -> Any:
+        """Return an expression of parameters, coordinates, measures, rates and the time, shape (…)."""
+        found = {**self.system.scene.parameters, **self._names, "t": times}
+        rates = {name: found[f"rate({name})"] for name in expression.rates()}
+        return expression.evaluate(found, array_arithmetic(), rates)
+
+    @cached_property
+    def _names(self) -> dict[str, Any]:
+        """Coordinates and measures by name, and under ``rate(…)`` their rates."""
+        found = values(self.system.scene, self.system.names, self.q, self.u)
+        for i, name in enumerate(self.system.names):
+            found[name], found[f"rate({name})"] = self.q[..., i], self.u[..., i]
+        return found
+
     def _angle(self, marker: Marker) -> Any:
         if marker.body == GROUND or not self.system.scene.bodies[marker.body].orientation:
             return 0.0
@@ -158,7 +175,7 @@ def unwound(angles: Array, rates: Array, times: Array) -> Array:
 
 
 def efforts(at: Placement, nu: Array, times: Any) -> list[Acted]:
-    """Return the efforts of all springs, dampers, actuators and drives, in the order of the file.
+    """Return the efforts of all entries that act along one motion, in the order of the file.
 
     Parameters
     ----------
@@ -169,32 +186,36 @@ def efforts(at: Placement, nu: Array, times: Any) -> list[Acted]:
     """
     found = []
     for item in at.system.scene.items:
-        if item.kind.effort is None:
+        if not item.entry.has_effort:
             continue
-        effort = item.kind.effort(item)
-        values = _of_row(at, item, effort, nu, times) if effort.driven else _of_law(at, effort, times)
-        owner = item.entry.called
-        shape = at.q.shape[:-1]
-        found.append(Acted(owner, *_along(item.entry.values, effort), np.array(np.broadcast_to(values, shape))))
+        if item.kind.effort is None:
+            assert item.entry.load is not None
+            along, expression = item.entry.load
+            size, where = at.value(expression, times), (in_words(along), effort_unit(Measurement.of(along).unit))
+        else:
+            effort = item.kind.effort(item)
+            size = _of_row(at, item, effort, nu, times) if effort.driven else _of_law(at, effort, times)
+            where = _along(item.entry.values, effort)
+        found.append(Acted(item.entry.called, *where, np.array(np.broadcast_to(size, at.q.shape[:-1]))))
     return found
+
+
+def in_words(measure: str) -> str:
+    """Return a motion in words: ``angle of 'pivot'`` of ``angle(pivot)``; a coordinate as it is."""
+    kind, _, name = measure.removesuffix(")").partition("(")
+    return f"{kind} of {name!r}" if kind in MOTION_UNITS else measure
 
 
 def _along(given: Mapping[str, Any], effort: Effort) -> tuple[str, str]:
     """Return a motion in words, and the unit of an effort along it."""
     if effort.motion == "coordinate":
         name = str(given["coordinate"])
-        return name, effort_unit(effort.motion, name)
+        return name, effort_unit(unit_of(name))
     if effort.motion == "point":
         return f"place of {given['at'].body!r}", "N"
     if effort.motion == "distance":
         return "distance of its ends", "N"
-    return f"{effort.motion} of {effort.of.name!r}", effort_unit(effort.motion)
-
-
-def effort_unit(motion: str, coordinate: str = "") -> str:
-    """Return the unit of an effort: ``N*m`` along angles, else ``N``."""
-    turning = motion == "angle" or (motion == "coordinate" and unit_of(coordinate) == "rad")
-    return "N*m" if turning else "N"
+    return in_words(motion_name(effort.motion, effort.of.name)), effort_unit(MOTION_UNITS[effort.motion])
 
 
 def _of_law(at: Placement, effort: Effort, times: Any) -> Any:

@@ -53,7 +53,7 @@ class Equilibrium:
     reactions : list of Reaction
         What each joint, contact and drive transmits.
     efforts : list of Acted
-        Of springs, dampers, actuators and drives.
+        Of all that acts along one motion.
     residual : float
         Largest remaining imbalance, relative to the forces that balance.
     unbalanced : tuple of float

@@ -98,7 +98,7 @@ class Record:
     loads : dict of ndarray, shape (n_t,)
         Reactions (N, N·m) by owner, body acted on, and component such as ``force x``.
     efforts : dict of ndarray, shape (n_t,)
-        Efforts of springs, dampers, actuators and drives by owner and unit (N, N·m).
+        Efforts of what acts along one motion, by owner and unit (N, N·m).
     motions, motion_rates : ndarray, shape (n_t, n_m)
         Motions of joints, as `mbstab.analysis.reference.efforts.moving_joints` lists them (m, rad).
     kinetic, potential : ndarray, shape (n_t,) (J)

@@ -35,7 +35,7 @@ class Simulation:
     load_names : tuple of (str, str, str)
         Owner, body acted on, and component such as ``force x``.
     efforts : ndarray, shape (n_t, n_e)
-        Efforts of springs, dampers, actuators and drives (N, N·m), positive in the direction of their motion.
+        Efforts of what acts along one motion (N, N·m), positive in its direction.
     effort_names : tuple of (str, str)
         Owner and unit.
     motions, motion_rates : ndarray, shape (n_t, n_m)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from mbstab.analysis.reference.efforts import effort_unit
 from mbstab.compiler.system import System
 from mbstab.mechanics.catalogue import ROWS
 from mbstab.model.dependencies import expressions_in
 from mbstab.model.expressions import Expression, Name, moves
 from mbstab.model.fields.catalogue import given_fields
 from mbstab.model.scene import ItemValues
+from mbstab.model.schema import is_angle
 
 Role = Literal["position", "velocity", "force", "holonomic", "nonholonomic"]
 
@@ -36,7 +36,8 @@ def expressions(system: System) -> Iterator[tuple[str, Role, Expression, bool]]:
 def _is_angle(drive: ItemValues) -> bool:
     """Whether a drive gives an angle."""
     assert drive.kind.effort
-    return effort_unit(drive.kind.effort(drive).motion, str(drive.entry.values.get("coordinate", ""))) == "N*m"
+    motion = drive.kind.effort(drive).motion
+    return motion == "angle" or (motion == "coordinate" and is_angle(str(drive.entry.values["coordinate"])))
 
 
 def with_time(system: System) -> list[tuple[str, Role, Expression, bool]]:

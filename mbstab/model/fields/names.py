@@ -10,6 +10,7 @@ from mbstab.mechanics.contacts import SLIPPING, SURFACE
 from mbstab.model.expressions import Name, Rate
 from mbstab.model.fields.base import BY_NAME, TEXT, FieldKind, Owner, Reading
 from mbstab.model.fields.values import ChoiceField
+from mbstab.model.measures import effort_unit
 from mbstab.model.schema import Quantity, body_coordinates
 from mbstab.model.yamlfile import Scalar, YamlNode
 
@@ -183,11 +184,6 @@ class ParameterField(FieldKind):
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of a name."""
         return {**TEXT}
-
-
-def effort_unit(unit: str) -> str:
-    """Return the unit of a force along a motion that has a unit: N*m along an angle or a turn rate."""
-    return {"rad": "N*m", "rad/s": "N*m", "m": "N", "m/s": "N"}.get(unit, "")
 
 
 class LoadsField(FieldKind):

@@ -58,13 +58,8 @@ def _parsed(
 
 def _written_efforts(forces: Mapping[str, Entry]) -> dict[str, Expression]:
     """Return efforts of controllers, motors and expressions along one motion, by what outputs call them."""
-    found = {}
-    for name, entry in forces.items():
-        loads = entry.values.get("on")
-        if entry.kind.effort is None and isinstance(loads, dict) and len(loads) == 1:
-            (load,) = loads.values()
-            found[f"effort({name})"] = Expression(load.text, load.root)
-    return found
+    given = {name: entry.load for name, entry in forces.items()}
+    return {f"effort({name})": Expression(x[1].text, x[1].root) for name, x in given.items() if x is not None}
 
 
 def _check(
@@ -95,17 +90,10 @@ def _check_measure(x: Measurement, entries: Entries, places: Places, at: int) ->
         hint = "give the force itself" if fixed else "give the speed itself"
         raise ExpressionError(f"{DERIVED[x.order - 1]}(...) does not take {x.kind}(...)", at, hint)
     if x.kind == "effort":
-        acting = [k for s in ("forces", "drives") for k, e in entries[s].items() if e.kind.effort is not None]
-        acting += [text[len("effort(") : -1] for text in _written_efforts(entries["forces"])]
+        acting = [e for group in entries.values() for e in group.values() if e.has_effort]
         _check_known(x.arguments[0], acting, "force or drive along one motion", at)
     elif fixed:
-        transmitting = {
-            k: e
-            for section, group in entries.items()
-            if section != "states"
-            for k, e in group.items()
-            if section != "forces" or e.kind.transmits
-        }
+        transmitting = [e for group in entries.values() for e in group.values() if e.has_reaction]
         _check_known(x.arguments[0], transmitting, "joint, contact, drive or mount", at)
     elif x.kind != "place":
         places.measure(x.kind, x.arguments, at)
@@ -115,9 +103,13 @@ def _check_measure(x: Measurement, entries: Entries, places: Places, at: int) ->
         places.measure(x.axis, x.arguments, at)
 
 
-def _check_known(word: str, known: Collection[str], what: str, at: int) -> None:
-    if word not in known:
-        raise ExpressionError(f"there is no {what} {word!r}", at, suggestion(word, known))
+def _check_known(word: str, known: Collection[Entry], what: str, at: int) -> None:
+    sections = [entry.section for entry in known if entry.name == word]
+    if not sections:
+        raise ExpressionError(f"there is no {what} {word!r}", at, suggestion(word, [entry.name for entry in known]))
+    if len(sections) > 1:
+        message = f"there are several called {word!r}, in {' and '.join(sections)}"
+        raise ExpressionError(message, at, "give one of them another name")
 
 
 def _check_axis(x: Measurement, at: int, dimension: int) -> None:

@@ -9,7 +9,7 @@ from mbstab.model import units
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.fields.base import Reading
 from mbstab.model.fields.catalogue import kind_of
-from mbstab.model.fields.names import effort_unit
+from mbstab.model.measures import effort_unit
 from mbstab.model.schema import Quantity
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 

@@ -20,10 +20,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from mbstab.analysis.reference.efforts import MOTION_UNITS, effort_unit, motion_name
+from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name
 from mbstab.analysis.simulate.result import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
+from mbstab.model.measures import Measurement, effort_unit
 from mbstab.model.schema import Entry, Model, unit_of
 from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated, thinned
@@ -172,13 +173,17 @@ def _of_reaction(what: str, unit: str) -> Reader:
     def read(model: Model, name: str) -> list[Quantity]:
         owner, dot, component = name.partition(".")
         letters = "z" if what == "torque" and model.dimension == 2 else "xyz"[: model.dimension]
-        sections = [s for s in ("joints", "contacts", "drives", "constraints") if owner in model.entries.get(s, {})]
+        transmitting = [entry for group in model.entries.values() for entry in group.values() if entry.has_reaction]
+        sections = [entry.section for entry in transmitting if entry.name == owner]
         if not sections:
-            known = [x for s in ("joints", "contacts", "drives", "constraints") for x in model.entries.get(s, {})]
+            known = [entry.name for entry in transmitting]
             hint = suggestion(owner, known) or "those with reactions: " + (", ".join(known[:12]) or "none")
             raise UsageError(f"nothing called {owner!r} has reactions, in {f'{what}({name})'!r}\nhint: {hint}")
         if len(sections) > 1:
-            raise UsageError(f"{what}({name}): there are several called {owner!r}, in {' and '.join(sections)}")
+            where = " and ".join(sections)
+            raise UsageError(
+                f"{what}({name}): there are several called {owner!r}, in {where}\nhint: give one of them another name"
+            )
         if dot and (len(component) != 1 or component not in letters):
             raise UsageError(f"{what}({name}): a {what} here has the components {', '.join(letters)}")
         called = f"{sections[0].removesuffix('s')} {owner!r}"
@@ -199,7 +204,7 @@ def _reaction(owner: str, component: str) -> Callable[[Simulation], Array]:
 
 
 def _of_effort(model: Model, name: str) -> list[Quantity]:
-    """Read the name of a spring, damper, actuator or drive as its effort."""
+    """Read the name of an entry that acts along one motion as its effort."""
     found = {entry.called: entry for entry in _with_efforts(model)}
     owners = [owner for owner, entry in found.items() if entry.name == name]
     if not owners:
@@ -208,27 +213,33 @@ def _of_effort(model: Model, name: str) -> list[Quantity]:
         if along := [entry.name for entry in found.values() if str(entry.values.get("joint")) == name]:
             hint = "along this joint act " + ", ".join(f"effort({x})" for x in along)
         raise UsageError(
-            f"no spring, damper, actuator or drive is called {name!r}, in {f'effort({name})'!r}\nhint: {hint}"
+            f"there is no force or drive along one motion {name!r}, in {f'effort({name})'!r}\nhint: {hint}"
         )
     if len(owners) > 1:
-        raise UsageError(f"effort({name}): there are several called {name!r}, in drives and forces")
+        raise UsageError(
+            f"effort({name}): there are several called {name!r}, in drives and forces\n"
+            "hint: give one of them another name"
+        )
     unit = _effort_unit(model, found[owners[0]])
     return [Quantity(f"effort({name})", unit, lambda sim: _effort(sim, owners[0]))]
 
 
 def _with_efforts(model: Model) -> list[Entry]:
-    """Return the springs, dampers, actuators and drives of a model."""
+    """Return the drives and forces of a model that act along one motion."""
     entries = (entry for section in ("drives", "forces") for entry in model.entries.get(section, {}).values())
-    return [entry for entry in entries if entry.kind.effort is not None]
+    return [entry for entry in entries if entry.has_effort]
 
 
 def _effort_unit(model: Model, entry: Entry) -> str:
     """Return the unit of an effort: that of a torque along angles, else of a force."""
-    values = entry.values
-    if "joint" in values:
-        motion = values.get("motion") or model.entries["joints"][str(values["joint"])].kind.motions[0]
-        return effort_unit(str(motion)).replace("*", "·")
-    return effort_unit("coordinate" if "coordinate" in values else "", str(values.get("coordinate"))).replace("*", "·")
+    values, along = entry.values, "m"
+    if entry.load is not None:
+        along = Measurement.of(entry.load[0]).unit
+    elif "joint" in values:
+        along = MOTION_UNITS[str(values.get("motion") or model.entries["joints"][str(values["joint"])].kind.motions[0])]
+    elif "coordinate" in values:
+        along = unit_of(str(values["coordinate"]))
+    return effort_unit(along).replace("*", "·")
 
 
 def _effort(sim: Simulation, owner: str) -> Array:
