@@ -27,7 +27,7 @@ from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.failure import STRATEGIES, Failure, excess
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.guard import coefficients
-from mbstab.analysis.reference.imbalance import state_rounding
+from mbstab.analysis.reference.imbalance import carrying, state_rounding
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.newton import Search, Stalled, newton_step
 from mbstab.analysis.reference.reactions import Reaction, reactions
@@ -250,7 +250,9 @@ class Problem:
         fastest = float(np.max(np.abs(at.u / self.finder.sizes), initial=0.0))
         n_h = self.system.n_h
         good = np.all(np.abs(dynamics.E[:n_h]) <= allowed[:n_h])
-        rounding = state_rounding(self.system, at.q, at.u, self.scene.time)
+        place, time = (at.q, at.u), self.scene.time
+        rounding = state_rounding(self.system, *place, time)
+        rounding += TOLERANCES.coordinate_rounding * carrying(self.system, place, time, self.finder.sizes)
         return bool(good and np.all(np.abs(dynamics.V) <= allowed * max(fastest, 1e-300) + rounding))
 
     def _require_rates(self, search: Search, at: State) -> None:

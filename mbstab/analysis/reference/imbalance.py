@@ -11,22 +11,24 @@ from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 
 
-def state_rounding(system: System, q: Array, u: Array, time: float) -> Array:
-    """Return the rates of first-order states that are rounding of the terms in their equations, shape (n_c,).
+def state_rounding(system: System, q: Array, u: Array, time: float | None = None) -> Array:
+    """Return the rates of first-order states that are rounding of the terms in their equations, shape (…, n_c).
 
     Zero for the other rows.
     """
-    found, rows = np.zeros(system.n_c), system.states[1]
+    columns, rows = system.states
+    found = np.zeros((*q.shape[:-1], system.n_c))
     if len(rows):
-        V_q = dense(system.linearize_rows(q, u, 0.0 * u, time)[0])[rows]
-        J = dense(system.dynamics(q, u, time).J)[rows]
-        J[np.arange(len(rows)), system.states[0]] = 0.0
-        found[rows] = TOLERANCES.coordinate_rounding * (np.abs(V_q) @ np.abs(q) + np.abs(J) @ np.abs(u))
+        V_q = dense(system.linearize_rows(q, u, 0.0 * u, time)[0])[..., rows, :]
+        J = np.array(dense(system.dynamics(q, u, time).J)[..., rows, :])
+        J[..., np.arange(len(rows)), columns] = 0.0
+        terms = np.abs(V_q) @ np.abs(q)[..., None] + np.abs(J) @ np.abs(u)[..., None]
+        found[..., rows] = TOLERANCES.coordinate_rounding * terms[..., 0]
     return found
 
 
-def carrying(system: System, motion_at: tuple[Array, Array], time: float, sizes: Array) -> Array:
-    """Return how much the rates of the rows change over the size of the scene, shape (n_c,).
+def carrying(system: System, motion_at: tuple[Array, Array], time: float | None, sizes: Array) -> Array:
+    """Return how much the rates of the rows change over the size of the scene, shape (…, n_c).
 
     A turntable carries what rests on it: the slip there is a difference of speeds of this size, and rounds with it.
     """

@@ -20,6 +20,7 @@ from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.equations import Balance
+from mbstab.analysis.reference.imbalance import carrying, state_rounding
 from mbstab.analysis.reference.many_points import polished
 from mbstab.analysis.reference.steady import Family, Generator, spins_freely
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
@@ -89,7 +90,7 @@ class Equations:
         """Return which points fit the pattern, and their linearized equations."""
         pattern, system = self.pattern, self.system
         q, steady, u, dynamics = self._motion()
-        self._require_rows(dynamics, u)
+        self._require_rows(dynamics, q, u)
         # A pattern at rest does not apply to motions, nor the reverse.
         self.good &= np.any(u, axis=1) != pattern.linear.motion.at_rest
         M, J, scale, row_scale = self._scaled(dynamics)
@@ -297,12 +298,17 @@ class Equations:
         known: dict[int, Array | float] = {0: steady.rate}
         return known
 
-    def _require_rows(self, dynamics: Dynamics, u: Array) -> None:
+    def _require_rows(self, dynamics: Dynamics, q: Array, u: Array) -> None:
+        """Accept points that satisfy all rows as well as rounding allows, as for a single point."""
         sizes, n_h = self.pattern.sizes, self.system.n_h
         allowed = REFERENCE.residual * np.abs(dynamics.J) @ sizes + 1e-300
         fast = np.max(np.abs(u / sizes), axis=1, initial=0.0)[:, None]
         self.good &= np.all(np.abs(dynamics.E[:, :n_h]) <= allowed[:, :n_h], axis=1)
-        self.good &= np.all(np.abs(dynamics.V) <= allowed * fast + 1e-300, axis=1)
+        allowed = allowed * fast + 1e-300
+        if self.system.n_c and np.any(np.abs(dynamics.V) > allowed):
+            rounding = REFERENCE.coordinate_rounding * carrying(self.system, (q, u), None, sizes)
+            allowed = allowed + rounding + state_rounding(self.system, q, u)
+        self.good &= np.all(np.abs(dynamics.V) <= allowed, axis=1)
 
     # --- subspaces --------------------------------------------------------------------------------------------------
 
