@@ -172,3 +172,62 @@ def test_the_pattern_of_a_sweep_in_blocks_is_worked_out_once(monkeypatch):
     result = mbstab.load("rotating_pendulum.yaml").sweep("Omega", x)
     assert asked == [{"Omega": x[int(0.37 * 200)]}]
     assert result.problems == {}
+
+
+DISKS = """mbstab: 1
+gravity: [0, 0]
+parameters: {{h: 1}}
+bodies:
+  a: {{type: planar, mass: 1, inertia: {J[0]!r}}}
+  b: {{type: planar, mass: 1, inertia: {J[1]!r}}}
+joints: {{first: {{type: revolute, between: [a, ground]}}, second: {{type: revolute, between: [b, ground]}}}}
+forces:
+  shaft:
+    type: expression
+    on: {{a.theta: "{k!r}*(b.theta - a.theta)", b.theta: "{k!r}*(a.theta - b.theta)"}}
+  u: {{type: pid, joint: first, of: angle(first), target: {t[0]!r}, P: {P[0]!r}*h, {I[0]} D: {D[0]!r}*h, filter: {F!r}, lag: {T!r}}}
+  v: {{type: pid, joint: second, of: angle(second), target: {t[1]!r}, P: {P[1]!r}*h, {I[1]} D: {D[1]!r}*h, filter: {F!r}, lag: {T!r}}}
+reference: {{find: equilibrium}}
+"""  # noqa: E501
+
+
+def controlled_disks(seed):
+    """Return two disks on a shaft, each with a controller, and a function that returns their matrix at a gain h."""
+    rng = np.random.default_rng(seed)
+    J, P, D = rng.uniform(0.2, 2.0, 2), rng.uniform(500.0, 3000.0, 2), rng.uniform(20.0, 120.0, 2)
+    k, F, T = rng.uniform(100.0, 2000.0), rng.uniform(1e-3, 5e-3), rng.uniform(1e-3, 5e-3)
+    gains = rng.uniform(300.0, 6000.0, 2) * (seed % 3 > 0)
+    targets = rng.uniform(-2.0, 2.0, 2) * ([0, 1] if seed % 2 else [1, 1])
+    integral = [f"I: {float(x)!r}*h," if x else "" for x in gains]
+    numbers = {key: [float(x) for x in value] for key, value in {"J": J, "P": P, "D": D, "t": targets}.items()}
+    text = DISKS.format(k=float(k), F=float(F), T=float(T), I=integral, **numbers)
+
+    def matrix(h):
+        # Of each disk: angle, speed, filtered angle, torque, integral of the angle.
+        A = np.zeros((10, 10))
+        for i, at in enumerate((0, 5)):
+            other = 5 - at
+            A[at, at + 1] = A[at + 4, at] = 1.0
+            A[at + 1, [at, other, at + 3]] = [-k / J[i], k / J[i], 1.0 / J[i]]
+            A[at + 2, [at, at + 2]] = [1.0 / F, -1.0 / F]
+            A[at + 3, [at, at + 2]] = h * np.array([-P[i] - D[i] / F, D[i] / F]) / T
+            A[at + 3, [at + 3, at + 4]] = [-1.0 / T, -h * gains[i] / T]
+        kept = [n for n in range(10) if n not in (4, 9) or np.any(gains)]
+        return A[np.ix_(kept, kept)]
+
+    return mbstab.loads(text).model, matrix
+
+
+@pytest.mark.parametrize("seed", sample(range(12), 5))
+def test_rounding_of_states_that_come_to_rest_makes_no_point_a_case_of_its_own(seed):
+    # Fast filters and lags make of the last bit of an angle a rate that is far from zero.
+    model, matrix = controlled_disks(seed)
+    path, h = follow(model, "h", 0.3, 3.0), np.linspace(0.3, 3.0, 40)
+    evaluator = Evaluator(model, path, patterns_at(model, path, home_of({"h": h})))
+    found = evaluator.near({"h": h}, len(matrix(1.0)), exact=True)
+    assert evaluator.alone == 0
+    for i in range(0, len(h), 7):
+        A = matrix(float(h[i]))
+        exact = np.linalg.eigvals(A)
+        assert optimal(found.values[i], exact) <= 1e-10 * np.max(np.abs(exact))
+        assert (WORDS[found.words[i]] == "asymptotically stable") == (np.max(exact.real) < 0.0)
