@@ -1364,3 +1364,31 @@ reference:""",
     assert alone in allowed
     assert set(found.verdicts) <= allowed
     assert abs(k) < 1e-9 or set(found.verdicts) == {alone} != {"undecided"}
+
+
+# --- several pairs that cross at one value --------------------------------------------------------------------------
+
+
+def lagging(inertias):
+    """Discs, each held by a PD controller with lag: T J s³ + J s² + D s + P has ω² = D/(T J) at P = D/T."""
+    lines = ["mbstab: 1", "parameters: {P: {value: 1000, unit: N*m/rad}, D: 10, T: 0.005}", "bodies:"]
+    lines += [f"  b{n}: {{type: planar, mass: 1, inertia: {J}}}" for n, J in enumerate(inertias)]
+    lines += ["joints:", *(f"  j{n}: {{type: revolute, between: [b{n}, ground]}}" for n in range(len(inertias)))]
+    lines += ["forces:"]
+    lines += [f"  c{n}: {{type: pid, joint: j{n}, of: angle(j{n}), P: P, D: D, lag: T}}" for n in range(len(inertias))]
+    return "\n".join([*lines, "reference: {coordinates: {b0: {theta: 0}}}", ""])
+
+
+@pytest.mark.parametrize("inertias", [(0.03,), (0.03, 0.05), (0.02, 0.05, 0.3)])
+@pytest.mark.parametrize(
+    "values", [(1900, 2000, 2100), np.linspace(10, 5000, 30), (1900, 1934, 2101), (1999.9, 2000.1)]
+)
+def test_every_pair_that_crosses_at_a_value_is_named(tmp_path, inertias, values):
+    path = tmp_path / "discs.yaml"
+    path.write_text(lagging(inertias))
+    found = mbstab.load(path).sweep("P", np.asarray(values, dtype=float)).critical
+    roots = [np.roots([0.005 * J, J, 10.0, 2000.0]) for J in inertias]
+    expected = sorted(float(z.imag.max()) for z in roots)
+    np.testing.assert_allclose([c.value for c in found], 2000.0, rtol=1e-9)
+    np.testing.assert_allclose(sorted(c.frequency for c in found), expected, rtol=1e-9)
+    assert {(c.kind, c.unstable) for c in found} == {("flutter", (0, 2 * len(inertias)))}

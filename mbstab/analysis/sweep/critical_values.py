@@ -141,11 +141,11 @@ class CriticalValues(Branches):
             else:
                 inside = self._changes(self._stretch(more), branches, depth + 1)
             if not inside and min(int(part.counts[a]), int(part.counts[b])) >= 0 and part.counts[a] != part.counts[b]:
-                inside = [self._halved(part, a, b, branches)]
+                inside = self._halved(part, a, b, branches)
             found += inside
         return found
 
-    def _halved(self, part: _Stretch, a: int, b: int, branches: Complex) -> Critical:
+    def _halved(self, part: _Stretch, a: int, b: int, branches: Complex) -> list[Critical]:
         """Return where the number of unstable eigenvalues changes, halving the interval.
 
         What passes there shows between two points so near to each other that only it moves from one side to the other.
@@ -160,16 +160,16 @@ class CriticalValues(Branches):
                 if not open_:
                     low, high = (middle, high) if count == counts[0] else (low, middle)
             near = self._stretch(np.array([low, high]))
-            for bracket in (*self._passing(near), *self._meeting(near)):
-                critical = self._located(near, bracket, branches)
-                if critical is not None:
-                    return critical
+            brackets = (*self._passing(near), *self._meeting(near))
+            found = [c for bracket in brackets if (c := self._located(near, bracket, branches)) is not None]
+            if found:
+                return found
         left = self._leaving(part, (a, b), (low, high), branches)
-        return left or Critical(0.5 * (low + high), "unresolved", (), 0.0, counts)
+        return left or [Critical(0.5 * (low + high), "unresolved", (), 0.0, counts)]
 
     def _leaving(
         self, part: _Stretch, places: tuple[int, int], near: tuple[float, float], branches: Complex
-    ) -> Critical | None:
+    ) -> list[Critical]:
         """Return a change exactly at a point: eigenvalues that a structure holds on the axis there leave it beside it.
 
         Damping that begins at zero does so, from both sides or from one.
@@ -177,15 +177,15 @@ class CriticalValues(Branches):
         counts = int(part.counts[places[0]]), int(part.counts[places[1]])
         end = 0 if counts[0] == 0 else 1
         if min(counts) != 0 or near[end] != part.x[places[end]]:
-            return None
+            return []
         pair = self._stretch(np.array(near))
         growing = np.flatnonzero(pair.sides[1 - end] == RIGHT)
         if not pair.mirrored[end] or pair.mirrored[1 - end] or np.any(pair.sides[end, growing] != AXIS):
-            return None
+            return []
         there = pair.values[end]
-        which = int(growing[np.argmax(there[growing].imag)])
-        kind = "flutter" if there[which].imag else "divergence"
-        return self._described(near[end], kind, there, counts, branches, which)
+        pairs = [int(i) for i in growing if there[i].imag > 0.0]
+        kinds = [("flutter", i) for i in pairs] or [("divergence", int(growing[0]))]
+        return [self._described(near[end], kind, there, counts, branches, i) for kind, i in kinds]
 
     def _unexplained(
         self, part: _Stretch, found: list[Critical], doubtful: list[tuple[int, int]]
@@ -331,9 +331,10 @@ class CriticalValues(Branches):
         size = np.max(np.abs(spectra), axis=1)
         for i in range(spectra.shape[1]):
             sure = np.flatnonzero(sign[:, i])
-            for a, b in pairwise(sure):
-                if sign[a, i] == sign[b, i] or (part.mirrored[a] and part.mirrored[b]):
+            for left, right in pairwise(sure.tolist()):
+                if sign[left, i] == sign[right, i] or (part.mirrored[left] and part.mirrored[right]):
                     continue
+                a, b = self._apart(part.x, sure, sign[:, i], left, right)
                 before, after = complex(spectra[a, i]), complex(spectra[b, i])
                 passing = _RealPart(0.5 * (before + after))
                 # The product of all is smoother than the passing eigenvalue, but it need not change its sign.
@@ -341,9 +342,9 @@ class CriticalValues(Branches):
                 real = before.imag == 0.0 and after.imag == 0.0
                 if real or (single and 0.0 in (before.imag, after.imag)):
                     # A pair may meet near the axis, and one of the two pass it.
-                    yield int(a), int(b), "divergence", self._product if single else passing
+                    yield a, b, "divergence", self._product if single else passing
                 elif before.imag >= 0.0 and after.imag >= 0.0:
-                    yield int(a), int(b), "flutter", passing
+                    yield a, b, "flutter", passing
 
     def _meeting(self, part: _Stretch) -> Iterator[Bracket]:
         """Yield brackets in which a spectrum that is symmetric about the axis loses or gains stability."""
@@ -353,7 +354,7 @@ class CriticalValues(Branches):
         for left, right in pairwise(settled.tolist()):
             if counts[left] == counts[right]:
                 continue
-            a, b = self._apart(part, settled, left, right)
+            a, b = self._apart(x, settled, counts, left, right)
             if not (part.mirrored[a] and part.mirrored[b]):
                 continue
             before, after = part.values[a], part.values[b]
@@ -364,18 +365,18 @@ class CriticalValues(Branches):
             passed = [(kind, test) for kind, test in tests if test(before, size) * test(after, size) < 0.0]
             yield (a, b, *(passed[0] if passed else ("collision", None)))
 
-    def _apart(self, part: _Stretch, settled: Index, a: int, b: int) -> tuple[int, int]:
-        """Return settled points on both sides of a change, far enough apart that rounding does not hide it."""
-        x, counts = part.x, part.counts
+    def _apart(self, x: Array, known: Index, states: Index | Sides, a: int, b: int) -> tuple[int, int]:
+        """Return points on both sides of a change, far enough apart that rounding does not hide it.
+
+        They are among the known ones, and their states those of the points a and b next to the change.
+        """
         near = TOLERANCES.meeting_rounding * max(abs(float(x[a])), abs(float(x[b])), float(x[-1] - x[0]))
-        i, j = int(np.searchsorted(settled, a)), int(np.searchsorted(settled, b))
-        while i > 0 and x[settled[j]] - x[settled[i]] < near and counts[settled[i - 1]] == counts[a]:
+        i, j = int(np.searchsorted(known, a)), int(np.searchsorted(known, b))
+        while i > 0 and x[known[j]] - x[known[i]] < near and states[known[i - 1]] == states[a]:
             i -= 1
-        while (
-            j < len(settled) - 1 and x[settled[j]] - x[settled[i]] < 2.0 * near and counts[settled[j + 1]] == counts[b]
-        ):
+        while j < len(known) - 1 and x[known[j]] - x[known[i]] < 2.0 * near and states[known[j + 1]] == states[b]:
             j += 1
-        return int(settled[i]), int(settled[j])
+        return int(known[i]), int(known[j])
 
     def _product(self, spectrum: Complex, size: float) -> float:
         """Return the product of the eigenvalues apart from unexplained zeros."""
