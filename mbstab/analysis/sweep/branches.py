@@ -134,6 +134,16 @@ class Branches:
             self.looked.setdefault(p, _Looked(empty.values[n], empty.sides[n], False, WORD[UNDECIDED]))
         return empty
 
+    def sides(self, branches: Complex, rows: Index) -> Sides:
+        """Return the sides of eigenvalues in the columns of branches at some points."""
+        # Columns of branches are those of the block in another order.
+        order = np.argmin(np.abs(self.values[rows][:, None, :] - branches[rows][:, :, None]), axis=2)
+        return np.take_along_axis(self.raw.sides[rows], order, axis=1)
+
+    def look(self, points: Array) -> None:
+        """Store the results at further points, beyond the budget too."""
+        self._spectra(points, needed=True)
+
     def _counted(self, points: Array, needed: bool = False) -> Index:
         """Return the numbers of unstable eigenvalues at intermediate points, each judged as `mbstab eig` does."""
         found = self._spectra(points, exact=True, needed=needed)

@@ -223,7 +223,7 @@ class CriticalValues(Branches):
             changes[settled[k] : settled[k + 1]] = True
         watched = np.flatnonzero(self.raw.passes[:-1] | ~self.raw.clear)
         rows = np.unique(np.concatenate([watched, watched + 1]))
-        sign = signs(self._sides(branches, rows))
+        sign = signs(self.sides(branches, rows))
         before, after = (sign[np.searchsorted(rows, k)] for k in (watched, watched + 1))
         changes[watched] |= np.any(before * after < 0, axis=1)
         changes[np.searchsorted(self.x, self.between) - 1] = True
@@ -241,12 +241,6 @@ class CriticalValues(Branches):
             else:
                 ranges.append((first, last))
         return ranges
-
-    def _sides(self, branches: Complex, rows: Index) -> Sides:
-        """Return the sides of eigenvalues in the columns of branches at some points."""
-        # Columns of branches are those of the block in another order.
-        order = np.argmin(np.abs(self.values[rows][:, None, :] - branches[rows][:, :, None]), axis=2)
-        return np.take_along_axis(self.raw.sides[rows], order, axis=1)
 
     def _closer(self, first: int, last: int) -> _Stretch:
         """Return the points of a range, including intermediate ones, in continuous columns."""
@@ -408,7 +402,7 @@ class CriticalValues(Branches):
             turns = turning(branches[watched - 1], branches[watched], branches[watched + 1])
         if not turns.any():
             return
-        turns &= signs(self._sides(branches, watched)) != 0
+        turns &= signs(self.sides(branches, watched)) != 0
         for k in np.flatnonzero(np.any(turns, axis=1)):
             a, b = float(self.x[watched[k] - 1]), float(self.x[watched[k] + 1])
             for _ in range(6):

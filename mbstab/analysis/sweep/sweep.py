@@ -32,6 +32,7 @@ from mbstab.analysis.sweep.batched_verdict import (
 from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks, undecided
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
+from mbstab.analysis.sweep.detail import Detail, detailed
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.verdict.rule import WORDS
@@ -116,6 +117,8 @@ class Sweep:
         are not zero everywhere; nan where there is no answer.
     turning : bool
         Whether the eigenvalues are those of disturbances in a frame that turns with the motion.
+    detail : Detail or None
+        The branches with the points between those of the sweep, for a picture; None if these are dense.
     """
 
     parameter: str
@@ -137,6 +140,7 @@ class Sweep:
     whirls: tuple[str, ...] = ()
     reference: dict[str, Array] = field(default_factory=dict)
     turning: bool = False
+    detail: Detail | None = None
 
     @property
     def verdicts(self) -> list[str]:
@@ -233,6 +237,7 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
         tuple(sorted(tracker.meetings)), raw.problems, None if path is None else path.start,
         "" if path is None else path.moved, (), words,
         warnings, reference=_named(model, raw.motion), turning=_turns(evaluator),
+        detail=detailed(tracker, branches),
     )  # fmt: skip
 
 

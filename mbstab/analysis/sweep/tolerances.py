@@ -104,6 +104,28 @@ class Tolerances:
     edge_halvings: Final = 40
     """Bisections of an edge: to 1e-12 of it."""
 
+    # Points between those of a sweep, for pictures
+    detail_enough: Final = 2_000
+    """Sweeps of more points need none between them."""
+    detail_coarse: Final = 300
+    """Sweeps of fewer points get more where the curves bend …"""
+    detail_points: Final = 300
+    """… at most so many …"""
+    detail_eigenvalues: Final = 6_000
+    """… with so many eigenvalues …"""
+    detail_first: Final = 16
+    """… and none after the first few if no pattern fits these."""
+    detail_bend: Final = 0.003
+    """A point is far from the chord of its neighbours if it is this part of the extent of its branch away."""
+    detail_smallest: Final = 1e-3
+    """The extent of a branch counts as no less than this part of the largest eigenvalue."""
+    detail_narrow: Final = 1e-5
+    """Intervals below this part of the range are not divided."""
+    detail_apart: Final = 1e-7
+    """Points nearer to each other than this part of the range are one."""
+    detail_jump: Final = 0.02
+    """A branch that moves by more than this part of its extent, where what continues it is open, is interrupted."""
+
     # Boundaries of charts
     boundary_turn: Final = 0.95
     """A chart gets more lines where a boundary turns by more than the angle with this cosine …"""

@@ -187,7 +187,7 @@ def _sweep(
             answer = mechanism.sweep(parameter, grids[parameter], progress, **asked, **vars(run))
         output.write(_sweep_answer(answer, model, asked["sensitivity"]), summary=True)
         if len(answer.unanswered) < len(answer.values):
-            _draw(answer, paths, partial(_axis, model, parameter), model.title, *drawn)
+            _draw(answer, paths, partial(_axis, model, parameter, answer.values), model.title, *drawn)
     warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
     return len(answer.values), len(answer.unanswered)
 
@@ -337,7 +337,7 @@ def _draw_chart(result: Chart, path: Path, model: Model) -> None:
     from mbstab.report.pictures.stability_chart import chart
     from mbstab.report.pictures.sweep_curves import unanswered_text
 
-    one, other = (_axis(model, name) for name in result.parameters)
+    one, other = (_axis(model, name, x) for name, x in zip(result.parameters, (result.x, result.y), strict=True))
     missing = unanswered_text(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
     fine = result.detail
     grid = fine.x, fine.y, fine.unstable, fine.oscillating
@@ -367,9 +367,9 @@ def _draw(
         save_picture(partial(kinds[picture], result, axis(), title), path)
 
 
-def _axis(model: Model, name: str) -> Axis:
-    """Return the axis of a parameter."""
-    from mbstab.report.pictures.scales import Axis
+def _axis(model: Model, name: str, values: Array) -> Axis:
+    """Return the axis of a parameter, logarithmic if its values are spaced so."""
+    from mbstab.report.pictures.scales import Axis, is_geometric
 
     parameter = model.parameters[name]
-    return Axis(name, parameter.unit, parameter.factor, parameter.description)
+    return Axis(name, parameter.unit, parameter.factor, parameter.description, is_geometric(values))

@@ -41,7 +41,8 @@ def dense(curves: Curves, result: Sweep, folds: Sequence[float]) -> Curves:
     folds : sequence of float
         Where any path of equilibria turns: an eigenvalue of a path that ends there is zero.
     """
-    curves = _meeting(curves, result)
+    if result.detail is None:
+        curves = _meeting(curves, result)
     for fold in folds:
         curves = _ended(curves, fold)
     return _divided(*curves)

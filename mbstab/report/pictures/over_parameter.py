@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from mbstab.report.pictures.drawing import (
     text_width,
     titled_figure,
 )
-from mbstab.report.pictures.scales import parameter_range
+from mbstab.report.pictures.scales import parameter_range, set_parameter_axis
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
 HEIGHTS = ((4.4,), (2.7, 2.3), (2.0, 2.0, 2.0), (1.7,) * 4, (1.5,) * 5)
@@ -39,19 +40,20 @@ Placed = tuple[list[Critical], str, float, int]
 
 
 def panels_over_parameter(
-    curves: SweepCurves, title: str, names: Sequence[str], shaded: bool = True
+    curves: SweepCurves, title: str, names: Sequence[str], shaded: bool = True, spaced: bool = False
 ) -> tuple[Figure, list[Axes], int]:
     """Return a figure, its panels over the parameter, and the number of critical values that have no label.
 
-    Unless `shaded` is false, unstable ranges of the first path are.
+    Unless `shaded` is false, unstable ranges of the first path are. If `spaced` is true, the axis of the parameter is
+    logarithmic where its label says so.
     """
-    lo, hi = parameter_range(curves.points)
-    labels = _placed(curves, lo, hi)
+    label = curves.label if spaced else replace(curves.label, logarithmic=False)
+    labels = _placed(curves, *parameter_range(curves.points), label.logarithmic)
     rows = 1 + max((row for *_, row in labels), default=-1)
     figure, panels = titled_figure(title, HEIGHTS[len(names) - 1], above=0.17 * rows)
     for axes, name in zip(panels, names, strict=True):
         axes.set_ylabel(name)
-        axes.set_xlim(lo, hi)
+        set_parameter_axis(axes, "x", label, curves.points)
         for a, b, state in curves.ranges():
             if state < 0:
                 axes.axvspan(a, b, facecolor="none", edgecolor="0.6", hatch="////", linewidth=0, zorder=0)
@@ -61,23 +63,25 @@ def panels_over_parameter(
             axes.axvline(group[0].value, color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, zorder=1.5)
     panels[-1].set_xlabel(curves.label.text)
     for axes in panels[:-1]:
-        axes.tick_params(labelbottom=False)
+        axes.tick_params(which="both", labelbottom=False)
     _write_labels(figure, panels[0], labels)
     if not curves.real.shape[1] or np.all(np.isnan(curves.real)):
         panels[0].text(0.5, 0.5, "no eigenvalues to show", transform=panels[0].transAxes, ha="center")
     return figure, panels, len(curves.marked) - len(labels)
 
 
-def _placed(curves: SweepCurves, lo: float, hi: float) -> list[Placed]:
+def _placed(curves: SweepCurves, lo: float, hi: float, logarithmic: bool) -> list[Placed]:
     """Return the labels of critical values that fit above the picture."""
     wide = scaled(72.0 * panel_width())
     ends = [-math.inf] * ROWS
+    measure = math.log if logarithmic else float
     places: list[Placed] = []
     for group in curves.marked:
         kinds = list(dict.fromkeys(c.kind for c in group))
         text = f"{curves.show(group[0].value)} {', '.join(kinds)}" + (f" ({len(group)}×)" if len(group) > 1 else "")
         half = 0.5 * text_width(text, scaled(FONT - 0.5))
-        at = min(max((group[0].value - lo) / (hi - lo) * wide, half - scaled(30.0)), wide - half + scaled(10.0))
+        along = (measure(group[0].value) - measure(lo)) / (measure(hi) - measure(lo)) * wide
+        at = min(max(along, half - scaled(30.0)), wide - half + scaled(10.0))
         row = next((k for k in range(ROWS) if ends[k] + scaled(8.0) < at - half), None)
         if row is not None:
             ends[row] = at + half
@@ -129,6 +133,9 @@ def legend_entries(
         handles.append(Line2D([], [], color=BEYOND_INK, linewidth=THIN, label="further paths"))
     if unlabelled is not None and np.any(curves.unstable > 0):
         handles.append(Patch(facecolor=UNSTABLE_SHADE, edgecolor="0.6", linewidth=0.6, label="unstable range"))
+    for low, high in (unsure for path in (curves, *curves.others) for unsure in path.unsure):
+        text = f"{curves.label.name} from {curves.show(low)} to {curves.show(high)}: branches uncertain"
+        handles.append(Line2D([], [], linestyle="", marker="$?$", color="k", markersize=7.0, label=text))
     if unlabelled is not None and np.any(curves.unanswered):
         handles.append(no_answer_patch(curves.gap))
     return handles

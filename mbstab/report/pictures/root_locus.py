@@ -28,17 +28,18 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
         figure, (axes,) = titled_figure(title, heights=(5.0,), above=0.18)
         axes.set_xlabel("real part (1/s)")
         axes.set_ylabel("imaginary part (rad/s)")
-        bound = axis_range(curves.all(lambda part: part.imag), curves.size)
+        heights = [sign * c.frequency for group in curves.marked for c in group for sign in (1.0, -1.0)]
+        bound = axis_range(np.append(curves.all(lambda part: part.imag), heights), curves.size)
         axes.set_ylim(bound)
         set_real_scale(axes, "x", curves.all(lambda part: part.real), curves.size)
         axes.axvspan(0.0, axes.get_xlim()[1], color=UNSTABLE_SHADE, linewidth=0, zorder=0)
         axes.axvline(0.0, color="0.5", linewidth=1.4, zorder=1.5)
         axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1)
-        for other in curves.others:
-            for j in range(other.real.shape[1]):
-                draw_branch(axes, other.real[:, j], other.imag[:, j], BEYOND_INK, other.growing[:, j])
-        for j in range(curves.real.shape[1]):
-            draw_branch(axes, curves.real[:, j], curves.imag[:, j], curves.ink[j], curves.growing[:, j])
+        for path in (*curves.others, curves):
+            inks = curves.ink if path is curves else [BEYOND_INK] * path.real.shape[1]
+            for column, ink, growing in zip(path.paired().T, inks, path.growing.T, strict=True):
+                for sign in (1.0, -1.0) if np.any(column.imag > 0.0) else (1.0,):
+                    draw_branch(axes, column.real, sign * column.imag, ink, growing)
         for x, text in ((0.01, "stable side"), (0.99, "unstable side")):
             if axes.get_xlim()[0] < 0.0 or x > 0.5:
                 side = "left" if x < 0.5 else "right"

@@ -54,8 +54,10 @@ def typeset(unit: str) -> str:
 class Axis:
     """A parameter as an axis: its name, declared unit, the factor that turns the unit into SI, and what it is.
 
+    It may be logarithmic in stability maps and charts.
+
     >>> Axis.read("h (mm)")
-    Axis(name='h', unit='mm', factor=0.001, quantity='')
+    Axis(name='h', unit='mm', factor=0.001, quantity='', logarithmic=False)
     >>> Axis("J", "kg*m^2", 1.0, "inertia; likewise").text
     'inertia J (kg·m²)'
     """
@@ -64,6 +66,7 @@ class Axis:
     unit: str = ""
     factor: float = 1.0
     quantity: str = ""
+    logarithmic: bool = False
 
     @classmethod
     def read(cls, label: Axis | str) -> Axis:
@@ -84,6 +87,27 @@ class Axis:
     def at(self, value: str) -> str:
         """Return a value of the parameter with its name and unit."""
         return f"{self.name} = {value} {typeset(self.unit)}".rstrip()
+
+
+def set_parameter_axis(axes: Axes, which: str, label: Axis, x: Array) -> None:
+    """Set the axis of a parameter to the range of its values (declared unit), logarithmic if the label says so."""
+    (axes.set_xlim if which == "x" else axes.set_ylim)(*parameter_range(x))
+    if not label.logarithmic:
+        return
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    few = float(np.max(x) / np.min(x)) < 30.0
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _tick_text(value)))
+    axis.set_minor_formatter(FuncFormatter(lambda value, _: _tick_text(value) if few else ""))
+
+
+def is_geometric(x: Array) -> bool:
+    """Return whether positive values have equal ratios, and not equal differences."""
+    if len(x) < 3 or not np.min(x) > 0.0:
+        return False
+    steps, ratios = np.diff(x), np.diff(np.log(x))
+    even = bool(np.ptp(steps) <= 1e-6 * np.max(np.abs(steps)))
+    return not even and bool(np.ptp(ratios) <= 1e-6 * np.max(np.abs(ratios)))
 
 
 def parameter_range(x: Array) -> tuple[float, float]:

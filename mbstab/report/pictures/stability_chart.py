@@ -19,7 +19,7 @@ from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import thinned
 from mbstab.report.pictures.drawing import draw_legend, house_style, no_answer_patch, text_width, titled_figure
 from mbstab.report.pictures.regions import Labels, Polygon, regions
-from mbstab.report.pictures.scales import Axis, parameter_range
+from mbstab.report.pictures.scales import Axis, set_parameter_axis
 
 REGIONS = ("1.0", "0.82", "0.64", "0.46", "0.28")
 """Grey of a region by its number of unstable eigenvalues; the last is for 4 or more."""
@@ -74,8 +74,8 @@ def chart(
         figure, (axes,) = titled_figure(title, heights=(4.8,))
         axes.set_xlabel(across.text)
         axes.set_ylabel(up.text)
-        axes.set_xlim(*parameter_range(x / across.factor))
-        axes.set_ylim(*parameter_range(y / up.factor))
+        set_parameter_axis(axes, "x", across, x / across.factor)
+        set_parameter_axis(axes, "y", up, y / up.factor)
         if min(len(x), len(y)) > 1:
             _fill(axes, regions(x, y, count, boundaries), factors)
         lines = _draw_curves(axes, boundaries, divisions, factors)
@@ -156,11 +156,14 @@ def _squares(axes: Axes, x: Array, y: Array, values: Any) -> Any:
     """Return values at the points of a grid as those of squares of the panel."""
     box = axes.get_window_extent()
     wide, tall = (72.0 / axes.figure.dpi * side for side in (box.width, box.height))
-    columns, rows = (
-        _nearest(along, np.linspace(*limits, int(side / GRAIN)))
-        for along, limits, side in ((x, axes.get_xlim(), wide), (y, axes.get_ylim(), tall))
-    )
+    columns = _nearest(x, _spaced(axes.get_xlim(), int(wide / GRAIN), axes.get_xscale() == "log"))
+    rows = _nearest(y, _spaced(axes.get_ylim(), int(tall / GRAIN), axes.get_yscale() == "log"))
     return values[np.ix_(rows, columns)]
+
+
+def _spaced(ends: tuple[float, float], count: int, logarithmic: bool) -> Array:
+    """Return points along an axis."""
+    return np.geomspace(*ends, count) if logarithmic else np.linspace(*ends, count)
 
 
 def _seen(axes: Axes, x: Array, y: Array, region: npt.NDArray[np.bool_]) -> bool:

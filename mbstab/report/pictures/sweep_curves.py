@@ -51,6 +51,8 @@ class SweepCurves:
         Where there is no verdict.
     gap : str
         Text of the legend for these points.
+    unsure : list of (float, float)
+        The ends of a range in which branches may be mistaken for each other.
     others : list of SweepCurves
         The paths beyond the turns of the first one.
     """
@@ -71,7 +73,16 @@ class SweepCurves:
         self.named = {name: ink for name, ink in zip(result.names, self.ink, strict=False) if name}
         turns = (c.value for path in (result, *result.beyond) for c in path.critical if c.kind == "fold")
         folds = folds or list(dict.fromkeys(turns))
-        x, branches, self.growing = dense((x, branches, _growing(branches, self.unstable)), result, folds)
+        growing = _growing(branches, self.unstable)
+        self.unsure: list[tuple[float, float]] = []
+        if result.detail is not None:
+            fine = result.detail
+            own = np.searchsorted(fine.values, x)
+            grown = fine.growing.copy()
+            grown[own] = growing
+            x, branches, growing = fine.values, fine.branches, grown
+            self.unsure = [(low / label.factor, high / label.factor) for low, high in fine.unsure]
+        x, branches, self.growing = dense((x, branches, growing), result, folds)
         if down and not turned:
             x, branches, self.growing = x[::-1], branches[::-1], self.growing[::-1]
         self.x, self.real, self.imag = x / label.factor, branches.real, branches.imag
@@ -115,6 +126,13 @@ class SweepCurves:
         beside[1:] |= above[:-1]
         beside[:-1] |= above[1:]
         return np.where(above | (zero & beside), self.imag, np.nan)
+
+    def paired(self) -> Complex:
+        """Return the eigenvalues on the real axis and above it, nan elsewhere; those below are their mirror images."""
+        tiny = TINY * self.size
+        upper: Complex = self.real + 1j * np.maximum(self.imag, 0.0)
+        upper[~(self.imag >= -tiny)] = complex(math.nan, math.nan)
+        return upper
 
     def ranges(self) -> Iterator[tuple[float, float, int]]:
         """Yield ranges of the parameter that are unstable (1) or have no answer (−1), each as long as possible."""
