@@ -318,3 +318,56 @@ def test_matrices_of_large_scenes_are_held_for_few_states(monkeypatch):
     assert len(result.times) == 11
     assert sum(shape[0] for shape in held) == 11
     assert max(math.prod(shape) for shape in held) <= 60
+
+
+RUNAWAY = """\
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies:
+  a: {type: spatial, mass: 1, inertia: [0.1, 0.1, 0.1], points: {p: [-0.5, 0, 0], e: [0.5, 0, 0]}}
+  b: {type: spatial, mass: 1, inertia: [0.1, 0.1, 0.1], points: {p: [-0.5, 0, 0]}}
+joints:
+  pin: {type: revolute, between: [a.p, ground], axis: z}
+  knee: {type: revolute, between: [b.p, a.e], axis: x}
+forces:
+  wrong: {type: expression, on: {angle(pin): 0.5*rate(angle(pin))**2}}
+reference:
+  coordinates: {a: {x: 0.5, y: 0, z: 0, phi: 0, theta: 0, psi: 0}, b: {phi: 0.3, theta: 0, psi: 0}}
+  rates: {a: {psi: 2}, b: {phi: 1}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("bound", "options"),
+    [(True, {}), (True, {"compiled": True}), (False, {}), (False, {"compiled": True}), (False, {"method": "radau"})],
+    ids=str,
+)
+def test_a_motion_that_runs_away_is_told_as_such(options, bound):
+    # A torque with the square of the speed: infinite after a finite time.
+    free = """\
+mbstab: 1
+bodies: {a: {type: planar, mass: 1, inertia: 0.5}}
+forces: {wrong: {type: expression, on: {a.theta: rate(a.theta)**2}}}
+reference: {rates: {a: {theta: 2}}}
+"""
+    with pytest.raises(mbstab.SimulationError) as caught:
+        mbstab.loads(RUNAWAY if bound else free).simulate(20, points=21, tol=1e-3, **options)
+    first = str(caught.value).splitlines()[0]
+    told = re.fullmatch(
+        r"the motion runs away: at t = (\S+) s (\S+) has (\S+) (m|rad)/s, and rates are (\S+) times .*", first
+    )
+    assert told, first
+    assert "singular configuration" not in str(caught.value)
+    assert abs(float(told[3])) > 1e5
+    assert float(told[5]) > 1e4
+    if not bound:  # 1/ω falls linearly: ω' = 2 ω² from 2 rad/s
+        assert float(told[1]) == pytest.approx(0.25, rel=1e-3)
+
+
+def test_a_failure_is_told_before_the_part_that_is_kept(tmp_path):
+    model = tmp_path / "runaway.yaml"
+    model.write_text(RUNAWAY)
+    result = CliRunner().invoke(main, ["simulate", str(model), "--to", "20", "--tol", "1e-3", "--points", "21"])
+    assert result.exit_code == 1
+    assert result.output.index("the motion runs away") < result.output.index("ended early")
+    assert result.output.count("the motion runs away") == 1

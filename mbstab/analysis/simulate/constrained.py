@@ -16,6 +16,7 @@ start. Everything is computed in coordinates scaled by the masses they carry.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -421,7 +422,11 @@ class Constrained:
 
     def nears(self, watch: Watch, part: float) -> bool:
         """Return whether the smallest singular value has fallen below a fraction of that at the start."""
-        return bool(self.rank) and self._least is not None and watch.value < part * self._least
+        return self.remaining(watch) < part
+
+    def remaining(self, watch: Watch) -> float:
+        """Return the smallest singular value relative to that at the start; infinite without constraints."""
+        return watch.value / self._least if self._least else math.inf
 
     def singular(self, t: float, state: Dynamics, value: float, hint: str = BRANCH_HINT) -> ConstraintError:
         """Return the error about a singular configuration: number, threshold, rows, time."""
@@ -435,10 +440,9 @@ class Constrained:
 
     def approached(self, t: float, watch: Watch, reason: str) -> ConstraintError:
         """Return the error about a step that failed near a singular configuration: as `singular`, with a reason."""
-        assert self._least is not None
         return ConstraintError(
             f"the mechanism comes to a singular configuration just after t = {t:.9g} s: the least singular value of "
-            f"its constraints has fallen to {amount(watch.value / self._least)} of that at the start "
+            f"its constraints has fallen to {amount(self.remaining(watch))} of that at the start "
             f"({SPECTRUM.constraints_singular:g} counts as singular), and {reason}\n"
             f"the rows that depend on each other there: {self.owners(watch.left)}\n{LIMIT_HINT}"
         )

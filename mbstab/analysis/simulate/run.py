@@ -21,7 +21,7 @@ from mbstab.analysis.simulate.recording import Frame, Sample, Track
 from mbstab.analysis.simulate.singular_passage import NODES as NODES_OF_PASSAGE
 from mbstab.analysis.simulate.singular_passage import Passage, passage, predicted
 from mbstab.analysis.simulate.steppers.compiled import Marching
-from mbstab.analysis.simulate.steppers.interface import Method, Options, Stepper
+from mbstab.analysis.simulate.steppers.interface import HINT, Method, Options, Stepper
 from mbstab.analysis.simulate.stiffness import Pace
 from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.analysis.simulate.tolerances import TOLERANCES
@@ -29,7 +29,12 @@ from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
+from mbstab.model.schema import unit_of_rate
 from mbstab.records import dataclass
+
+RUNAWAY_HINT = (
+    "hint: end before (--to); if it should not grow, look for what feeds it, such as a gain or a damping of wrong sign"
+)
 
 LISTED = 8
 """Maximum number of times of passages that are listed."""
@@ -149,10 +154,15 @@ class Follower:
         except KeyboardInterrupt:
             run.interrupted = True
         except (ArithmeticError, np.linalg.LinAlgError) as error:
-            run.failure = f"the motion leaves the range of double precision near t = {run.reached:.9g} s: {error}"
+            reason = f"the motion leaves the range of double precision near t = {run.reached:.9g} s: {error}"
+            run.failure = leg.attributed(reason)
+        except NumericalError as error:
+            run.failure = leg.attributed(str(error))
         except MbstabError as error:
             run.failure = str(error)
         self.note = pace.note
+        if options.step is not None and run.failure and "\nhint: " not in run.failure:
+            run.failure += "\nhint: take a shorter step with --step"
         if pace.note and not run.failure:
             run.notes.append(pace.note)
         if run.passed:
@@ -196,6 +206,11 @@ class _Leg:
         self.least, self.looked = 0.0, TOLERANCES.looked_steps
         self.done, self.shown = 1, 0.0
         self.fall, self.tried, self.given_up = 0.0, math.inf, 0
+        self.last, start = (float(follower.times[0]), self.motion.u), self.motion
+        falling = math.hypot(*map(float, self.system.scene.gravity)) / float(np.max(start.sizes))
+        pulled = max(falling, float(np.max(np.abs(start.a / start.sizes), initial=0.0)))
+        span = float(follower.times[-1] - follower.times[0])
+        self.begun = max(self.equations.fastest(start.u), math.sqrt(pulled), 1.0 / span)
 
     def follow(self, method: Method, options: Options, progress: Callable[[float], object], pace: Pace) -> None:
         run, end = self.run, float(self.follower.times[-1])
@@ -265,6 +280,7 @@ class _Leg:
         """Record a step from a time: output, work, extremes."""
         run, times = self.run, self.follower.times
         run.steps += 1
+        self.last = (stepper.t, stepper.u)
         run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
         run.drift = max(run.drift, *self.equations.residuals(stepper.state, self.equations.fastest(stepper.u)))
         inside = []
@@ -313,7 +329,7 @@ class _Leg:
             pace.look(run.steps, state, self.equations, options)
         if reason != "chart":
             self.watch = self.equations.refresh(self.equations.evaluate(state.t, state.q, state.u))
-        self.least, self.work = state.least, base + state.work
+        self.least, self.work, self.last = state.least, base + state.work, (state.t, state.u)
         self.looked = TOLERANCES.looked_steps if state.steps else min(2 * self.looked, TOLERANCES.looked_steps_most)
         self.done += covered
         run.rejected += state.rejected
@@ -377,7 +393,7 @@ class _Leg:
                     "hint: take a shorter one with --step"
                 )
         except NumericalError as error:
-            if not self.equations.nears(self.watch, TOLERANCES.singular_failure):
+            if self._runs_away or not self.equations.nears(self.watch, TOLERANCES.singular_failure):
                 raise
             near = self.equations.approached(t, self.watch, str(error).partition("\n")[0])
             raise _Singular(t + self.watch.value / self.fall if self.fall > 0.0 else math.inf, near) from None
@@ -409,6 +425,30 @@ class _Leg:
             grown = self.equations.fastest(stepper.u) > TOLERANCES.speed_growth_at_limit * self.rate
             hint = LIMIT_HINT if grown else BRANCH_HINT
             raise _Singular(t, self.equations.singular(t, self._at(stepper, t), least, hint))
+
+    # --- runaway ----------------------------------------------------------------------------------------------------
+
+    @property
+    def _growth(self) -> float:
+        """How often the fastest rate of the last state contains the rate at the start."""
+        return self.equations.fastest(self.last[1]) / self.begun
+
+    @property
+    def _runs_away(self) -> bool:
+        """Whether speeds have grown far more than a singular configuration nearby explains: as its inverse distance."""
+        part = self.equations.remaining(self.watch)
+        return self._growth * min(part, 1.0) > TOLERANCES.speed_growth_at_limit
+
+    def attributed(self, reason: str) -> str:
+        """Return why a motion failed: with the growth of its speeds, if they have grown without bound."""
+        if not self._runs_away:
+            return reason
+        (t, u), names = self.last, self.system.names
+        k = int(np.argmax(np.abs(u / self.equations.sizes)))
+        return (
+            f"the motion runs away: at t = {t:.9g} s {names[k]} has {u[k]:.3g} {unit_of_rate(names[k])}, and rates are "
+            f"{self._growth:.1e} times those at the start\nthere {reason.removesuffix(HINT).rstrip()}\n{RUNAWAY_HINT}"
+        )
 
     # --- through singular configurations ----------------------------------------------------------------------------
 

@@ -34,7 +34,8 @@ class Tolerances:
     speed_growth_near_singular: Final = 2.0
     """Near it the tolerance of speeds is relative to the present ones, updated when they grow by this factor."""
     speed_growth_at_limit: Final = 100.0
-    """If speeds have grown by more at a singular configuration, it is a limit of the mechanism, not a branch."""
+    """If speeds have grown by more at a singular configuration, it is a limit of the mechanism, not a branch; if by
+    more than this over the smallest singular value, the motion runs away for another reason."""
     passage_halvings: Final = 12
     """Number of halvings of the distance to a singular configuration until its passage is accurate enough."""
     passage_error_fixed_steps: Final = 1e-10

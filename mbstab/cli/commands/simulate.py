@@ -31,6 +31,7 @@ from mbstab.cli.output import (
     picture_stem,
     pictures_option,
     save_picture,
+    say,
     warn,
 )
 from mbstab.errors import SimulationError
@@ -154,7 +155,7 @@ def simulate(
     elif movie is not None:
         movie.write_motion(mechanism.system(), result, model.title)
     if stopped is not None:
-        raise stopped
+        raise click.exceptions.Exit(stopped.exit_code)
 
 
 def _run(mechanism: Mechanism, settings: SimulationSettings) -> tuple[Simulation, SimulationError | None]:
@@ -173,6 +174,7 @@ def _run(mechanism: Mechanism, settings: SimulationSettings) -> tuple[Simulation
         if error.partial is None or not len(error.partial.times):
             raise
         stopped, result = error, error.partial
+        say(str(error))  # before what is kept of the motion
     warn([text for text in result.warnings if text not in told])
     return result, stopped
 
