@@ -49,7 +49,7 @@ def test_given_references_have_none():
 
 
 def test_csv_and_json_have_the_coordinates(truss):
-    rows = list(csv.DictReader(io.StringIO(sweep_csv(truss, 1.0))))
+    rows = list(csv.DictReader(io.StringIO(sweep_csv(truss, "N", 1.0))))
     column = [float(row["apex.y (m)"] or "nan") for row in rows]
     whole = np.concatenate([path.reference["apex.y"] for path in (truss, *truss.beyond)])
     assert np.array_equal(column, whole, equal_nan=True)

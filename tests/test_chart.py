@@ -259,7 +259,7 @@ def test_json_of_a_chart():
 
 def test_csv_and_npz_of_a_chart(tmp_path):
     rows = list(csv.reader(io.StringIO(run(*DISK, *RANGES, "--format", "csv").stdout)))
-    assert rows[0] == ["omega", "R", "unstable", "verdict"]
+    assert rows[0] == ["omega (rad/s)", "R (m)", "unstable", "verdict"]
     assert len(rows) == 1 + 55
     for omega, R, n, verdict in rows[1:]:
         slow = float(omega) < critical_spin(float(R))

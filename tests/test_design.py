@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from mbstab import load, loads
 from mbstab.cli import main
 from mbstab.errors import NumericalError, UsageError
+from mbstab.report.designs import with_values
 
 OSCILLATOR = """
 mbstab: 1
@@ -286,3 +287,9 @@ def test_a_bicycle_with_a_wider_range_of_stable_speeds():
     assert found.best > 2.08
     assert found.bounds == {"w": "first", "c": "last", "tilt": "first", "x_H": "last", "z_H": "first"}
     assert found.result.verdict == "asymptotically stable up to symmetry"
+
+
+@pytest.mark.parametrize("ends", ["", "\n", "\r\n"])
+def test_a_file_with_other_values_has_no_empty_last_line(ends):
+    model = loads("mbstab: 1\nparameters: {J: 2}\nbodies: {b: {type: planar, mass: 1, inertia: J}}" + ends).model
+    assert with_values(model, {"J": "3"}).endswith("inertia: J}}\n")

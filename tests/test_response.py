@@ -367,7 +367,8 @@ def test_resonances_are_drawn_between_printed_frequencies():
 
 def test_outputs_over_time_share_a_panel_if_they_share_a_unit():
     car = response_picture(answer(mbstab.load("car.yaml").state_space(), points=20, duration=1.0), "")
-    assert [axes.get_ylabel() for axes in car.axes] == ["after a unit step (rad/s/rad)", "after a unit step (rad/s/N)"]
+    names = [f"yaw_rate after a unit step (rad/s/{unit})" for unit in ("rad", "N")]
+    assert [axes.get_ylabel() for axes in car.axes] == names
     bicycle = response_picture(
         answer(mbstab.load("whipple_bicycle.yaml").state_space(), points=20, duration=1.0, impulse=True), ""
     )

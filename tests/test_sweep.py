@@ -788,7 +788,7 @@ def test_a_parameter_with_a_unit_is_written_in_it(tmp_path):
 def test_csv_has_a_line_for_each_value_and_npz_the_arrays(tmp_path):
     result = run("top.yaml", "--param", "omega", "--points", 7, "--format", "csv")
     rows = list(csv.reader(io.StringIO(result.stdout)))
-    assert rows[0][:5] == ["omega", "unstable", "verdict", "real 1", "imag 1"]
+    assert rows[0][:5] == ["omega (rad/s)", "unstable", "verdict", "real 1 (1/s)", "imag 1 (1/s)"]
     assert rows[0][-1] == "status"
     assert len(rows) == 8
     assert {len(row) for row in rows} == {3 + 8 + 2}

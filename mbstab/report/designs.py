@@ -191,7 +191,7 @@ def with_values(model: Model, given: Mapping[str, str]) -> str:
         written = f"{quote}{text}{quote}"
         if line[at : at + len(written)] == written:
             lines[location.line - 1] = line[:at] + given[name] + line[at + len(written) :]
-    changed = "\n".join(lines) + "\n"
+    changed = "\n".join(lines).rstrip("\n") + "\n"
     values = evaluate_parameters(read_model_text(changed, model.name), {}, FLOAT)
     for name, text in given.items():
         wanted = float(text) * model.parameters[name].factor

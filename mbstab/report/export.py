@@ -237,7 +237,7 @@ def _enclosure(enclosed: Enclosed) -> dict[str, Any]:
     return {**ball, "conditions": enclosed.conditions, "reason": enclosed.reason}
 
 
-def sweep_csv(result: Sweep, factor: float) -> str:
+def sweep_csv(result: Sweep, unit: str, factor: float) -> str:
     """Return one line per value: the value, the number of unstable eigenvalues, the verdict, the branches, the path.
 
     The heads of branches with names contain these. Coordinates and rates of a reference that is found follow the
@@ -248,10 +248,10 @@ def sweep_csv(result: Sweep, factor: float) -> str:
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)
     names = [f" ({name})" if name else "" for name in result.names] + [""] * count
-    parts = [f"{part} {b + 1}{names[b]}" for b in range(count) for part in ("real", "imag")]
+    parts = [f"{part} {b + 1}{names[b]} (1/s)" for b in range(count) for part in ("real", "imag")]
     followed = list(dict.fromkeys(name for path in paths for name in path.reference))
     heads = [
-        result.parameter,
+        _headed(result.parameter, unit),
         "unstable",
         "verdict",
         *parts,
@@ -279,6 +279,11 @@ def sweep_csv(result: Sweep, factor: float) -> str:
                 )
                 rows.append([c.value / factor, "", "", *[float("nan")] * (2 * count + len(followed)), number, status])
     return to_csv(heads, rows)
+
+
+def _headed(name: str, unit: str) -> str:
+    """Return the head of a column of a parameter."""
+    return f"{name} ({unit})" if unit not in ("", "1") else name
 
 
 def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
@@ -397,7 +402,8 @@ def chart_csv(result: Chart, labels: Sequence[tuple[str, float]]) -> str:
         for i, b in enumerate(y)
         for j, a in enumerate(x)
     ]
-    return to_csv([*result.parameters, "unstable", "verdict"], rows)
+    heads = [_headed(name, unit) for name, (unit, _) in zip(result.parameters, labels, strict=True)]
+    return to_csv([*heads, "unstable", "verdict"], rows)
 
 
 def chart_arrays(result: Chart, labels: Sequence[tuple[str, float]]) -> dict[str, Any]:

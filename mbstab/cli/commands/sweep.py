@@ -311,7 +311,11 @@ def _sweep_answer(result: Sweep, model: Model, sensitivity: bool) -> Answer:
         return export.to_json(export.sweep_data(result, unit, factor, model.name, model.title) | more)
 
     def csv() -> str:
-        return export.to_csv(*slopes.critical_rows(result, model)) if sensitivity else export.sweep_csv(result, factor)
+        return (
+            export.to_csv(*slopes.critical_rows(result, model))
+            if sensitivity
+            else export.sweep_csv(result, unit, factor)
+        )
 
     return {
         "table": text,

@@ -97,7 +97,9 @@ def _over_time(result: Response, title: str) -> Figure:
         panels[units.index(unit(channel))].plot(x, channel.step(x, result.kind == "impulse"), **_style(k))
     for own, axes in zip(units, panels, strict=True):
         shown = typeset(own)
-        axes.set_ylabel(f"after a unit {result.kind}" + (f" ({shown})" if shown else ""))
+        goals = list(dict.fromkeys(channel.goal for channel in result.channels if unit(channel) == own))
+        name = f"{goals[0]} " if len(goals) == 1 else ""
+        axes.set_ylabel(f"{name}after a unit {result.kind}" + (f" ({shown})" if shown else ""))
         axes.set_xlim(result.x[0], result.x[-1])
         axes.tick_params(labelbottom=axes is panels[-1])
         axes.grid(color="0.85", linewidth=0.6)
