@@ -231,3 +231,40 @@ def test_rounding_of_states_that_come_to_rest_makes_no_point_a_case_of_its_own(s
         exact = np.linalg.eigvals(A)
         assert optimal(found.values[i], exact) <= 1e-10 * np.max(np.abs(exact))
         assert (WORDS[found.words[i]] == "asymptotically stable") == (np.max(exact.real) < 0.0)
+
+
+@pytest.mark.parametrize("seed", sample(range(12), 5))
+def test_branches_that_move_together_are_followed_without_a_search(seed):
+    # Two damped masses on slow springs: the slow eigenvalues, about −k/d, are nearly equal and never meet.
+    rng = np.random.default_rng(seed)
+    d, near = rng.uniform(5.0, 20.0), 1.0 + rng.uniform(5e-4, 5e-3)
+    # The heavier mass with the weaker damper: both make it the faster of the two.
+    masses, dampings = -np.sort(-rng.uniform(0.01, 0.03, 2)), (float(d), float(d * near))
+    forces = [f'{x}.x: "-k*{x}.x - {c!r}*rate({x}.x)"' for x, c in zip("ab", dampings, strict=True)]
+    bodies = [f"{x}: {{type: planar_point, mass: {float(m)!r}}}" for x, m in zip("ab", masses, strict=True)]
+    text = (
+        f"mbstab: 1\nparameters: {{k: 10}}\nbodies: {{{', '.join(bodies)}}}\n"
+        "constraints: {first: {holonomic: a.y}, second: {holonomic: b.y}}\n"
+        f"forces: {{f: {{type: expression, on: {{{', '.join(forces)}}}}}}}\n"
+    )
+    k = np.linspace(10.0, 60.0, 5)
+    found = mbstab.loads(text).sweep("k", k)
+    assert found.warnings == ()
+    assert found.meetings == ()
+    slow = np.array([[max(np.roots([m, c, x]).real) for m, c in zip(masses, dampings, strict=True)] for x in k])
+    columns = np.argsort(-found.branches[0].real)[:2]
+    order = np.argsort(-slow[0])
+    assert np.max(np.abs(found.branches[:, columns] - slow[:, order])) <= 1e-11 * np.max(np.abs(found.branches))
+
+
+def test_the_warning_of_a_search_that_ends_says_whether_stability_may_change_there(monkeypatch):
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_parts_crowded", 0)
+    text = (
+        "mbstab: 1\nparameters: {k: 10}\nbodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 1}}\n"
+        "constraints: {first: {holonomic: a.y}, second: {holonomic: b.y}}\nforces:\n  f:\n    type: expression\n"
+        '    on: {a.x: "-a.x - DRAG*rate(a.x)", b.x: "-(k/10)*b.x - DRAG*rate(b.x)"}\n'
+    )
+    k = np.linspace(9.5, 10.6, 2)
+    far, near = (mbstab.loads(text.replace("DRAG", drag)).sweep("k", k).warnings for drag in ("1.0", "1e-9"))
+    assert "no change of stability (they are far from the imaginary axis)" in " ".join(far)
+    assert "critical values may be missing" in " ".join(near)

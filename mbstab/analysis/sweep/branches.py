@@ -14,7 +14,7 @@ from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, settled, unplaced
 from mbstab.analysis.sweep.blocks import Block
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, doubtful, follow, has_twins
+from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, doubtful, follow, has_twins, together
 from mbstab.analysis.verdict.rule import UNDECIDED
 from mbstab.compiler.system import Array
 from mbstab.model.schema import after_number
@@ -59,6 +59,7 @@ class Branches:
         self.counts[~self.good] = -1
         self.spent, self.calls, self.size = 0, 0, 0.0
         self.stopped: tuple[int, int] | None = None
+        self.near_axis = False
         self.width = max(float(np.max(np.abs(x), initial=0.0)), 1e-300)
         path = evaluator.path
         self.crossings = (
@@ -81,9 +82,14 @@ class Branches:
         """Warnings about where the search ended early."""
         if self.stopped is None:
             return ()
+        missing = (
+            "critical values may be missing"
+            if self.near_axis
+            else "values where they meet may be missing, no change of stability (they are far from the imaginary axis)"
+        )
         return (
             f"the refinement between points ended after {self.spent} of them{self._where()}: branches may be mistaken "
-            "for each other and critical values may be missing; more points, a smaller range or --log help",
+            f"for each other and {missing}; more points, a smaller range or --log help",
         )
 
     def _where(self) -> str:
@@ -94,8 +100,9 @@ class Branches:
         low, high = (float(self.x[np.clip(k, 0, len(self.x) - 1)]) / parameter.factor for k in self.stopped)
         return f", between {self.parameter} = {low:.6g} and {high:.6g}{unit}"
 
-    def _stop(self, value: float) -> None:
-        """Record that the search ended at a value."""
+    def _stop(self, value: float, near_axis: bool = True) -> None:
+        """Record that the search ended at a value, and whether eigenvalues may reach the imaginary axis there."""
+        self.near_axis |= near_axis
         k = int(np.searchsorted(self.x, value))
         known = self.stopped or (k - 1, k)
         self.stopped = min(known[0], k - 1), max(known[1], k)
@@ -220,6 +227,7 @@ class Branches:
             links, clear = follow(np.array([x.before for x in parts]), np.array([x.after for x in parts]), twins)
             # The parts of one piece follow each other.
             clear &= ~np.apply_along_axis(doubtful, 1, clear.reshape(-1, TOLERANCES.branch_split)).ravel()
+            _move_together(parts, links, clear)
             pieces = []
             for part, link, is_clear in zip(parts, links, clear, strict=True):
                 if is_clear:
@@ -240,7 +248,7 @@ class Branches:
             if number[interval] > TOLERANCES.branch_parts_crowded or room < 0:
                 for piece in pieces:
                     if number[piece.interval] >= number[interval]:
-                        self._stop(0.5 * (piece.a + piece.b))
+                        self._stop(0.5 * (piece.a + piece.b), not _off_axis(piece))
                 break
             chosen.add(interval)
         return [x for x in pieces if x.interval in chosen], [x for x in pieces if x.interval not in chosen]
@@ -306,6 +314,29 @@ class Branches:
                 one, other = sorted((link[i], link[j]), key=lambda k: (-far_after[k].real, -far_after[k].imag))
                 link[first], link[second] = one, other
         return link
+
+
+def _move_together(parts: list[_Piece], links: Index, clear: Flags) -> None:
+    """Put in the successors of eigenvalues that are not clear by themselves, but move together with others."""
+    for start in range(0, len(parts), TOLERANCES.branch_split):
+        one = slice(start, start + TOLERANCES.branch_split)
+        if clear[one].all():
+            continue
+        link, certain = together(np.array([parts[start].before, *(x.after for x in parts[one])]))
+        certain &= ~clear[one]
+        links[one][certain] = link[certain]
+        clear[one] |= certain
+
+
+def _off_axis(piece: _Piece) -> bool:
+    """Return whether eigenvalues move little beside their distance to the imaginary axis, or to the others."""
+    moved = np.abs(piece.before[:, None] - piece.after[None, :])
+    link = assigned(moved)
+    after = piece.after[link]
+    gap = [np.abs(x[:, None] - x[None, :]) + np.diag(np.full(len(x), np.inf)) for x in (piece.before, after)]
+    apart = np.min(np.minimum(*gap), axis=1, initial=np.inf)
+    distance = np.minimum(np.abs(piece.before.real), np.abs(after.real))
+    return bool(np.all(np.abs(after - piece.before) <= TOLERANCES.tracking_step * np.maximum(apart, distance)))
 
 
 def _reach(parts: list[tuple[_Piece, Index | None]], start: Complex, side: int) -> tuple[Complex, float]:

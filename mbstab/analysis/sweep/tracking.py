@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 
 NO_EIGENVALUE = complex("nan+nanj")
@@ -67,6 +68,28 @@ def follow(before: Complex, after: Complex, twins: Flags | None = None) -> tuple
         part = slice(start, start + TOLERANCES.intervals_together)
         link[part], clear[part] = _followed(before[part], after[part], None if twins is None else twins[part])
     return link, clear
+
+
+def together(spectra: Complex) -> tuple[Index, Flags]:
+    """Return the successors of eigenvalues that move far but together, for spectra at equal steps, shape (m, r).
+
+    In a certain interval the difference of any two changes little beside itself, so that none of them meet, and at the
+    points around it each moves on as before, beside its distance to the others.
+    """
+    moved = np.abs(spectra[:-1, :, None] - spectra[1:, None, :])
+    # The sum of squares is least where differences keep their direction; that of distances does not tell.
+    link = np.array([assigned(x * x) for x in moved])
+    after = np.take_along_axis(spectra[1:], link, axis=1)
+    step, before = after - spectra[:-1], spectra[:-1]
+    own = np.where(np.eye(spectra.shape[1], dtype=bool), np.inf, 0.0)
+    gap = np.minimum(*(np.abs(x[:, :, None] - x[:, None, :]) + own for x in (before, after)))
+    change = np.abs(step[:, :, None] - step[:, None, :])
+    certain = np.all(change <= TOLERANCES.tracking_step * gap, axis=(1, 2))
+    bend = np.abs(np.take_along_axis(step[1:], link[:-1], axis=1) - step[:-1])
+    smooth = np.all(bend <= TOLERANCES.tracking_step * np.min(gap[:-1], axis=2), axis=1)
+    certain[:-1] &= smooth
+    certain[1:] &= smooth
+    return link, certain
 
 
 def _gaps(values: Complex) -> npt.NDArray[np.float64]:
