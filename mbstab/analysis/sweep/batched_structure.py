@@ -205,7 +205,8 @@ class Known:
             n_eta = lower.shape[-2]
             if n_eta:
                 _, s, right = np.linalg.svd(lower)
-                good &= s[:, -1] > VERDICT.rest_manifold_rank * np.linalg.norm(points.S[:, n:], axis=(1, 2))
+                least = VERDICT.rest_manifold_rank * np.linalg.norm(points.S[:, n:], axis=(1, 2))
+                good &= s[:, -1] > np.maximum(least, points.error)
                 null = transposed(right[:, n_eta:])
             else:
                 null = np.eye(n)[None]

@@ -104,8 +104,8 @@ def orthonormal(columns: Array, rank: int, good: Flags) -> Array:
         Q, R = np.linalg.qr(columns)
         good &= np.min(np.abs(np.diagonal(R, axis1=-2, axis2=-1)), axis=-1) > VERDICT.independent_direction
         return Q
-    left, s, _ = np.linalg.svd(columns, full_matrices=False)
-    good &= (s[..., rank - 1] > VERDICT.independent_direction) & (s[..., rank] <= VERDICT.independent_direction)
+    left, s, _ = np.linalg.svd(columns, full_matrices=columns.shape[-1] < rank)
+    good &= np.sum(s > VERDICT.independent_direction, axis=-1) == rank
     return left[..., :rank]
 
 

@@ -20,8 +20,10 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.augmented import of_rank
+from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
+from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.fields import Combination, Symmetry
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
@@ -248,7 +250,7 @@ class Structure:
         size = float(np.linalg.norm(S[n:], 2)) or 1.0
         if n_eta:
             _, s, right = np.linalg.svd(S[n:, :n])
-            if s[-1] <= TOLERANCES.rest_manifold_rank * size:
+            if s[-1] <= TOLERANCES.rest_manifold_rank * size or not self._held_by_forces():
                 return [], []
             null = right[n_eta:].T
         else:
@@ -256,6 +258,19 @@ class Structure:
         found = [np.concatenate([x, np.zeros(n_eta)]) for x in null.T]
         further = len(found) - orthonormal(columns, len(S)).shape[1]
         return found, ["position at rest"] if further > 0 else []
+
+    def _held_by_forces(self) -> bool:
+        """Return whether the stiffness along all allowed motions has full rank, beyond its rounding."""
+        spaces = self.linear.spaces
+        known = roundings(self.linear)
+        stiffness, error, *moved = (
+            scaled(x, spaces.scale, spaces.scale)
+            for x in (self.linear.K, known.errors.K, *(x.K for x in known.displaced))
+        )
+        allowed, N = spaces.allowed, spaces.N
+        least = float(np.linalg.svd(allowed.T @ (stiffness @ N), compute_uv=False)[-1])
+        off = float(np.linalg.norm(np.abs(allowed).T @ (error @ np.abs(N))))
+        return least > off + sum(float(np.linalg.norm(allowed.T @ (x @ N))) for x in moved)
 
     def _moving(self, T: Array, S: Array) -> tuple[list[Array], list[str], list[str]]:
         """Return speeds along symmetries at which a scene may move as steadily as at rest, and as the reference does.
