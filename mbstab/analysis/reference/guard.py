@@ -243,13 +243,15 @@ def _change(system: System, motion: Motion, now: Matrices, then: Matrices, time:
         light = motion.massless / scale[:, None]
         now, then = (x._replace(M=x.M + light @ light.T) for x in (now, then))
     A, B = (deflated(spaces, matrices)[0] for matrices in (now, then))
-    # Terms that rounding is relative to, besides the entries: inertia over the time, and the forces that balance.
+    # Terms that rounding is relative to, besides the entries: inertia over the time, the forces that balance, and what
+    # rows on speeds make of inertia and damping, (M P + R) P and M P, which may cancel.
     forces = float(np.max(np.abs(motion.dynamics.F0 * scale)) / np.min(motion.sizes / scale))
+    led, damped = (float(np.max(np.abs(A[block]), initial=0.0)) for block in (np.s_[:n, :n], np.s_[n:, n:]))
     worst = 0.0
     for block, natural in (
         (np.s_[:n, :n], 1.0 / time),
-        (np.s_[n:, :n], 1.0 / time**2 + forces),
-        (np.s_[n:, n:], 1.0 / time),
+        (np.s_[n:, :n], 1.0 / time**2 + forces + led * (led + damped)),
+        (np.s_[n:, n:], 1.0 / time + led),
     ):
         difference = float(np.max(np.abs(B[block] - A[block]), initial=0.0))
         if difference > TOLERANCES.coordinate_rounding * natural:

@@ -1,14 +1,19 @@
-"""How much forces may be out of balance, and rates of states off zero, by rounding."""
+"""How much forces may be out of balance, rates of states off zero, and accelerations contradictory, by rounding."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.sparse import dense, largest
+from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
+from mbstab.analysis.algebra.sparse import dense, is_sparse, largest
+from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
+from mbstab.errors import ConstraintError
 
 
 def state_rounding(system: System, q: Array, u: Array, time: float | None = None) -> Array:
@@ -37,6 +42,65 @@ def carrying(system: System, motion_at: tuple[Array, Array], time: float | None,
     return result
 
 
+def require_compatible(
+    system: System,
+    at: tuple[Array, Array, float],
+    sizes: Array,
+    spaces: Subspaces,
+    J: Any,
+    inverse: Any,
+    bias: Array,
+) -> None:
+    """Refuse redundant rows that contradict each other in the accelerations.
+
+    Parameters
+    ----------
+    at : tuple
+        q, u and the time.
+    sizes : ndarray, shape (n_q,)
+    spaces : Subspaces
+    J, inverse : matrix, shapes (n_c, n_q) and (n_q, n_c)
+        The scaled rows and their pseudo-inverse.
+    bias : ndarray, shape (n_c,)
+        Scaled acceleration residuals of the rows at rest; J a = −bias.
+
+    Raises
+    ------
+    ConstraintError
+        Names the row that contradicts the others most.
+    """
+    residual = bias - J @ (inverse @ bias)
+    most = float(np.max(np.abs(bias), initial=0.0))
+    if np.max(np.abs(residual), initial=0.0) <= TOLERANCES.contradiction * most:
+        return
+    if not is_sparse(J):
+        # Where curvatures of paths cancel, all of the bias is rounding, which tells nothing.
+        found = _rounding_of_accelerations(system, at, sizes, np.abs(inverse @ bias) * spaces.scale)
+        apart = np.abs(residual) > np.abs(np.eye(len(J)) - J @ inverse) @ (found * spaces.row_scale)
+        if not np.any(apart):
+            return
+        residual = np.where(apart, residual, 0.0)
+    worst = int(np.argmax(np.abs(residual)))
+    row = system.rows[worst]
+    raise ConstraintError(
+        f"{row.location}: {row} contradicts other constraints: no accelerations satisfy all of them "
+        f"(residual {residual[worst]:.3g} of {most:.3g})"
+    )
+
+
+def _rounding_of_accelerations(system: System, at: tuple[Array, Array, float], sizes: Array, a: Array) -> Array:
+    """Return how far J a + B may be off by rounding, also by that of coordinates and speeds, shape (n_c,)."""
+    q, u, time = at
+    fastest = float(np.max(np.abs(u / sizes), initial=0.0))
+    places = TOLERANCES.coordinate_rounding * np.maximum(np.abs(q), sizes)
+    speeds = TOLERANCES.coordinate_rounding * fastest * sizes
+    rough = system.in_arithmetic(replace(system.scene, arithmetic=rounded_arithmetic()))
+    state = rough.dynamics([*map(Rounded, q, places)], [*map(Rounded, u, speeds)], time)
+    B, J = (np.array([getattr(x, "e", 0.0) for x in y.flat]).reshape(y.shape) for y in (state.B, state.J))
+    result: Array = B + J @ a
+    return result
+
+
 def balanced_at(
     system: System,
     at: tuple[Array, Array, Array, Array],
@@ -49,7 +113,8 @@ def balanced_at(
     """Return whether scaled forces that should vanish do so, at q, u, a and ν.
 
     They may be a small part of the forces that balance. Where springs and inertia balance by
-    themselves, they may have at least the effect of rounded coordinates and speeds.
+    themselves, they may have at least the effect of rounded coordinates and speeds, and of the rounding of the forces
+    that the speeds would take to turn.
     """
     scene, most = system.scene, float(np.max(np.abs(left), initial=0.0))
     gravity = float(np.linalg.norm(scene.gravity))
@@ -57,7 +122,12 @@ def balanced_at(
     allowed = TOLERANCES.unbalance * max(float(np.max(np.abs(force * scale))), *weights)
     if most <= allowed:
         return True
-    return most <= allowed + TOLERANCES.coordinate_rounding * force_change(system, at, sizes, scale, time)
+    allowed += TOLERANCES.coordinate_rounding * force_change(system, at, sizes, scale, time)
+    fastest = float(np.max(np.abs(at[1] / sizes), initial=0.0))
+    if most <= allowed or not fastest:
+        return most <= allowed
+    turning = (abs(system.dynamics(at[0], at[1], time).M) @ np.abs(at[1])) * fastest * scale
+    return most <= allowed + TOLERANCES.coordinate_rounding * float(np.max(turning))
 
 
 def force_change(

@@ -23,7 +23,7 @@ from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, scaled, sizes_times
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
-from mbstab.analysis.reference.imbalance import balanced_at, carrying, state_rounding
+from mbstab.analysis.reference.imbalance import balanced_at, carrying, require_compatible, state_rounding
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration, turns_and_degrees
 from mbstab.analysis.reference.state_units import balanced_states, characteristic_sizes
@@ -415,7 +415,7 @@ class Finder:
         moved, massless = self._mobility(state.M, M, spaces)
         augmented = Augmented(M, J, inverse, moved)
         force, bias = -(state.F0 * scale), state.B * row_scale
-        self._check_compatible(bias - J @ (inverse @ bias), bias)
+        require_compatible(system, (q, u, time), self.sizes, spaces, J, inverse, bias)
         a, nu = augmented.refined(force, bias, TOLERANCES.balance_refinements)
         self.warnings += self._held_controls(spaces)
         if redundant:
@@ -504,16 +504,6 @@ class Finder:
         if not balanced(self.system, motion, left):
             worst = int(np.argmax(np.abs(left)))
             self.refuse_unbalanced(worst, math.inf, float(-left[worst] / scale[worst]))
-
-    def _check_compatible(self, residual: Array, bias: Array) -> None:
-        """Refuse redundant rows that contradict each other in the accelerations."""
-        if len(residual) and np.max(np.abs(residual)) > 1e-7 * max(float(np.max(np.abs(bias))), 1e-300):
-            worst = int(np.argmax(np.abs(residual)))
-            row = self.system.rows[worst]
-            raise ConstraintError(
-                f"{row.location}: {row} contradicts other constraints: no accelerations satisfy all of them "
-                f"(residual {residual[worst]:.3g} of {np.max(np.abs(bias)):.3g})"
-            )
 
     def _check_steady(self, motion: Motion, expected: Array, steady: Generator) -> None:
         """Refuse a steady motion, or a state at rest, that does not persist."""

@@ -17,6 +17,8 @@ class Tolerances:
     """At rest, unbalanced forces may have this size relative to the forces that balance."""
     coordinate_rounding: Final = 100.0 * EPS
     """Accuracy of coordinates, relative to the sizes in the scene."""
+    contradiction: Final = 1e-7
+    """Accelerations satisfy redundant rows that agree to this, relative to the largest of what they must balance."""
     curvature_of_dependent_rows: Final = 1e-7
     """Dependent rows stay dependent nearby if their curvatures cancel to this."""
     curvatures_together_from: Final = 400

@@ -18,6 +18,7 @@ from mbstab.analysis.algebra.arrays import RandomNumbers, norms
 from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
 from mbstab.analysis.reference.element_comparison import OnRows
+from mbstab.analysis.reference.motion import balanced as forces_balance
 from mbstab.analysis.reference.steady import Generator, spun
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
@@ -170,8 +171,9 @@ class Grounds:
     def _accelerating(self) -> str:
         """Name the coordinate that accelerates most: a reference out of balance is the usual reason for a change."""
         motion = self.motion
-        size = np.abs(motion.a / motion.spaces.scale)
-        if not np.any(size > 0.0):
+        scale = motion.spaces.scale
+        size = np.abs(motion.a / scale)
+        if not np.any(motion.a) or forces_balance(self.system, motion, (motion.dynamics.M @ motion.a) * scale):
             return ""
         worst = int(np.argmax(size))
         name = self.linear.names[worst]

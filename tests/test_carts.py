@@ -1,0 +1,214 @@
+"""Random carts on rolling wheels, casters and smooth skids, against their plane motion in independent coordinates.
+
+Axles carry up to three wheels, and the bodies stand on up to seven points: rows repeat others.
+"""
+
+import itertools
+import random
+
+import numpy as np
+import pytest
+
+import mbstab
+from mbstab.analysis.sweep.stacks import orthonormal, unit
+from mbstab.errors import ConstraintError
+
+STEP = 1e-30
+"""Complex step: derivatives without differences."""
+
+
+class Cart:
+    """A cart with its axle through the origin of the drawing, x ahead and y to the left."""
+
+    def __init__(self, seed: int, still: bool = False) -> None:
+        rng = random.Random(seed)
+        fixed, casters = [(1, 2), (2, 0), (2, 1), (2, 2), (3, 0), (3, 1)][seed % 6]
+        even = seed % 3 == 0
+        self.v = 0.0 if still else rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-2, 1)
+        self.gravity = rng.choice([0.0, 9.81])
+        self.declared = rng.random() < 0.3
+        self.r, self.m, self.inertia = rng.uniform(0.03, 0.3), 10.0 ** rng.uniform(0, 3), 10.0 ** rng.uniform(0, 3)
+        self.center = rng.uniform(-0.3, 0.8), 0.0 if even else rng.uniform(-0.2, 0.2)
+        track = rng.uniform(0.1, 0.5)
+        places = [(track, -track, 0.0), (track, -rng.uniform(0.1, 0.5), rng.uniform(-0.1, 0.1))][not even]
+        self.wheels = [(rng.uniform(0.1, 5.0), y) for y in places[: fixed if fixed > 1 else 0] or (0.0,)]
+        ahead = rng.uniform(0.4, 1.5)
+        self.trail = rng.uniform(0.02, 0.2)
+        self.casters = [
+            (rng.uniform(0.1, 3.0), ahead + (not even) * rng.uniform(-0.2, 0.2), y, 10.0 ** rng.uniform(-4, -1))
+            for y in (track, -track)[:casters]
+        ]
+        if even:
+            self.wheels = [(self.wheels[0][0], y) for _, y in self.wheels]
+            self.casters = [(*self.casters[0][:1], x, y, self.casters[0][3]) for _, x, y, _ in self.casters]
+        self.skids = [(ahead + rng.uniform(-0.3, 0.3), y) for y in (track, -track)[: 2 if casters < 2 else seed % 2]]
+
+    def text(self) -> str:
+        """Return the model file."""
+        r, (cx, cy) = self.r, self.center
+        bodies, joints, contacts, states, rates = [], [], [], [], [f"cart: {{x: {self.v!r}, psi: 0}}"]
+        disk = f"axes: [-pi/2, 0, 0], shape: {{type: disk, radius: {r!r}}}"
+
+        def add(name: str, mass: float, x: float, y: float, on: str = "cart") -> None:
+            bodies.append(f"{name}: {{type: spatial, mass: {mass!r}, {disk}}}")
+            joints.append(f"a{name}: {{type: revolute, between: [{name}, {on}], axis: [z, y]}}")
+            contacts.append(f"c{name}: {{type: wheel, center: {name}, axle: z, radius: {r!r}}}")
+
+        points = {f"w{i}": (-cx, y - cy) for i, (_, y) in enumerate(self.wheels)}
+        points |= {f"p{i}": (x - cx, y - cy) for i, (_, x, y, _) in enumerate(self.casters)}
+        points |= {f"k{i}": (x - cx, y - cy) for i, (x, y) in enumerate(self.skids)}
+        for i, (mass, y) in enumerate(self.wheels):
+            add(f"w{i}", mass, 0.0, y, f"cart.w{i}")
+        for i, (mass, x, y, inertia) in enumerate(self.casters):
+            low = f"inertia: [{inertia!r}, {inertia!r}, {inertia!r}], points: {{axle: [{-self.trail!r}, 0, 0]}}"
+            bodies.append(f"f{i}: {{type: spatial, mass: 0.3, {low}}}")
+            joints.append(f"j{i}: {{type: revolute, between: [f{i}, cart.p{i}], axis: z}}")
+            add(f"q{i}", mass, x, y, f"f{i}.axle")
+            states.append(f"f{i}: {{theta: 0, psi: 0}}")
+            rates.append(f"f{i}: {{x: {self.v!r}}}")
+        for i, _ in enumerate(self.skids):
+            bodies.append(f"s{i}: {{type: spatial, mass: 0.4, inertia: [1.0e-3, 1.0e-3, 1.0e-3]}}")
+            joints.append(f"b{i}: {{type: fixed, between: [s{i}, cart.k{i}]}}")
+            ball = f"center: s{i}, a: {r!r}, b: {r!r}, c: {r!r}, motion: frictionless"
+            contacts.append(f"d{i}: {{type: ellipsoid, {ball}}}")
+        marks = ", ".join(f"{name}: [{x!r}, {y!r}, {r!r} - 0.6]" for name, (x, y) in points.items())
+        solid = f"inertia: [{0.6 * self.inertia!r}, {0.8 * self.inertia!r}, {self.inertia!r}]"
+        cart = f"cart: {{type: spatial, mass: {self.m!r}, {solid}, points: {{{marks}}}}}"
+        states = ["cart: {x: 0, y: 0, z: 0.6, phi: 0, theta: 0, psi: 0}", *states]
+        steady = f"\n  steady: {{direction: x, speed: {self.v!r}}}" if self.declared and self.v else ""
+
+        def block(lines: list[str]) -> str:
+            return "\n".join(f"  {line}" for line in lines)
+
+        return (
+            f"mbstab: 1\ngravity: [0, 0, {-self.gravity!r}]\nbodies:\n{block([cart, *bodies])}\n"
+            f"joints:\n{block(joints)}\ncontacts:\n{block(contacts)}\n"
+            f"reference:\n  coordinates:\n  {block(states).replace(chr(10), chr(10) + '  ')}\n"
+            f"  rates:\n  {block(rates).replace(chr(10), chr(10) + '  ')}{steady}\n"
+        )
+
+    def speeds(self, heading, turns):
+        """Return √inertia times the speeds of all bodies, linear in the speed of the axle ahead and the yaw rate.
+
+        The plane motion: heading, and the angles of the casters, whose wheels roll in their own plane.
+        """
+        along, left = (np.cos(heading), np.sin(heading)), (-np.sin(heading), np.cos(heading))
+        rows, r = [], self.r
+        spun = 0.5 * r * r, 0.25 * r * r  # a thin disk, about its axle and across
+
+        def moved(mass, x, y):
+            """Add a mass that moves with a point of the cart."""
+            for k in (0, 1):
+                rows.append(np.sqrt(mass) * np.array([along[k], left[k] * x - along[k] * y]))
+
+        moved(self.m, *self.center)
+        rows.append(np.sqrt(self.inertia) * np.array([0.0, 1.0]))
+        for x, y in self.skids:
+            moved(0.4, x, y)
+            rows.append(np.sqrt(1e-3) * np.array([0.0, 1.0]))
+        for mass, y in self.wheels:
+            moved(mass, 0.0, y)
+            rows.append(np.sqrt(mass * spun[1]) * np.array([0.0, 1.0]))
+            rows.append(np.sqrt(mass * spun[0]) / r * np.array([1.0, -y]))
+        for (mass, x, y, inertia), turn in zip(self.casters, turns, strict=True):
+            moved(0.3, x, y)
+            yaw = self.yaw(x, y, turn)
+            rows.append(np.sqrt(inertia) * yaw)
+            ahead = np.array([np.cos(turn), np.sin(turn) * x - np.cos(turn) * y])
+            # The wheel's centre moves in its own plane.
+            rows += [np.sqrt(mass) * e * ahead for e in (np.cos(heading + turn), np.sin(heading + turn))]
+            rows.append(np.sqrt(mass * spun[1]) * yaw)
+            rows.append(np.sqrt(mass * spun[0]) / r * ahead)
+        return np.array(rows)
+
+    def yaw(self, x, y, turn):
+        """Return the yaw rate of a caster at a point, linear in the same speeds."""
+        return np.array([-np.sin(turn), np.cos(turn) * x + np.sin(turn) * y]) / self.trail
+
+    def eigenvalues(self):
+        """Return the eigenvalues without those of place, heading, speed and wheel angles.
+
+        With speeds w = W η the equations are Wᵀ (W η̇ + Ẇ η) = 0; about η = (v, 0) only first-order changes of W count.
+        """
+        n = len(self.casters)
+        W = self.speeds(0.0, [0.0] * n)
+        rates = np.zeros((1 + n, n + 2))  # of heading and of the turns of the casters, from turns and speeds
+        rates[0, n + 1] = 1.0
+        for i, (_, x, y, _) in enumerate(self.casters):
+            rates[1 + i, n:] = self.yaw(x, y, 0.0) - [0.0, 1.0]
+            rates[1 + i, i] = self.v * self.yaw(x, y, STEP * 1j)[0].imag / STEP
+        changes = []
+        for k in range(1 + n):
+            angles = [STEP * 1j * (k == i) for i in range(1 + n)]
+            changes.append(self.speeds(angles[0], angles[1:])[:, 0].imag / STEP * self.v)
+        A = np.zeros((n + 2, n + 2))
+        A[:n] = rates[1:]
+        A[n:] = -np.linalg.solve(W.T @ W, W.T @ np.array(changes).T @ rates)
+        found = np.linalg.eigvals(A)
+        return np.delete(found, np.argmin(np.abs(found)))
+
+
+def matched(found, expected):
+    """Return the largest distance between numbers that belong together."""
+    return min(
+        max((abs(x - y) for x, y in zip(order, expected, strict=True)), default=0.0)
+        for order in itertools.permutations(found)
+    )
+
+
+@pytest.mark.parametrize("seed", range(36))
+def test_a_cart_is_judged_as_its_plane_motion_is(seed):
+    cart = Cart(seed)
+    expected = cart.eigenvalues()
+    result = mbstab.loads(cart.text()).eig()
+    found = [x for x in result.eigenvalues if x.kind != "neutral"]
+    values = [z for x in found for z in ((x.value,) if not x.value.imag else (x.value, x.value.conjugate()))]
+    assert len(values) == len(expected)
+    assert matched(values, expected) <= 1e-9 * max(map(abs, expected))
+    growing = any(z.real > 0.0 for z in expected)
+    assert result.verdict == ("unstable" if growing else "asymptotically stable up to symmetry")
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_cart_at_rest_is_judged_by_its_energy(seed):
+    """Speeds stay small, as the energy does; but casters turn round, however slowly the cart moves back."""
+    cart = Cart(seed, still=True)
+    result = mbstab.loads(cart.text()).eig()
+    assert all(abs(x.value) <= x.error_bound for x in result.eigenvalues if x.kind != "neutral")
+    assert result.verdict == ("undecided" if cart.casters else "stable up to symmetry")
+
+
+@pytest.mark.parametrize("spin", [0.0, 1.0, 1e4])
+@pytest.mark.parametrize("off", [1e-9, 1e-3, 1.0])
+def test_drives_whose_accelerations_differ_contradict_each_other_beside_whatever_turns(spin, off):
+    text = (
+        "mbstab: 1\nbodies:\n  a: {type: planar, mass: 1, inertia: 1}\n  b: {type: planar, mass: 1, inertia: 1}\n"
+        "drives:\n"
+        + "".join(
+            f"  d{i}: {{type: coordinate, coordinate: a.x, position: t + {x!r}*t**2}}\n"
+            for i, x in enumerate((0.0, off))
+        )
+        + f"reference: {{coordinates: {{a: {{x: 0}}}}, rates: {{a: {{x: 1}}, b: {{theta: {spin!r}}}}}}}\n"
+    )
+    with pytest.raises(ConstraintError, match="no accelerations satisfy all of them"):
+        mbstab.loads(text).motion()
+
+
+@pytest.mark.parametrize(("rows", "count", "rank", "holds"), [(5, 3, 4, False), (4, 6, 4, True), (5, 4, 3, False)])
+def test_a_pattern_with_other_directions_than_a_point_does_not_hold_there(rows, count, rank, holds):
+    """Fewer columns than the rank, no more rows than the rank, and columns of a larger rank."""
+    columns = unit(np.random.default_rng(1).standard_normal((2, rows, count)))
+    good = np.ones(2, dtype=bool)
+    basis = orthonormal(columns, rank, good)
+    assert basis.shape == (2, rows, rank)
+    assert good.tolist() == [holds, holds]
+    assert np.allclose(np.swapaxes(basis, 1, 2) @ basis, np.eye(rank), atol=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(0, 36, 3))
+def test_rounding_of_forces_that_vanish_holds_no_place_at_rest(seed):
+    """Only what symmetries and speeds explain is neutral: forces that are rounding determine no manifold of rests."""
+    cart = Cart(seed, still=True)
+    result = mbstab.loads(cart.text()).eig()
+    assert "position at rest" not in result.neutral_directions
+    assert result.counts.neutral == len(result.neutral_directions)
