@@ -163,6 +163,30 @@ def test_bad_repetitions_are_refused_where_they_stand(old, new, message):
         mbstab.loads(CHAIN.replace(old, new).replace("COUNT", "3"), name="chain")
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("repeat:\n  - for: {i: [1, »N]}\n    BODIES", "the range of i, from 1 to N = 0, is empty"),
+        ("repeat:\n  - for: {i: [»N + 1, 2*N]}\n    BODIES", "the range of i, from N + 1 = 1 to 2*N = 0, is empty"),
+        ("repeat:\n  - for: {i: [1, 2], j: [»3, 2]}\n    BODIES", "the range of j, from 3 to 2, is empty"),
+        (
+            "repeat:\n  - for: {k: [1, 2]}\n    repeat: {for: {i: [1, »<N>]}, BODIES}",
+            "the range of i, from 1 to N = 0, is empty",
+        ),
+        ("bodies:\nrepeat:\n  - for: {i: [1, »N]}\n    BODIES", "the range of i, from 1 to N = 0, is empty"),
+        ("bodies: {}\nrepeat:\n  - for: {i: [1, »N]}\n    BODIES", "the range of i, from 1 to N = 0, is empty"),
+        ("repeat:\n  - for: {i: [1, N]}\n    joints: {}", "the key 'bodies' is missing"),
+    ],
+)
+def test_a_model_whose_bodies_stand_in_an_empty_range_is_told_which(text, said):
+    model = "mbstab: 1\ncounts: {N: 0}\n" + text.replace("BODIES", "bodies: {b<i>: {type: point, mass: 1}}")
+    line = model.partition("»")[0].count("\n") + 1
+    with pytest.raises(ModelFileError) as caught:
+        mbstab.loads(model.replace("»", ""), name="chain")
+    assert said in str(caught.value)
+    assert "»" not in model or caught.value.problems[0].location.line == line
+
+
 def test_one_fault_in_many_repetitions_is_told_once():
     with pytest.raises(ModelFileError) as caught:
         mbstab.loads(CHAIN.replace("mass: m}", "mas: m}").replace("COUNT", "50"))

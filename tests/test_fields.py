@@ -165,3 +165,17 @@ def test_a_joint_with_a_problem_is_no_second_problem_where_it_is_named() -> None
         read(f"{BODY}joints: {{lock: {{type: lock, joint: hinge}}, hinge: {{type: revolut, between: [b, ground]}}}}")
     (problem,) = caught.value.problems
     assert "unknown type 'revolut'" in problem.message
+
+
+def test_every_stiffness_and_damping_that_must_not_be_negative_says_what_to_write_instead() -> None:
+    units = {"N/m", "N*s/m", "N*m/rad", "N*m*s/rad"}
+    stiff = [x for x in FIELDS if x.sign == "nonnegative" and units & {x.unit, *x.units}]
+    assert len({x.name for x in stiff}) >= 6
+    assert all("type expression: on: {body.x: 2000*rate(body.x)}" in x.instead for x in stiff)
+
+
+def test_what_to_write_instead_of_a_negative_coefficient_is_told_and_works() -> None:
+    model = "bodies: {body: {type: planar_point, mass: 1}}\nforces:\n  f: {%s}"
+    with pytest.raises(ModelFileError, match=r"cxx must not be negative, got -2 N\*s/m\n(.*\n)*hint: .*cyx may be"):
+        read(model % "type: rotor_bearing, between: [body, ground], cxx: -2")
+    read(model % "type: expression, on: {body.x: 2000*rate(body.x)}")

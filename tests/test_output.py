@@ -471,3 +471,18 @@ def test_a_profile_of_a_process_is_written(tmp_path):
     command = [sys.executable, "-m", "cProfile", "-o", str(profile), "-m", "mbstab", "eig", "pendulum.yaml"]
     subprocess.run(command, capture_output=True, check=True)
     assert profile.stat().st_size
+
+
+@pytest.mark.parametrize(
+    ("gravity", "none"),
+    [("", True), ("gravity: [0, 0]\n", True), ("gravity: [0, -9.81]\n", False), ("gravity: [1e-9, 0]\n", False)],
+)
+def test_check_says_where_there_is_no_gravity(gravity, none, tmp_path):
+    path = tmp_path / "free.yaml"
+    path.write_text(
+        f"mbstab: 1\n{gravity}bodies: {{p: {{type: planar, mass: 1, inertia: 1}}}}\n"
+        "joints: {pin: {type: fixed, between: [p, ground]}}\n"
+    )
+    told, data = (CliRunner().invoke(main, ["check", str(path), *f]).stdout for f in ((), ("--format", "json")))
+    assert told.splitlines()[0] == "planar scene, 1 body, 3 coordinates" + ", no gravity" * none
+    assert any(json.loads(data)["gravity"]) == (not none)

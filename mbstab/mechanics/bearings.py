@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Load, Look
-from mbstab.mechanics.forces import gap_and_speed
+from mbstab.mechanics.forces import ANY_SIGN, gap_and_speed
 from mbstab.mechanics.vectors import plain_zero
 
 # --- elements -------------------------------------------------------------------------------------------------------
@@ -92,6 +92,7 @@ _FIELDS = (
             "N*s/m",
             default="0",
             sign="nonnegative" if x in ("cxx", "cyy") else "any",
+            instead=f"stiffness, cxy and cyx may be negative; {ANY_SIGN}",
         )
         for x in _DAMPING
     ),

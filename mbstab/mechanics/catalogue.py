@@ -129,6 +129,8 @@ class Field:
         The largest value that a number may have.
     columns : tuple of str
         Of curves: the numbers of the entry that may be columns of the file instead.
+    instead : str
+        What to write instead of a number of the wrong sign.
     """
 
     name: str
@@ -146,6 +148,7 @@ class Field:
     motions: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
+    instead: str = ""
 
     def along(self, motion: str) -> Field:
         """Return the field with the unit for a motion, ``angle`` or ``displacement``, if it depends on it."""

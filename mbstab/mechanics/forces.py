@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 from mbstab.mechanics.catalogue import Effort, Element, ElementUse, Field, Item, Kind, Load, Look, Part, Sign
@@ -273,8 +274,10 @@ def _torque(item: Item) -> Iterable[ElementUse]:
     yield ElementUse(f"{frame}_torque", (item.body("body"),), (), laws)
 
 
-_STIFFNESS = Field("stiffness", "number", "stiffness", "N/m", default="0", sign="nonnegative")
-_DAMPING = Field("damping", "number", "viscous damping", "N*s/m", default="0", sign="nonnegative")
+ANY_SIGN = "a force that pushes away or feeds in energy has the type expression: on: {body.x: 2000*rate(body.x)}"
+"""What to write instead of a negative stiffness or damping."""
+_STIFFNESS = Field("stiffness", "number", "stiffness", "N/m", default="0", sign="nonnegative", instead=ANY_SIGN)
+_DAMPING = Field("damping", "number", "viscous damping", "N*s/m", default="0", sign="nonnegative", instead=ANY_SIGN)
 _ENDS = Field("between", "markers", "its two ends, written body.point, body or ground", required=True)
 _TURNS: tuple[tuple[str, str, str, Sign], ...] = (
     ("torsional_stiffness", "of turns about each axis", "N*m/rad", "nonnegative"),
@@ -338,10 +341,13 @@ KINDS: dict[tuple[str, int], Kind] = {
                 (
                     _ENDS,
                     *(field for field in _MOUNT_AXES if dimension in field.dimensions),
-                    Field("stiffness", "vector", _EACH, "N/m", default="0", sign="nonnegative"),
-                    Field("damping", "vector", _EACH, "N*s/m", default="0", sign="nonnegative"),
+                    replace(_STIFFNESS, shape="vector", doc=_EACH),
+                    replace(_DAMPING, shape="vector", doc=_EACH),
                     Field("preload", "vector", "force on the first body where the ends meet", "N", default="0"),
-                    *(Field(name, shape, doc, unit, default="0", sign=sign) for name, doc, unit, sign in _TURNS),
+                    *(
+                        Field(name, shape, doc, unit, default="0", sign=sign, instead=ANY_SIGN)
+                        for name, doc, unit, sign in _TURNS
+                    ),
                 ),
                 _bushing,
                 transmits=True,
@@ -364,6 +370,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                     default="0",
                     sign="nonnegative",
                     units=("N*m/rad", "N/m"),
+                    instead=ANY_SIGN,
                 ),
                 Field(
                     "rest",
@@ -381,6 +388,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                     default="0",
                     sign="nonnegative",
                     units=("N*m*s/rad", "N*s/m"),
+                    instead=ANY_SIGN,
                 ),
             ),
             _joint_spring,

@@ -33,6 +33,7 @@ from mbstab.mechanics.catalogue import (
     Vector,
 )
 from mbstab.mechanics.drives import TRAVEL, TURN
+from mbstab.mechanics.forces import ANY_SIGN
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
 from mbstab.mechanics.measures import MEASURES, Pose, dot
 from mbstab.mechanics.vectors import cross, norm, representative, turned
@@ -327,8 +328,9 @@ def _fields(motions: tuple[str, ...], which: str, *own: Field, unit: str, rest: 
 def _elastic_fields(of: str, needs: tuple[str, ...] = ()) -> tuple[Field, ...]:
     return (
         Field("stiffness", "number", f"stiffness {of}; the ratio then holds without load only", "N/m",
-              sign="nonnegative", needs=needs),
-        Field("damping", "number", f"viscous damping {of}", "N*s/m", sign="nonnegative", needs=needs),
+              sign="nonnegative", needs=needs, instead=ANY_SIGN),
+        Field("damping", "number", f"viscous damping {of}", "N*s/m", sign="nonnegative", needs=needs,
+              instead=ANY_SIGN),
     )  # fmt: skip
 
 

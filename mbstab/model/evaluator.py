@@ -113,7 +113,7 @@ class Evaluator:
         rule, shown = broken
         got = f"{shown:g}{after_number(field.unit)}"
         without = re.search(r"; (without it[^;]*)", field.doc)
-        hint = f"leave it out: {without[1]}" if without and not shown else ""
+        hint = f"leave it out: {without[1]}" if without and not shown else field.instead
         self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {got}", hint)
         return False
 

@@ -151,6 +151,11 @@ class _Expansion:
             if not self.nodes.check_name(key, path, "index"):
                 return
             first, last = (self._whole(x, path, numbers) for x in value.items)
+            if last < first:
+                ends = (_told(x, number) for x, number in zip(value.items, (first, last), strict=True))
+                said = f"the range of {key.text}, from {' to '.join(ends)}, is empty"
+                for section in _brought(block):
+                    self.document.empty.setdefault(section, (value.location, said))
             if last - first >= MAX_NODES:
                 message = f"{last - first + 1} repetitions are too many: a file may have {MAX_NODES} nodes"
                 self.document.fail(value.location, path, message)
@@ -349,6 +354,21 @@ def _integer(node: ast.AST, numbers: dict[str, int]) -> int:
         if abs(value) <= 10**9:
             return value
     raise ValueError
+
+
+def _told(node: YamlNode, number: int) -> str:
+    """Return the end of a range as it is written, with its value."""
+    text = node.text.strip("<>") if isinstance(node, Scalar) else ""
+    return str(number) if not text or text == str(number) else f"{text} = {number}"
+
+
+def _brought(block: Mapping) -> Iterator[str]:
+    """Yield the sections that a block adds, those that the repetitions in it add too; a part may add any."""
+    for key, node in block.entries.items():
+        if key == "repeat":
+            for item in node.items if isinstance(node, Sequence) else [node]:
+                yield from _brought(item) if isinstance(item, Mapping) else ()
+        yield from SECTIONS if key == "include" else (key,)
 
 
 def _without(node: Mapping, *keys: str) -> Mapping:

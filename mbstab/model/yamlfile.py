@@ -77,6 +77,8 @@ class Document:
     """Where parts are included first, by the names of their files."""
     counts: dict[str, YamlNode] = field(default_factory=dict)
     """The values of ``counts:`` as they are written."""
+    empty: dict[str, tuple[Location, str]] = field(default_factory=dict)
+    """By the sections that a repetition over an empty range does not add: where the range stands, and what it is."""
 
     def problem(self, location: Location, path: str, message: str, hint: str = "") -> Problem:
         """Return a problem at a place, with its line of the file."""

@@ -21,6 +21,7 @@ def check_text(report: CheckReport, title: str) -> str:
     coordinates = sum(len(own) for _, own, _ in report.bodies)
     counts = [counted(len(report.bodies), "body", "bodies"), counted(coordinates, "coordinate")]
     counts += [counted(report.n_q - coordinates, "first-order state")] if report.n_q > coordinates else []
+    counts += [] if any(report.gravity) else ["no gravity"]
     lines += [
         f"{kind} scene, {', '.join(counts)}",
         table(

@@ -24,6 +24,8 @@ class CheckReport:
     ----------
     dimension : int
         2 planar, 3 spatial.
+    gravity : tuple of float
+        In m/s², in ground axes.
     bodies : list of (name, coordinates, mass in kg)
     constraints : list of (name, type, holonomic rows, nonholonomic rows)
     n_q, n_holonomic, n_nonholonomic, rank_holonomic, rank_nonholonomic, n_f : int
@@ -45,6 +47,7 @@ class CheckReport:
     """
 
     dimension: int
+    gravity: tuple[float, ...]
     bodies: list[tuple[str, tuple[str, ...], float]]
     constraints: list[tuple[str, str, int, int]]
     n_q: int
@@ -81,6 +84,7 @@ def check_scene(system: System) -> CheckReport:
     spaces, state = motion.spaces, motion.dynamics
     return CheckReport(
         dimension=scene.dimension,
+        gravity=tuple(float(x) for x in scene.gravity),
         bodies=[(body.name, body.coordinates, float(body.mass)) for body in scene.bodies],
         constraints=_constraints(system),
         n_q=system.n_q,

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.reference.assembly import unclosed
 from mbstab.analysis.reference.equations import State
 from mbstab.analysis.reference.imbalance import force_change
 from mbstab.analysis.reference.motion import Finder
@@ -17,7 +18,7 @@ from mbstab.analysis.reference.refusals import inertias_too_far_apart
 from mbstab.analysis.reference.steady import Family, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
-from mbstab.errors import EquilibriumError, MbstabError, counted
+from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, counted
 from mbstab.model.scene import Scene
 from mbstab.model.schema import is_length, unit_of
 
@@ -67,8 +68,11 @@ class Failure:
         self.search, self.finder, self.family = search, problem.finder, problem.family
         self.system, self.scene, self.held, self.start = problem.system, problem.scene, problem.held, problem.start
 
-    def error(self, state: State | None, cause: MbstabError | None = None) -> EquilibriumError:
-        """Return what to say of a search that ended at a state, or nowhere; `cause` refused the state that it found."""
+    def error(self, state: State | None, cause: MbstabError | None = None) -> MbstabError:
+        """Return what to say of a search that ended at a state, or nowhere; `cause` refused the state that it found.
+
+        Where the mechanism does not close at the start, the error is that of a reference that is not searched for.
+        """
         what = "steady motion" if self.family.size else "equilibrium"
         place = self.scene.model.reference.location
         if state is None:
@@ -93,6 +97,9 @@ class Failure:
         M = self.system.bodily.dynamics(state.q, 0.0 * state.q, self.scene.time).M
         if apart := inertias_too_far_apart(self.system, M, self.search.sizes):
             return EquilibriumError("\n".join([*lines, apart]))
+        open_there = self._gap_of(state) > TOLERANCES.gap_of_constraints
+        if open_there and (problems := unclosed(self.system, self.finder.sizes, self.start, ~self.held)):
+            return ModelFileError(problems)
         if pulled := self._nothing_holds(state):
             lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
             hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
@@ -202,9 +209,8 @@ class Failure:
 
     def _closer(self, state: State) -> State:
         """Return a state that satisfies the holonomic constraints, if there is one near this one or the start."""
-        rows = slice(self.system.n_q, self.system.n_q + self.search.balance.n_h)
         for start in (state.q, self.start):
-            if np.max(np.abs(state.residual[rows]), initial=0.0) <= TOLERANCES.gap_of_constraints:
+            if self._gap_of(state) <= TOLERANCES.gap_of_constraints:
                 break
             try:
                 closed = self.search.state(
@@ -212,8 +218,13 @@ class Failure:
                 )
             except FAILURES:
                 continue
-            state = closed if np.max(np.abs(closed.residual[rows])) <= TOLERANCES.gap_of_constraints else state
+            state = closed if self._gap_of(closed) <= TOLERANCES.gap_of_constraints else state
         return state
+
+    def _gap_of(self, state: State) -> float:
+        """Return the largest residual of the holonomic constraints at a state."""
+        n = self.system.n_q
+        return float(np.max(np.abs(state.residual[n : n + self.search.balance.n_h]), initial=0.0))
 
     def _moving_row(self, state: State) -> str:
         """Return a row that a state at rest does not satisfy, in words."""

@@ -23,6 +23,7 @@ from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, scaled, sizes_times
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.reference.assembly import assembled, not_satisfied, unclosed
 from mbstab.analysis.reference.imbalance import balanced_at, carrying, require_compatible, state_rounding
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration, turns_and_degrees
@@ -133,10 +134,6 @@ class Finder:
         if problems:
             raise ModelFileError(problems)
 
-    def _problem(self, row: int, message: str, hint: str) -> Problem:
-        entry = self.system.rows[row]
-        return self.document.problem(entry.location, f"{entry.section}.{entry.name}", message, hint)
-
     # --- position ---------------------------------------------------------------------------------------------------
 
     def start(self) -> tuple[Array, npt.NDArray[np.bool_]]:
@@ -153,23 +150,14 @@ class Finder:
         ModelFileError
             If they do not satisfy the constraints, or are at a singular orientation.
         """
-        system, scene = self.system, self.scene
+        system = self.system
         q, missing = self.start()
         self.check_chart(q, missing)
         if missing.any() and system.n_h:
             q = self.assemble(q, missing)
             self.check_chart(q, np.zeros(len(q), dtype=bool))
         self.solved += [n for n, lacks in zip(system.names, missing, strict=True) if lacks]
-        state = system.closing.dynamics(q, np.zeros(system.n_q), scene.time)
-        allowed = TOLERANCES.residual * abs(state.J) @ self.sizes
-        bad = [i for i in range(system.n_h) if not abs(state.E[i]) <= allowed[i] + 1e-300]
-        hint = "correct the values, or leave out those that the constraints determine"
-        if missing.any():
-            hint = (
-                "no coordinates were found that satisfy all of them: check lengths and points, which may contradict "
-                "each other or not reach; if they do fit, give starting values under reference.guess"
-            )
-        self._fail([self._residual(i, state.E[i], "", hint) for i in bad])
+        self._fail(unclosed(system, self.sizes, q, missing))
         return q
 
     def _held_controls(self, spaces: Subspaces) -> list[str]:
@@ -185,12 +173,6 @@ class Finder:
             for name in item.entry.equations
             if name in names
         ]
-
-    def _residual(self, i: int, value: float, per: str, hint: str) -> Problem:
-        row = self.system.rows[i]
-        own = row.unit.startswith("unit")
-        unit = "" if row.unit == "1" else f"{' in the' * own} {row.unit}{per}"
-        return self._problem(i, f"the reference does not satisfy {row}: {row.residual} is {value:.6g}{unit}", hint)
 
     def check_chart(self, q: Array, skip: npt.NDArray[np.bool_]) -> None:
         """Refuse Euler angles near their singularity, cos θ = 0, and warn before digits are lost."""
@@ -214,38 +196,7 @@ class Finder:
 
     def assemble(self, q: Array, missing: npt.NDArray[np.bool_]) -> Array:
         """Solve C = 0 for the missing coordinates: damped Gauss-Newton steps of minimum norm."""
-        sizes, zero, n_h = self.sizes, np.zeros(self.system.n_q), self.system.n_h
-        columns = np.flatnonzero(missing)
-
-        def state(x: Array) -> tuple[Array, Array]:
-            found = self.system.closing.dynamics(x, zero, self.scene.time)
-            J = dense(found.J[:n_h]) * sizes
-            lengths = norms(J)
-            return found.E[:n_h] / lengths, J / lengths[:, None]
-
-        E, J = state(q)
-        for _ in range(TOLERANCES.newton_steps_onto_constraints):
-            step = np.zeros(len(q))
-            scaled = np.linalg.lstsq(J[:, columns], -E, rcond=1e-12)[0]
-            step[columns] = scaled * sizes[columns]
-            fraction, before = 1.0, float(np.linalg.norm(E))
-            least = 1e-4 if float(np.linalg.norm(step / sizes)) > TOLERANCES.assembly_rounding else 1.0
-            # Where linear rows promise nothing, no state is near.
-            promised = float(np.linalg.norm(E + J[:, columns] @ scaled))
-            if not np.any(step) or promised > (1.0 - TOLERANCES.assembly_gain) * before:
-                break
-            while True:
-                trial = q + fraction * step
-                E, J = state(trial)
-                if np.linalg.norm(E) <= before * (1.0 - 1e-4 * fraction) or fraction <= least:
-                    break
-                fraction *= 0.5
-            improved = float(np.linalg.norm(E)) < before
-            if improved:
-                q = trial
-            if not improved or np.linalg.norm(fraction * step / sizes) < 1e-15:
-                break
-        return q
+        return assembled(self.system, self.sizes, q, missing)
 
     # --- velocity ---------------------------------------------------------------------------------------------------
 
@@ -307,7 +258,7 @@ class Finder:
             allowed = allowed + TOLERANCES.coordinate_rounding * carrying(system, (q, u), self.scene.time, self.sizes)
             bad = [i for i in bad if not abs(state.V[i]) <= allowed[i]]
         hint = "correct the rates, or leave out those that the constraints determine"
-        self._fail([self._residual(i, state.V[i], "/s" if i < system.n_h else "", hint) for i in bad])
+        self._fail([not_satisfied(system, i, state.V[i], hint, per="/s" if i < system.n_h else "") for i in bad])
 
     def _check_determined(self, J: Array, columns: npt.NDArray[np.intp], speeds: Array) -> None:
         """Refuse rates that were left out although the constraints leave a choice that changes the motion."""

@@ -29,6 +29,8 @@ class Tolerances:
     """Newton steps for coordinates and speeds that the file leaves out."""
     assembly_gain: Final = 1e-3
     """Coordinates are given up where a step would reduce the residuals of linear rows by less than this part."""
+    contradictions_sought: Final = 6
+    """Of more entries that are not satisfied, those that contradict each other are not sought."""
     assembly_rounding: Final = 1e-13
     """A step below this, relative to the sizes in the scene, is rounding: half of it is no better."""
     euler_cosine_refused: Final = 1e-6

@@ -187,7 +187,14 @@ class EntryReader:
     def find_bodies(self, root: Mapping) -> Found:
         """Find the types of the bodies, and from them whether vectors have two components or three."""
         nodes = self.nodes
-        if "bodies" not in root.entries:
+        written = root.entries.get("bodies")
+        none = written is None or (isinstance(written, Scalar) and written.empty)
+        none |= isinstance(written, Mapping) and not written.entries
+        if none and "bodies" in nodes.document.empty:
+            place, said = nodes.document.empty["bodies"]
+            hint = "a repetition adds its sections once for each number from the first to the last; write a larger last"
+            nodes.document.fail(place, "repeat", f"the model has no body: {said}", hint)
+        if written is None:
             nodes.document.fail(root.location, "", "the key 'bodies' is missing")
         section = nodes.mapping(root.entries["bodies"], "bodies")
         found = self._find("bodies", section, None, reserved=("ground",))
