@@ -158,6 +158,8 @@ class Mechanism:
 
         Raises
         ------
+        ModelFileError
+            If the constraints cannot be satisfied.
         EquilibriumError
             If none is found.
         """

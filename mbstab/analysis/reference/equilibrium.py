@@ -95,6 +95,8 @@ def found_motion(system: System, massless: bool = False) -> Motion:
 
     Raises
     ------
+    ModelFileError
+        If the constraints cannot be satisfied.
     EquilibriumError
         If none is found; the message says where the search stalled, and what to try.
     """
@@ -121,6 +123,8 @@ def find_equilibria(
 
     Raises
     ------
+    ModelFileError
+        If the constraints cannot be satisfied.
     EquilibriumError
         If no start leads to one.
     """
@@ -181,6 +185,8 @@ class Problem:
 
         Raises
         ------
+        ModelFileError
+            If the constraints cannot be satisfied.
         EquilibriumError
             If there is none.
         """
