@@ -268,11 +268,8 @@ def test_the_undeflated_methods_lie_within_their_own_error_bounds(name, method):
     np.testing.assert_array_less(errors, bounds)
 
 
-# Small inertias beside stiff springs, dampers of 4e4 N s/m: some infinite eigenvalues come out finite, which is said.
 # Wheels without mass: the pencil of the paper loses one.
-# What grows beyond its bound makes it unstable whatever was invented besides.
 MISCOUNTED = {
-    ("andrews_squeezer", "index3"): "unstable",
     ("flyball_governor", "index3"): "undecided",
     ("flyball_governor", "paper"): "undecided",
     ("motorcycle", "paper"): "undecided",
