@@ -228,7 +228,7 @@ def test_names_of_branches_are_printed(capsys):
     data = json.loads(printed(capsys, *arguments, "--format", "json"))
     assert data["names"] == ["weave", "weave", "capsize", "castering"]
     heads = printed(capsys, *arguments, "--format", "csv").splitlines()[0]
-    assert "real 4 (castering),imag 4 (castering)" in heads
+    assert "real 4 (castering) (1/s),imag 4 (castering) (1/s)" in heads
 
 
 def test_a_picture_names_branches():
