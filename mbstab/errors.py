@@ -96,8 +96,13 @@ def nearest(word: str, known: Iterable[str]) -> str:
     """Return the nearest of the known words (of the first 1000), or an empty string."""
     import difflib  # for mistakes only
 
-    near = difflib.get_close_matches(word, islice(known, 1000), n=1, cutoff=0.6)
-    return near[0] if near else ""
+    words = list(islice(known, 1000))
+    if word not in words and (near := [x for x in words if x.lower() == word.lower()]):
+        return near[0]
+    if near := difflib.get_close_matches(word, words, n=1, cutoff=0.6):
+        return near[0]
+    lower = {x.lower(): x for x in words}  # as Kp for P
+    return lower[near[0]] if (near := difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.6)) else ""
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:

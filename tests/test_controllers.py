@@ -305,3 +305,34 @@ reference: {{}}
     C = mbstab.loads(text).state_space().C
     assert np.any(C[0])
     np.testing.assert_allclose(C[0], C[1], rtol=1e-14)
+
+
+FAULTS = {
+    "joint: pin": "joint: pine",
+    "of: angle(pin)": "of: angel(pin)",
+    "P: k": "Kp: k",
+    "type: pid": "type: PID",
+    "lag: 0.1": "lag: -0.1*",
+    "filter: 0.01, D: 2": "filter: 0.01",
+}
+
+
+@pytest.mark.parametrize(("old", "new"), FAULTS.items())
+def test_a_mistake_in_a_controller_is_told_once_whatever_names_it(old, new):
+    text = """\
+mbstab: 1
+parameters: {k: {value: 5}}
+bodies: {a: {type: planar, mass: 1, inertia: 1}}
+joints: {pin: {type: revolute, between: [a, ground]}}
+forces:
+  pid1: {type: pid, joint: pin, of: angle(pin), P: k, filter: 0.01, D: 2, lag: 0.1}
+  pid2: {type: pid, joint: pin, of: angle(pin), P: k}
+outputs: {u: effort(pid1), v: 2*pid1_effort, w: effort(pid2), x: pid1_filtered + effort(pid1)}
+"""
+    mbstab.loads(text)
+    assert old in text
+    with pytest.raises(mbstab.ModelFileError) as caught:
+        mbstab.loads(text.replace(old, new, 1))
+    assert [problem.path.split(".")[:2] for problem in caught.value.problems] == [["forces", "pid1"]]
+    if new in ("Kp: k", "type: PID"):
+        assert caught.value.problems[0].hint == f"did you mean {'P' if new == 'Kp: k' else 'pid'!r}?"

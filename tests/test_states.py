@@ -465,9 +465,9 @@ def test_states_have_units():
 @pytest.mark.parametrize(
     ("state", "torque", "given", "message"),
     [
-        ("rate: (U - R*i), unit: A", "K*i", "2", "'U - R*i' has the unit kg*m^2/s^3/A, expected A/s"),
-        ("rate: (U - i)/L, unit: A", "K*i", "2", "kg*m^2/s^3/A and A cannot be added or compared"),
-        ("rate: (U - R*i)/L, unit: A", "K*i + m", "2", "kg*m^2/s^2 and kg cannot be added or compared"),
+        ("rate: (U - R*i), unit: A", "K*i", "2", "'U - R*i' has the unit V, expected A/s"),
+        ("rate: (U - i)/L, unit: A", "K*i", "2", "V and A cannot be added or compared"),
+        ("rate: (U - R*i)/L, unit: A", "K*i + m", "2", "N*m and kg cannot be added or compared"),
         ("rate: (U - R*i)/L, unit: A", "K*i", "U", "'U' has the unit V, expected A"),
         ("rate: (U - R*i)/L, unit: mA", "K*i", "2", "a state cannot have the unit mA"),
         ("rate: (U - R*i)/L, unit: Amp", "K*i", "2", "unknown unit 'Amp'"),

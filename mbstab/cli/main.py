@@ -72,6 +72,10 @@ class _Group(click.Group):
         sys.exit(code)
 
 
+FORMATS = ("table", "json", "csv", "npz", "md", "html")
+"""What commands write; those who ask for --json are told how."""
+
+
 def _exit_code(run: Callable[[], Any]) -> int:
     """Return the exit code of a call; errors of the command line or the machine go to stderr."""
     if sys.stdout is None:  # closed: writing fails, and no file gets its number
@@ -96,6 +100,9 @@ def _exit_code(run: Callable[[], Any]) -> int:
         text = io.StringIO()
         error.show(text)
         say(text.getvalue().rstrip("\n"))
+        asked = error.option_name.removeprefix("--") if isinstance(error, click.NoSuchOption) else ""
+        if asked in FORMATS:
+            say(f"hint: --format {asked}")
         return error.exit_code
     except click.Abort:
         say("Aborted!")

@@ -30,6 +30,10 @@ class NodeReader:
         location = node if isinstance(node, Location) else node.location
         self.document.complain(location, path, message, hint)
 
+    def faulty(self, path: str) -> bool:
+        """Whether something at a path has a problem that is told."""
+        return any(x.path == path or x.path.startswith(f"{path}.") for x in self.document.problems)
+
     def known_keys(self, node: Mapping, path: str, known: Iterable[str]) -> set[str]:
         """Refuse every key that is not among the known ones; return those that are likely to be meant."""
         known, meant = list(known), set[str]()

@@ -42,6 +42,7 @@ UNITS: dict[str, tuple[float, Dimension]] = {
     "mm": (1e-3, _dimension(0, 1, 0)),
     "cm": (1e-2, _dimension(0, 1, 0)),
     "km": (1e3, _dimension(0, 1, 0)),
+    "mph": (0.44704, _dimension(0, 1, -1)),
     "s": (1.0, _dimension(0, 0, 1)),
     "ms": (1e-3, _dimension(0, 0, 1)),
     "min": (60.0, _dimension(0, 0, 1)),
@@ -204,8 +205,15 @@ def inverse(dimension: Dimension) -> Dimension:
     return _times(NONE, dimension, -1)
 
 
+_SPOKEN = ("N", "N/m", "N*m", "N*s/m", "N*m*s", "N*m/s", "N/m^2", "V", "ohm")
+"""How dimensions of forces, of torques, of what they are multiplied by, and of circuits are written."""
+
+
 def show(dimension: Dimension) -> str:
-    """Return a dimension in SI units, such as ``kg*m^2/s^2``."""
+    """Return a dimension in SI units, such as ``N/m`` or ``kg*m^2``."""
+    for unit in _SPOKEN:
+        if parse_unit(unit)[1] == dimension:
+            return unit
     over = [_power(n, e) for n, e in zip(_BASE, dimension, strict=True) if e > 0]
     under = [_power(n, -e) for n, e in zip(_BASE, dimension, strict=True) if e < 0]
     return "/".join(["*".join(over) or "1", *under])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
 
 from mbstab.errors import suggestion
@@ -31,10 +32,18 @@ def read_outputs(quantities: QuantityReader, node: YamlNode | None, entries: Ent
             coordinates = [x for x in names.coordinates if not names.unread(x)]
             _check(expression, entries, quantities.places, coordinates, names.parameters)
         except ExpressionError as error:
+            if any(nodes.faulty(f"{section}.{x}") for section in names.written for x in _named(item.text)):
+                continue  # what it names has a problem of its own
             quantities.complain(item, path, error)
             continue
         found[key.text] = Quantity(expression.text, expression.root, item.location, path)
     return found
+
+
+def _named(text: str) -> set[str]:
+    """Return the words of an expression, and those before an underscore: ``pid_effort`` is a state of ``pid``."""
+    words = set(re.findall(r"[A-Za-z]\w*", text))
+    return words | {word[:i] for word in words for i, letter in enumerate(word) if letter == "_"}
 
 
 def measured_expression(model: Model, text: str) -> Quantity:
