@@ -124,7 +124,7 @@ def test_random_systems_against_a_fine_grid(systems):
         n = int(rng.integers(2, 10))
         A = rng.normal(size=(n, n))
         A -= np.eye(n) * (np.linalg.eigvals(A).real.max() + rng.choice([0.03, 0.3]))
-        loop = channel(A, rng.choice([1.0, 10.0]) * rng.normal(size=n), rng.normal(size=n), rng.choice([0.0, 0.7]))
+        loop = channel(A, rng.choice([1.0, 10.0]) * rng.normal(size=n), rng.normal(size=n), rng.choice([0.0, 0.7, -0.6, -1.4]))
         G, found = exact(loop)(omega)[0], margins_of(loop)
         largest, peak = largest_of(loop), np.abs(G).max()
         assert peak <= (1 + largest.tolerance) * largest.value
@@ -136,14 +136,49 @@ def test_random_systems_against_a_fine_grid(systems):
             assert omega[k + 1] <= crossing.frequency <= omega[k + 2]
             assert abs(abs(at(loop, 1j * crossing.frequency)[0]) - 1) < 1e-11
         across = np.flatnonzero(np.diff(np.sign(G[1:].imag)) * (G[2:].real < 0))
-        moving = [x for x in found.gain if x.frequency > 0.0]
+        moving = [x for x in found.gain if 0.0 < x.frequency < np.inf]
         assert len(moving) == len(across)
         for crossing in moving:
             np.testing.assert_allclose(at(loop, 1j * crossing.frequency)[0], -1 / crossing.factor, rtol=1e-9)
         closed = np.linalg.eigvals(A - np.outer(loop.B, loop.C) / (1 + loop.D[0]))
         assert found.closed is bool(closed.real.max() < 0)
+        at_infinity = [x.factor for x in found.gain if x.frequency == np.inf]
+        np.testing.assert_allclose(at_infinity, [-1 / loop.D[0]] if loop.D[0] < 0.0 else [], rtol=1e-9)
+        assert found.no_delay is bool(abs(loop.D[0]) > 1.0)
         seen += len(up) + len(across)
     assert seen > 1.2 * systems
+
+
+@pytest.mark.parametrize("direct", [-0.5, -0.999999, -1.0, -1.000001, -3.0])
+def test_a_loop_is_lost_through_infinity(direct):
+    """G = D + 1/(s + 1): the loop has the eigenvalue -(2 + D)/(1 + D), the gain k one at -(1 + k + k D)/(1 + k D)."""
+    found = margins_of(channel([[-1.0]], [1.0], [1.0], direct))
+    at_infinity = [x for x in found.gain if x.frequency == np.inf]
+    assert [x.factor for x in at_infinity] == [pytest.approx(-1.0 / direct, rel=1e-12)]
+    assert found.ill_posed is (direct == -1.0)
+    assert found.closed is (None if direct == -1.0 else (2.0 + direct) / (1.0 + direct) > 0.0)
+    assert found.no_delay is (direct < -1.0)
+
+
+def test_a_motion_that_drives_prescribe_has_responses_without_eigenvalues(tmp_path):
+    path = tmp_path / "driven.yaml"
+    path.write_text("""
+mbstab: 1
+bodies: {slider: {type: planar_point, mass: 2}}
+constraints: {rail: {holonomic: slider.y}}
+drives: {motor: {type: coordinate, coordinate: slider.x, position: 0}}
+inputs: {place: {type: drive, drive: motor}}
+outputs: {there: slider.x, load: 0.2*effort(motor)}
+reference: {coordinates: {slider: {x: 0, y: 0}}}
+""")
+    result = run("response", str(path), "--from", "1", "--to", "3", "--points", "2", "--format", "json")
+    assert not result.exit_code, result.stderr
+    there, load = json.loads(result.stdout)["channels"]
+    assert there["real"] == pytest.approx([1.0, 1.0])
+    assert np.abs(load["real"]) == pytest.approx([0.4, 3.6])
+    assert len(load["zeros"]) == 2
+    steps = run("response", str(path), "--measured", "there", "--step", "1", "--format", "json")
+    assert json.loads(steps.stdout)["channels"][0]["values"][-1] == pytest.approx(1.0)
 
 
 def chain(n, seen):

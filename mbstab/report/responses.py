@@ -123,11 +123,14 @@ def _zeros_text(zeros: Zeros) -> list[str]:
 
 
 def _largest_text(found: LargestGain) -> list[str]:
-    at = f"at {found.frequency:.6g} rad/s" if np.isfinite(found.frequency) else "at high frequencies"
-    what = f"{found.value:.10g} {at}, relative error at most {found.tolerance:g}"
+    what = f"{found.value:.10g} {_at(found.frequency)}, relative error at most {found.tolerance:g}"
     if not np.isfinite(found.value):
         what = f"{'none' if np.isnan(found.value) else 'infinite'}: {found.reason}"
     return wrap(f"largest gain (H∞ norm): {what}", WIDTH)
+
+
+def _at(frequency: float) -> str:
+    return f"at {frequency:.6g} rad/s" if np.isfinite(frequency) else "at high frequencies"
 
 
 def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
@@ -135,6 +138,8 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
     if zeros.hidden_growing:
         grows = ", ".join(eigenvalue(s) for s in zeros.hidden_growing if s.imag >= 0.0)
         said = f"{loop} unstable, whatever its gain: hidden eigenvalues grow ({grows})"
+    elif found.closed is None and found.ill_posed:
+        said = f"{loop} ill-posed: the response tends to -1 at high frequencies"
     elif found.closed is None:
         said = f"whether {loop} stable is not decided"
     else:
@@ -148,7 +153,7 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
         lines.append("gain margins: none; the response is real at all frequencies")
     else:
         each = [
-            f"× {x.factor:.{_digits(x.error / x.factor)}g} ({decibels(x.factor):.4g} dB) at {x.frequency:.6g} rad/s"
+            f"× {x.factor:.{_digits(x.error / x.factor)}g} ({decibels(x.factor):.4g} dB) {_at(x.frequency)}"
             for x in found.gain
         ]
         lines += wrap(f"gain margins: {', '.join(each) or 'none'}", WIDTH)
@@ -157,7 +162,11 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
         f"{x.frequency:.6g} rad/s"
         for x in found.phase
     ]
-    return lines + wrap(f"phase margins: {', '.join(each) or 'none'}", WIDTH)
+    lines += wrap(f"phase margins: {', '.join(each) or 'none'}", WIDTH)
+    if found.no_delay:
+        said = "any delay, however small, makes the loop unstable: the gain stays above 1 at high frequencies"
+        lines += wrap(said, WIDTH)
+    return lines
 
 
 def _digits(error: float) -> int:
@@ -176,6 +185,7 @@ def _margins_data(found: Margins, largest: LargestGain) -> dict[str, Any]:
                 {"frequency": x.frequency, "phase": x.phase, "delay": x.delay, "error": x.error} for x in found.phase
             ],
             "always_real": found.always_real,
+            "no_delay": found.no_delay,
         },
         "largest_gain": {
             "value": largest.value,
@@ -194,7 +204,8 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
     ``output``, ``unit``, ``real``, ``imag`` and ``error``, or ``values``, ``zeros`` (``real``, ``imag``, ``error``;
     null: not decided, for the reason in ``doubt``), ``minimum_phase`` and ``hidden`` (null: not decided), ``vanishes``,
     and over frequency ``margins`` (``closed_loop_stable``, ``gain`` and ``phase``, each with ``error`` of the factor or
-    the phase, ``always_real``; null: not decided) and
+    the phase, and ``frequency`` null at high frequencies, ``always_real``, ``no_delay``: any delay makes the loop
+    unstable; null: not decided) and
     ``largest_gain`` (``value``, null if there is none or if it is ``infinite``, ``frequency``, ``tolerance``,
     ``reason``).
     """

@@ -180,6 +180,11 @@ class Factored:
         off = self.error_c + float(np.sum(self.errors / np.abs(self.roots)))
         return size, off * abs(size)
 
+    def direct(self) -> tuple[float, float]:
+        """Return G(∞) and its error, where there are as many zeros as poles."""
+        size = float(np.exp(self.log_c)) * float(np.cos(self.expansion(True)[0]))
+        return size, self.error_c * abs(size)
+
     def span(self, turning: bool) -> tuple[float, float]:
         """Return frequencies between which all crossings lie, of -180° by the argument or of the gain 1."""
         small, large = (float(f(self.sizes)) if len(self.sizes) else 1.0 for f in (np.min, np.max))

@@ -42,8 +42,10 @@ class PhaseCrossing:
     Attributes
     ----------
     frequency : float (rad/s)
+        Infinite: the response tends to a negative number at high frequencies.
     factor : float
-        Gain margin: the factor of the gain that brings an eigenvalue to the imaginary axis at this frequency.
+        Gain margin: the factor of the gain that brings an eigenvalue to the imaginary axis at this frequency. At
+        infinity a real eigenvalue goes from one side to the other.
     error : float
         Estimate of its error.
     """
@@ -60,12 +62,15 @@ class Margins:
     Attributes
     ----------
     closed : bool or None
-        Whether the closed loop is stable; None: not decided.
+        Whether the closed loop is stable; None: not decided, or the loop is ill-posed: the response tends to -1 at high
+        frequencies.
     gain : tuple of PhaseCrossing
     phase : tuple of GainCrossing
         By frequency.
     always_real : bool
         The response is real at all frequencies: there are no single phase crossings.
+    no_delay : bool
+        Any delay in the loop, however small, makes it unstable: the gain stays above 1 at high frequencies.
     doubt : str
         Why the margins are not known; empty if they are.
     """
@@ -74,7 +79,13 @@ class Margins:
     gain: tuple[PhaseCrossing, ...]
     phase: tuple[GainCrossing, ...]
     always_real: bool
+    no_delay: bool = False
     doubt: str = ""
+
+    @property
+    def ill_posed(self) -> bool:
+        """Whether the response tends to -1 at high frequencies, as far as rounding tells: nothing closes the loop."""
+        return any(np.isinf(x.frequency) and abs(x.factor - 1.0) <= x.error for x in self.gain)
 
 
 @dataclass(frozen=True)
@@ -103,13 +114,16 @@ def closed_loop(zeros: Zeros, closing: Zeros) -> bool | None:
     """Return whether the closed loop is stable, given the zeros of G and of 1 + G; None: not decided.
 
     A hidden eigenvalue that grows does so in any loop. An eigenvalue of which G has a trace that is lost beside 1 is
-    hidden from 1 + G only as far as rounding tells.
+    hidden from 1 + G only as far as rounding tells. Where 1 + G has fewer zeros than G has zeros or poles, G tends to
+    -1, and the loop is ill-posed: the next change of its gain decides (Zhou, Doyle, Essentials of Robust Control, 1998,
+    section 5.2).
     """
     if zeros.hidden_growing:
         return False
     if zeros.doubt or closing.doubt or sorted(map(_key, zeros.hidden)) != sorted(map(_key, closing.hidden)):
         return None
-    return closing.minimum_phase
+    posed = len(closing.values) == max(len(zeros.values), len(zeros.poles))
+    return closing.minimum_phase if posed else None
 
 
 def _key(value: complex) -> tuple[float, float]:
@@ -129,7 +143,7 @@ def margins(zeros: Zeros, exact: Exact, closed: bool | None) -> Margins:
         decided.
     """
     if zeros.doubt:
-        return Margins(closed, (), (), False, zeros.doubt)
+        return Margins(closed, (), (), False, doubt=zeros.doubt)
     if zeros.vanishes:
         return Margins(closed, (), (), True)
     try:
@@ -139,8 +153,10 @@ def margins(zeros: Zeros, exact: Exact, closed: bool | None) -> Margins:
         real = bool(np.all(np.abs(values.imag) <= TOLERANCES.errors_of_real * errors))
         gain = () if real else _phase_crossings(own)
     except Undecided as reason:
-        return Margins(closed, (), (), False, str(reason))
-    return Margins(closed, gain, phase, real)
+        return Margins(closed, (), (), False, doubt=str(reason))
+    # Hale, Verduyn Lunel, Introduction to Functional Differential Equations, 1993, chapter 9.
+    no_delay = own.fall < 0 or (own.fall == 0 and own.log_c > own.error_c)
+    return Margins(closed, gain, phase, real, no_delay)
 
 
 def _gain_crossing(omega: float, own: Factored) -> GainCrossing:
@@ -161,12 +177,16 @@ def _phase_crossings(own: Factored) -> tuple[PhaseCrossing, ...]:
         size, error = own.static()
         crossings = [0.0, *crossings]
         values, errors = np.append(size, values), np.append(error, errors)
+    if own.fall == 0:
+        size, error = own.direct()
+        crossings = [*crossings, np.inf]
+        values, errors = np.append(values, size), np.append(errors, error)
     for omega, value, error in zip(crossings, values.tolist(), errors.tolist(), strict=True):
         if not abs(value.imag) <= error + TOLERANCES.crossing_misfit * abs(value):
             raise Undecided(f"the phase at {omega:.6g} rad/s is not the one of the zeros and eigenvalues")
         # A gain that may be zero has no margin.
         if value.real < -error:
-            off = error / -value.real + (own.off_at(omega, own.argument, own.gain) if omega else 0.0)
+            off = error / -value.real + (own.off_at(omega, own.argument, own.gain) if 0.0 < omega < np.inf else 0.0)
             _require_known(off, f"the gain margin at {omega:.6g} rad/s")
             found.append(PhaseCrossing(omega, -1.0 / value.real, off / -value.real))
     return tuple(found)

@@ -220,7 +220,7 @@ class TransferZeros:
         found = eigenvalues(exact.model.linear).eigenvalues
         values = np.array([e.value for e in found], dtype=complex)
         self.axis = np.array([e.value for e in found if e.exact or e.kind == "center"], dtype=complex)
-        zero = np.array([e.exact for e in found]) & (
+        zero = np.array([e.exact for e in found], dtype=bool) & (
             np.abs(values) <= BOUNDS.slow_eigenvalue * np.max(np.abs(values), initial=0.0)
         )
         self.poles = np.where(zero, 0.0, values)
