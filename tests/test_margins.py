@@ -124,7 +124,8 @@ def test_random_systems_against_a_fine_grid(systems):
         n = int(rng.integers(2, 10))
         A = rng.normal(size=(n, n))
         A -= np.eye(n) * (np.linalg.eigvals(A).real.max() + rng.choice([0.03, 0.3]))
-        loop = channel(A, rng.choice([1.0, 10.0]) * rng.normal(size=n), rng.normal(size=n), rng.choice([0.0, 0.7, -0.6, -1.4]))
+        direct = rng.choice([0.0, 0.7, -0.6, -1.4])
+        loop = channel(A, rng.choice([1.0, 10.0]) * rng.normal(size=n), rng.normal(size=n), direct)
         G, found = exact(loop)(omega)[0], margins_of(loop)
         largest, peak = largest_of(loop), np.abs(G).max()
         assert peak <= (1 + largest.tolerance) * largest.value
