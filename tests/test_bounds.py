@@ -218,7 +218,7 @@ def test_what_is_not_known_has_discs_without_end():
 def test_numbers_know_how_much_they_are_wrong(seed):
     rng = np.random.default_rng(seed)
     f = rounded_arithmetic()
-    texts = [f"{x:.3f}" for x in rng.uniform(0.2, 1.5, 4)]
+    texts = [*(f"{x:.3f}" for x in rng.uniform(0.2, 1.5, 4)), "7", "10", "0.5", "1"]
     numbers = [f.number(x) for x in texts]
     with mp.workdps(50):
         true = [mp.mpf(x) for x in texts]
@@ -244,6 +244,32 @@ def test_numbers_know_how_much_they_are_wrong(seed):
         for one, two in zip(numbers, true, strict=True):
             v, e = (one.v, one.e) if isinstance(one, Rounded) else (one, 0.0)
             assert abs(mp.mpf(v) - two) <= e
+
+
+@pytest.mark.parametrize("forces", [
+    ("3.44*b.x", "-3.41*b.x", "-2.58*rate(b.x)"),
+    ("(k - 3.41)*b.x - c*rate(b.x)",),
+    ("43/12.5*b.x - 2.58*rate(b.x)", "-3.41*b.x"),
+    ("0.86*b.y*b.x", "-3.41*b.x", "-2.58*rate(b.x)"),
+])  # fmt: skip
+def test_numbers_that_cancel_count_with_their_rounding_wherever_they_are_written(forces):
+    """The coefficient is 0.03, the difference of decimals that are no floats: 200 times their rounding."""
+    lines = "\n".join(f"  f{i}: {{type: expression, on: {{b.x: {force}}}}}" for i, force in enumerate(forces))
+    text = f"""
+mbstab: 1
+parameters: {{k: 3.44, c: 2.58}}
+bodies: {{b: {{type: planar_point, mass: 1}}}}
+constraints: {{rail: {{holonomic: b.y - 4}}}}
+forces:
+{lines}
+reference: {{coordinates: {{b: {{x: 0, y: 4}}}}}}
+"""
+    with mp.workdps(30):
+        k, c = mp.mpf("0.03"), mp.mpf("2.58")
+        true = [(sign * mp.sqrt(c * c + 4 * k) - c) / 2 for sign in (1, -1)]
+        for found in mbstab.loads(text).eig().eigenvalues:
+            off = min(abs(found.value.real - s) for s in true)
+            assert off <= found.error_bound < 1e-14
 
 
 def test_entries_that_cancel_inside_of_an_element_are_known_to_be_uncertain():

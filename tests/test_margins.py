@@ -146,7 +146,7 @@ def test_random_systems_against_a_fine_grid(systems):
         at_infinity = [x.factor for x in found.gain if x.frequency == np.inf]
         np.testing.assert_allclose(at_infinity, [-1 / loop.D[0]] if loop.D[0] < 0.0 else [], rtol=1e-9)
         assert found.no_delay is bool(abs(loop.D[0]) > 1.0)
-        seen += len(up) + len(across)
+        seen += len(up) + len(across) + len(at_infinity)
     assert seen > 1.2 * systems
 
 

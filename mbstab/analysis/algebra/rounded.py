@@ -19,7 +19,7 @@ FUNCTION = 2.0 * EPS
 """Rounding of sines and the like."""
 
 PLAIN = (float, int)
-"""Numbers that are exact."""
+"""Numbers that are exact, and what is done with them alone is taken as exact, too."""
 
 
 class Rounded:
@@ -217,7 +217,8 @@ def _inside(x: Any) -> float:
 def _number(text: str) -> Any:
     v = float(text)
     exact = (v.is_integer() and abs(v) < 1e15 and "e-" not in text) or Decimal(text) == Decimal(v)
-    return v if exact else Rounded(v, UNIT * abs(v))
+    # Of plain numbers no operation is counted: 341/100 would be exact.
+    return v if exact and v in (0.0, 1.0) else Rounded(v, 0.0 if exact else UNIT * abs(v))
 
 
 @cache

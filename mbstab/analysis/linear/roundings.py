@@ -75,8 +75,8 @@ def _errors(x: Any) -> Any:
 
 
 def _with(values: Array, errors: Array) -> list[Any]:
-    """Return numbers with errors; exact ones stay floats."""
-    return [Rounded(v, e) if e else v for v, e in zip(values.tolist(), errors.tolist(), strict=True)]
+    """Return numbers with errors; exact zeros stay floats."""
+    return [Rounded(v, e) if e or v else v for v, e in zip(values.tolist(), errors.tolist(), strict=True)]
 
 
 def _misfits(x: Any) -> Array:
