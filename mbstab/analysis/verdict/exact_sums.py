@@ -213,6 +213,22 @@ def _power(base: Sum, exponent: Sum) -> Sum:
     return reduce(lambda x, _: x * base, range(whole - 1), base)
 
 
+def _kept(base: Sum, exponent: Sum) -> Sum:
+    """Return a power in which a sum of several terms is kept together."""
+    n = exponent.rational
+    if len(base.terms) < 2 or n is None or n.denominator != 1 or n < 2:
+        return _power(base, exponent)
+    sign, kept = together(base)
+    return Sum(frozenset({(frozenset({(kept, int(n))}), Fraction(sign) ** int(n))}))
+
+
+def together(x: Sum) -> tuple[int, Atom]:
+    """Return a sign and a sum kept together, which is x but for that sign, and the same for −x."""
+    first = min(x.terms, key=lambda term: sorted((atom.kind, atom.name, n) for atom, n in term[0]))
+    sign = 1 if first[1] > 0 else -1
+    return sign, Atom.of("group", arguments=(x if sign > 0 else -x,))
+
+
 def _root(x: Fraction) -> Sum:
     """Return the square root of a rational that is not negative, with the squares of small primes outside."""
     inside, outside = x.numerator * x.denominator, Fraction(1, x.denominator)
@@ -272,13 +288,19 @@ class Structure:
         self._spans: dict[tuple[Atom, Sum], tuple[float, float]] = {}
         self.start = self.given(scene.model.reference.time, scene.time, "reference.time")
 
-    def exact(self, expression: Expression, start: Sum | None = None) -> Sum:
+    def exact(
+        self, expression: Expression, start: Sum | None = None, still: bool = False, expanded: bool = True
+    ) -> Sum:
         """Return an expression as a sum.
 
         Parameters
         ----------
         start : Sum, optional
             The time (s) from which on the sum must hold: pieces that are over by then are left out.
+        still : bool
+            Whether all rates are zero.
+        expanded : bool
+            Whether powers of sums are expanded; otherwise the sums are kept together.
 
         Raises
         ------
@@ -286,8 +308,8 @@ class Structure:
             If it divides by zero.
         """
         names = {name: self._name(name) for name in expression.names()}
-        rates = {name: Sum.of(Atom.of("state", f"rate({name})")) for name in expression.rates()}
-        return Sum.of(expression.evaluate(names, self.arithmetic(start), rates))
+        rates = {name: Sum() if still else Sum.of(Atom.of("state", f"rate({name})")) for name in expression.rates()}
+        return Sum.of(expression.evaluate(names, self.arithmetic(start, expanded), rates))
 
     def given(self, expression: Expression, value: Any, name: str, parameter: Parameter | None = None) -> Sum:
         """Return the exact value of a number of the scene: that of its expression, or of its decimals."""
@@ -324,11 +346,13 @@ class Structure:
             self._parameters[name] = self.given(parameter.expression, self.scene.parameters[name], name, parameter)
         return self._parameters[name]
 
-    def arithmetic(self, start: Sum | None = None) -> Arithmetic:
+    def arithmetic(self, start: Sum | None = None, expanded: bool = True) -> Arithmetic:
         """Return the arithmetic of sums; with `start`, piecewise functions are replaced by their piece from then on."""
         functions: dict[str, Any] = {name: partial(self._call, name, start) for name in CALLED}
         constants = {"pi": PI, "deg": PI / 180}
-        return Arithmetic("sum", lambda text: Sum.of(Fraction(text)), constants, functions | {"power": _power})
+        return Arithmetic(
+            "sum", lambda text: Sum.of(Fraction(text)), constants, functions | {"power": _power if expanded else _kept}
+        )
 
     def _call(self, name: str, start: Sum | None, *arguments: Sum) -> Sum:
         x = arguments[0]

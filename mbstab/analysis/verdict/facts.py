@@ -179,14 +179,23 @@ class Grounds:
         name = self.linear.names[worst]
         return f" ({name} accelerates with {motion.a[worst]:.4g} {unit_of_rate(name, 2)})"
 
-    def kink(self, order: int) -> str:
-        """Return why the equations are not known to have `order` derivatives at the reference; empty: they have."""
+    def kink(self, order: int, resisting: frozenset[str] = frozenset()) -> str:
+        """Return why the equations are not known to have `order` derivatives at the reference; empty: they have.
+
+        With `resisting`, those of these forces are only what they are at rest.
+        """
         if any(with_state(self.system)):
             from mbstab.analysis.verdict.smoothness import kinks
 
-            if found := kinks(self.system, self.motion.q, self.motion.u, self.motion.time, order):
+            motion = self.motion
+            if found := kinks(self.system, motion.q, motion.u, motion.time, order, resisting=resisting):
                 return found
         return self._singular
+
+    @cached_property
+    def resisted(self) -> bool:
+        """Whether the equations without drag are smooth: then the energy may decide."""
+        return not self.kink(2, self.structure.work.resisting)
 
     @cached_property
     def _singular(self) -> str:
@@ -261,7 +270,7 @@ class Grounds:
         work = self.structure.work
         at_rest = not np.any(self.motion.u)
         known = (at_rest and work.reversible) or (work.conserved and not self.linear.D_q.shape[0])
-        if known or work.kinds["damping"] or self.system.sparse or self.linear.massless is not None:
+        if known or work.dissipates or self.system.sparse or self.linear.massless is not None:
             return None  # not searched in large scenes
         from mbstab.analysis.verdict.reversor import reversor
 
@@ -318,6 +327,7 @@ class Grounds:
             time=self.time,
             kink=self.kink(1),
             rough=self.kink(2),
+            resisted=self.resisted,
             doubts=doubts,
             minimum=self.minimum,
             reversible=self.reversible,

@@ -224,7 +224,9 @@ class Facts:
     kink : str
         Why the equations are not known to have a linearization at the reference; empty: they have.
     rough : str
-        Why they are not known to be smooth; empty: they are. Otherwise only eigenvalues may decide.
+        Why they are not known to be smooth; empty: they are. Otherwise only eigenvalues may decide, …
+    resisted : bool
+        … or the energy, where only drag is not smooth.
     doubts : tuple of str
         Other doubts, which prevent every verdict but instability.
     minimum : callable
@@ -254,6 +256,7 @@ class Facts:
     time: str = ""
     kink: str = ""
     rough: str = ""
+    resisted: bool = False
     doubts: tuple[str, ...] = ()
     minimum: Callable[[], Minimum | None] = lambda: None
     reversible: Callable[[], str] = lambda: ""
@@ -263,6 +266,11 @@ class Facts:
     frequencies: Callable[[], tuple[str, ...]] = tuple
     multipliers: bool = False
     census: Census | None = None
+
+    def energy(self) -> Minimum | None:
+        """Return a strict extremum of a function that never increases, if there is one and it decides."""
+        minimum = None if self.rough and not self.resisted else self.minimum()
+        return minimum if minimum is not None and minimum.definite else None
 
 
 @dataclass(frozen=True)
@@ -392,13 +400,13 @@ def judge(facts: Facts) -> Verdict:
     neutral = facts.neutral
     left = sum(d.count for d in facts.discs)
     decays = left and all(d.side == "left" for d in facts.discs)
-    if facts.rough and not (decays and not neutral.count):
-        return Verdict(UNDECIDED, (facts.rough,), warnings=facts.warnings)
-    if decays:
+    if decays and not (facts.rough and neutral.count):
         return _decaying(facts)
     # The energy gives a stronger verdict where it bounds the speeds of a scene at rest.
-    if (left or neutral.slow) and (minimum := facts.minimum()) is not None and minimum.definite:
+    if (left or neutral.slow) and (minimum := facts.energy()) is not None:
         return _by_energy(facts, minimum)
+    if facts.rough:
+        return Verdict(UNDECIDED, (facts.rough,), warnings=facts.warnings)
     if not left:
         return _up_to(facts, STABLE_UP_TO, f"every motion nearby is of the same kind: {_differ(neutral)}")
     on_axis = [d for d in facts.discs if d.side == "axis"]
@@ -444,11 +452,11 @@ def _counted(facts: Facts, census: Census) -> Verdict:
     if census.left:
         found = _decaying(facts)
         return replace(found, reasons=(*found.reasons, f"counted {census.how}; {few}"))
-    if facts.rough:
-        return Verdict(UNDECIDED, (facts.rough, none), warnings=facts.warnings)
-    if (minimum := facts.minimum()) is not None and minimum.definite:
+    if (minimum := facts.energy()) is not None:
         found = _by_energy(facts, minimum)
         return replace(found, reasons=(*found.reasons, none))
+    if facts.rough:
+        return Verdict(UNDECIDED, (facts.rough, none), warnings=facts.warnings)
     zeros = f", and {counted(census.zeros, 'zero')} of the stiffness" if census.zeros else ""
     reason = f"{none}, but {few}, and what lies on it was not judged{zeros}"
     return Verdict(UNDECIDED, (reason,), warnings=facts.warnings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,15 @@ Place = tuple[int, Atom, str]
 """How many derivatives are continuous (−1: not even the value), of which factor, and where."""
 
 
-def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool = False) -> str:
+def kinks(
+    system: System,
+    q: Any,
+    u: Any,
+    time: Any,
+    order: int = 2,
+    along: bool = False,
+    resisting: Container[str] = (),
+) -> str:
     """Return where an expression lacks the required continuous derivatives with respect to the state.
 
     Only expressions of the file are looked at: forces and constraints. A state within rounding
@@ -40,17 +48,19 @@ def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool
         Number of derivatives that must be continuous.
     along : bool
         Whether the states are those of one motion, which also passes all states between two of them.
+    resisting : container of str
+        Paths of forces of which only what they are at rest is looked at.
 
     Returns
     -------
     str
         A sentence, or nothing.
     """
-    corners: _Corners | None = None
+    corners: Corners | None = None
     for path, expression in with_state(system):
-        corners = corners or _Corners(Structure(system.scene), system, q, u, time, along)
+        corners = corners or Corners(Structure(system.scene), system, q, u, time, along)
         try:
-            place = corners.worst(corners.structure.exact(expression))
+            place = corners.worst(corners.structure.exact(expression, still=path in resisting))
         except ExpressionError as error:
             return f"the equations are not smooth at the reference: {path} ({cut(expression.text)}): {error.message}"
         if place is not None and place[0] < order:
@@ -60,8 +70,8 @@ def kinks(system: System, q: Any, u: Any, time: Any, order: int = 2, along: bool
     return ""
 
 
-class _Corners:
-    """Search for kinks of sums at a state."""
+class Corners:
+    """Values of sums at a state or at many, and search for kinks there."""
 
     def __init__(self, structure: Structure, system: System, q: Any, u: Any, time: Any, along: bool = False) -> None:
         self.structure, self.along = structure, along
@@ -87,10 +97,13 @@ class _Corners:
         self.angles = {name for name, x in system.scene.measures.items() if x.kind == "angle" and len(x.numbers)}
 
     def near(self, x: Sum) -> bool:
-        """Whether a sum is zero within rounding, or has no value."""
+        """Whether a sum is zero within rounding, or has no value, at any of the states."""
+        sign = self.sign(x)
+        return not np.all(sign) or (self.along and bool(np.any(sign != sign.flat[0])))
+
+    def sign(self, x: Sum) -> Any:
+        """Return the sign of a sum at each state; 0 where it is zero within rounding, or has no value."""
         value, size = self.structure.value(x, self.names)
-        if self.along and np.any(value > 0.0) and np.any(value < 0.0):
-            return True
         room = TOLERANCES.constant_rounding * size
         for name in {atom.name for atom in atoms(x) if atom.kind == "state"}:
             moved = [
@@ -98,7 +111,7 @@ class _Corners:
                 for step in (-self.steps[name], self.steps[name])
             ]
             room = room + np.maximum(*moved)
-        return not bool(np.all(np.abs(value) > room))
+        return np.where(np.abs(value) > room, np.sign(value), 0.0)
 
     def worst(self, x: Sum) -> Place | None:
         """Return the place with the fewest continuous derivatives, or None if there is no kink."""

@@ -11,7 +11,8 @@ X = 0; the integral of Jacobi in a turning frame) is
 A built-in spring is known to have a potential and a dissipation function. Other forces are
 evaluated at states spread over the scene: a force has a potential if its ∂F/∂q is symmetric and it
 does not depend on speeds; it does no work if F·u = 0; it damps if ∂F/∂u is a constant matrix with a
-positive semidefinite symmetric part.
+positive semidefinite symmetric part. About a rest a written force may also depend on speeds in any
+other way, if its power is not positive near it (`mbstab.analysis.verdict.drag`).
 """
 
 from __future__ import annotations
@@ -26,11 +27,12 @@ from mbstab.analysis.reference.element_comparison import Digits, State, numbers
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
+from mbstab.analysis.verdict.drag import Drag
 from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 
-Kind = Literal["potential", "powerless", "damping", "other"]
+Kind = Literal["potential", "powerless", "damping", "drag", "other"]
 
 
 class Work:
@@ -56,21 +58,31 @@ class Work:
     @cached_property
     def kinds(self) -> dict[Kind, list[Acting]]:
         """The forces of the scene by their effect on the energy in the ground frame."""
-        found: dict[Kind, list[Acting]] = {"potential": [], "powerless": [], "damping": [], "other": []}
+        found: dict[Kind, list[Acting]] = {"potential": [], "powerless": [], "damping": [], "drag": [], "other": []}
         for element in self.invariance.elements:
             if not element.inertia:
                 found[self._kind(element)].append(element)
         return found
 
+    @property
+    def dissipates(self) -> bool:
+        """Whether any force dissipates energy."""
+        return bool(self.kinds["damping"] or self.kinds["drag"])
+
     @cached_property
     def conserved_at_rest(self) -> bool:
         """Whether the energy in the ground frame is constant along every motion."""
-        return not self.kinds["damping"] and not self.kinds["other"] and self.rows_at_rest
+        return not self.dissipates and not self.kinds["other"] and self.rows_at_rest
 
     @cached_property
     def conserved(self) -> bool:
         """Whether the energy in the co-moving frame is constant along every motion."""
-        return self._relative and not self.kinds["damping"]
+        return self._relative and not self.dissipates
+
+    @property
+    def resisting(self) -> frozenset[str]:
+        """The paths of drag: written forces that take energy from every motion near the reference, which is at rest."""
+        return frozenset(element.path for element in self.kinds["drag"])
 
     @cached_property
     def decreases(self) -> bool:
@@ -143,17 +155,35 @@ class Work:
         """Return the effect of a force on the energy."""
         if element.stored:
             return "damping" if element.damped else "potential"
-        if not element.analytic:
-            return "other"
         try:
             with Digits(element) as f:
-                return self._asked(element, f)
+                kind = self._asked(element, f) if element.analytic else "other"
+                return "drag" if kind == "other" and self._resists(element, f) else kind
         except (ArithmeticError, ValueError):
             return "other"
 
+    def _resists(self, element: Acting, f: Any) -> bool:
+        """Return whether a written force takes energy from all motions near the reference, which is at rest."""
+        motion, generator = self.motion, self.generator
+        if not element.written or np.any(motion.u) or (generator is not None and generator.moves):
+            return False
+        drag = Drag(self.system, motion.q, motion.time)
+        if not np.all(drag.resists(element.path)):
+            return False
+        known = drag.potential(element.path)
+        return self._has_potential(element, f) if known is None else known
+
+    def _has_potential(self, element: Acting, f: Any) -> bool:
+        """Return whether a force has a potential at rest."""
+        for state in self.invariance.states:
+            q, zero = numbers(state.q, f), numbers(0.0 * state.q, f)
+            if not _symmetric(element.slopes(q, zero, zero, self.motion.time, f)[0], _limit(f)):
+                return False
+        return bool(self.invariance.states)
+
     def _asked(self, element: Acting, f: Any) -> Kind:
         """Return the effect of a force on the energy, from its derivatives at some states."""
-        limit = REFERENCE.comparison_exact if f.name == "mpmath" else REFERENCE.force_change
+        limit = _limit(f)
         kind: Kind = "potential"
         slopes = []
         if not self.invariance.states:
@@ -265,7 +295,7 @@ def acts_symmetrically(
     """
     try:
         with Digits(element) as f:
-            limit = REFERENCE.comparison_exact if f.name == "mpmath" else REFERENCE.force_change
+            limit = _limit(f)
             place = states.setdefault(f.name == "mpmath", numbers(q, f) if f.name == "mpmath" else q.tolist())
             still = [f.number("0")] * len(q)
             K, R = element.slopes(place, still, still, time, f)
@@ -276,6 +306,11 @@ def acts_symmetrically(
             return damps, any(R[i][j] != R[j][i] for i in each for j in range(i))
     except (ArithmeticError, ValueError):
         return None
+
+
+def _limit(f: Any) -> float:
+    """Return how closely numbers of an arithmetic agree."""
+    return REFERENCE.comparison_exact if f.name == "mpmath" else REFERENCE.force_change
 
 
 def _symmetric(K: list[list[Any]], limit: float) -> bool:

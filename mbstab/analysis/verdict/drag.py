@@ -1,0 +1,247 @@
+"""Written forces that take energy from every motion near a rest: drag of any power of the speed.
+
+Their power along the motion, without what they are at rest, is an exact sum of products. Each product of rates
+is not negative by parity (even powers, sizes, and odd functions times their argument), or a quadratic form of rates,
+and its coefficient, which depends on positions alone, has a sign at the reference and so near it. A product of
+higher order is outweighed near rest by a part of it that dissipates.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.verdict.exact_sums import Atom, Monomial, Structure, Sum, atoms, ratio, together
+from mbstab.analysis.verdict.smoothness import Corners
+from mbstab.analysis.verdict.tolerances import TOLERANCES
+from mbstab.compiler.system import System
+from mbstab.model.expressions import Expression, ExpressionError
+from mbstab.model.functions import CALLED, PIECED
+
+ONE: Monomial = frozenset()
+
+
+class Drag:
+    """The power of written forces near rest.
+
+    Parameters
+    ----------
+    system : System
+        Its parameters may vary over the points of a sweep.
+    q : ndarray, shape (…, n_q)
+        The reference, which is at rest, at each point.
+    time : float (s)
+    """
+
+    def __init__(self, system: System, q: Any, time: Any) -> None:
+        self.system, self.q, self.time = system, q, time
+
+    @cached_property
+    def _at(self) -> Corners:
+        return Corners(Structure(self.system.scene), self.system, self.q, 0.0 * self.q, self.time)
+
+    def resists(self, path: str) -> Any:
+        """Return at each point whether an entry never gives energy to motions near the reference."""
+        equations = next(x.entry.equations for x in self.system.scene.items if x.entry.path == path)
+        try:
+            power = Sum()
+            for name, force in equations.items():
+                exact = (self._at.structure.exact(force, still=still, expanded=False) for still in (False, True))
+                moving, rest = exact
+                power = power + (moving - rest) * Sum.of(Atom.of("state", f"rate({name})"))
+        except ExpressionError:
+            return False
+        return not power.time and self._takes(power)
+
+    def potential(self, path: str) -> bool | None:
+        """Return whether what an entry does at rest has a potential, by structure; None: its derivatives decide."""
+        equations = next(x.entry.equations for x in self.system.scene.items if x.entry.path == path)
+        still = {name: self._still(force) for name, force in equations.items()}
+        alone = all({atom.name for atom in atoms(x) if atom.kind == "state"} <= {name} for name, x in still.items())
+        if alone:
+            return True
+        return False if any(atom.kind in PIECED for x in still.values() for atom in atoms(x) if atom.state) else None
+
+    def _still(self, force: Expression) -> Sum:
+        return self._at.structure.exact(force, still=True)
+
+    # --- the sign of a power ----------------------------------------------------------------------------------------
+
+    def _takes(self, power: Sum) -> Any:
+        """Return at each point whether a power is not positive near rest."""
+        parts = self._by_rates(power)
+        if parts is None:
+            return False
+        signs = {V: self._sign_of_rates(V) for V in parts}
+        at = {V: self._at.sign(C) for V, C in parts.items()}
+        anchors = {V: signs[V] * at[V] < 0.0 for V in parts}
+        good = {V: anchors[V] | (signs[V] * self._sign_of_terms(C) < 0.0) for V, C in parts.items()}
+        for members, definite, semidefinite in self._forms(parts, good):
+            for V in members:
+                # Squares that others cancel in some direction outweigh nothing.
+                good[V], anchors[V] = np.asarray(semidefinite), definite & (signs[V] != 0.0)
+        fine: Any = np.array(True)
+        for V in parts:
+            outweighed: Any = np.array(False)
+            for W, sure in anchors.items():
+                if W != V and self._follows(V, W):
+                    outweighed = outweighed | sure
+            fine = fine & (good[V] | outweighed)
+        return fine
+
+    def _by_rates(self, power: Sum) -> dict[Monomial, Sum] | None:
+        """Return a power as products of rates, each with its coefficient; None if a sum of rates has no partner."""
+        found: dict[Monomial, Sum] = {}
+        split: dict[tuple[Monomial, Monomial], Sum] = {}
+        for monomial, coefficient in power.terms:
+            heads, plain, rest = set(), set(), set()
+            for atom, n in monomial:
+                (plain if _is_rate(atom) else heads if _moves(atom) else rest).add((atom, n))
+            key = frozenset(heads), frozenset(rest)
+            split[key] = split.get(key, Sum()) + Sum(frozenset({(frozenset(plain), coefficient)}))
+        for (heads_of, rest_of), rates in split.items():
+            odd = [atom for atom, n in self._parity(heads_of)[1].items() if n % 2 and atom.kind == "group"]
+            if odd:
+                same = ratio(rates, odd[0].arguments[0])
+                if len(odd) > 1 or same is None:
+                    return None
+                rates = Sum(frozenset({(frozenset({(odd[0], 1)}), same)}))
+            for plain_of, coefficient in rates.terms:
+                V = _product(heads_of, plain_of)
+                found[V] = found.get(V, Sum()) + Sum(frozenset({(rest_of, coefficient)}))
+        return {V: C for V, C in found.items() if C}
+
+    def _parity(self, monomial: Iterable[tuple[Atom, int]]) -> tuple[Any, Counter[Atom]]:
+        """Return a sign and the powers of factors: near the reference the product has that sign times theirs.
+
+        The sign is 0 where that is not known.
+        """
+        sign: Any = np.array(1.0)
+        powers: Counter[Atom] = Counter()
+        for atom, n in monomial:
+            own = self._at.sign(Sum.of(atom))
+            entry = CALLED.get(atom.kind)
+            if np.all(own):
+                sign = sign * own**n
+            elif n < 0:
+                sign = 0.0 * sign
+            elif n % 2 == 0 or atom.kind == "power" or (entry is not None and entry.span[0] >= 0.0):
+                pass
+            elif atom.kind in ("state", "group"):
+                powers[atom] += n
+            elif entry is not None and entry.parity == "odd" and self._vanishes(atom.arguments[0]):
+                times, inner = self._like(atom.arguments[0])
+                sign, powers = sign * times, powers + inner
+            else:
+                sign = 0.0 * sign
+        return sign, powers
+
+    def _like(self, x: Sum) -> tuple[Any, Counter[Atom]]:
+        """Return the same for the argument of an odd function, which has its sign."""
+        if len(x.terms) > 1:
+            sign, kept = together(x)
+            return np.array(float(sign)), Counter({kept: 1})
+        ((monomial, coefficient),) = x.terms
+        sign, powers = self._parity(monomial)
+        return sign * (1.0 if coefficient > 0 else -1.0), powers
+
+    def _sign_of_rates(self, V: Monomial) -> Any:
+        """Return the sign that a product has for all small rates; 0: it has both, or it is not known."""
+        sign, powers = self._parity(V)
+        return 0.0 * sign if any(n % 2 for n in powers.values()) else sign
+
+    def _sign_of_terms(self, coefficient: Sum) -> Any:
+        """Return the sign that all terms of a coefficient have near the reference, or are zero; 0: not known."""
+        found = [self._sign_of_rates(monomial) * (1.0 if x > 0 else -1.0) for monomial, x in coefficient.terms]
+        total = sum(found, np.array(0.0))
+        return np.where(np.abs(total) == len(found), np.sign(total), 0.0)
+
+    def _follows(self, V: Monomial, W: Monomial) -> bool:
+        """Return whether V is W times a product that vanishes at rest."""
+        left = Counter(dict(V))
+        left.subtract(dict(W))
+        factors = [(atom, n) for atom, n in left.items() if n]
+        return all(n > 0 for _, n in factors) and any(self._vanishes(Sum.of(atom)) for atom, _ in factors)
+
+    def _vanishes(self, x: Sum) -> bool:
+        """Whether a sum is exactly zero at rest."""
+        return bool(np.all(self._at.structure.value(x, self._at.names)[0] == 0.0))
+
+    def _forms(self, parts: dict[Monomial, Sum], good: dict[Monomial, Any]) -> list[tuple[list[Monomial], Any, Any]]:
+        """Return quadratic forms of rates: their products, where they are negative definite, and semidefinite."""
+        forms: dict[Monomial, dict[Monomial, Sum]] = {}
+        for V, C in parts.items():
+            plain = frozenset((atom, n) for atom, n in V if _is_rate(atom))
+            if sum(n for _, n in plain) == 2:
+                forms.setdefault(V - plain, {})[plain] = C
+        found = []
+        for heads, form in forms.items():
+            members = [_product(heads, plain) for plain in form]
+            if all(np.all(good[V]) for V in members):
+                continue
+            outer = self._sign_of_rates(heads)
+            rates = sorted({atom for plain in form for atom, _ in plain}, key=lambda atom: atom.name)
+            entries = [[form.get(_pair(a, b), Sum()) * (1 if a is b else Fraction(1, 2)) for b in rates] for a in rates]
+            found.append((members, *self._negative(entries, outer)))
+        return found
+
+    def _negative(self, entries: list[list[Sum]], outer: Any) -> tuple[Any, Any]:
+        """Return at each point whether a matrix times a sign is negative definite, and semidefinite, near it."""
+        first = next((row[i] for i, row in enumerate(entries) if row[i]), None)
+        if first is None:
+            return np.array(False), np.array(False)
+        one = outer * self._at.sign(first) < 0.0
+        ratios = [[ratio(x, first) if x else Fraction(0) for x in row] for row in entries]
+        if all(x is not None for row in ratios for x in row):
+            definite, semidefinite = _positive(ratios)
+            return one & definite, one & semidefinite
+        n, values = len(entries), [self._at.structure.value(x, self._at.names) for row in entries for x in row]
+        flat = np.stack(np.broadcast_arrays(*(x for pair in values for x in (-outer * pair[0], pair[1]))), axis=-1)
+        h, size = (flat[..., k::2].reshape(*flat.shape[:-1], n, n) for k in (0, 1))
+        diagonal = np.diagonal(h, axis1=-2, axis2=-1)
+        scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        units = scale[..., :, None] * scale[..., None, :]
+        least = np.linalg.eigvalsh(h * units)[..., 0]
+        definite = np.all(diagonal > 0.0, axis=-1) & (
+            least > TOLERANCES.constant_rounding * np.linalg.norm(size * units, axis=(-2, -1))
+        )
+        return definite, definite
+
+
+def _is_rate(atom: Atom) -> bool:
+    return atom.kind == "state" and atom.name.startswith("rate(")
+
+
+def _moves(atom: Atom) -> bool:
+    """Whether a factor contains rates."""
+    return any(_is_rate(x) for x in atoms(Sum.of(atom)))
+
+
+def _product(one: Monomial, other: Monomial) -> Monomial:
+    powers = Counter(dict(one))
+    powers.update(dict(other))
+    return frozenset((atom, n) for atom, n in powers.items() if n)
+
+
+def _pair(a: Atom, b: Atom) -> Monomial:
+    return frozenset({(a, 2)}) if a is b else frozenset({(a, 1), (b, 1)})
+
+
+def _positive(rows: list[list[Any]]) -> tuple[bool, bool]:
+    """Return whether a symmetric matrix of rationals is positive definite, and semidefinite (elimination)."""
+    left = [row[:] for row in rows]
+    while left:
+        k = max(range(len(left)), key=lambda i: left[i][i])
+        pivot = left[k][k]
+        if pivot <= 0:
+            return False, not any(x for row in left for x in row)
+        factors = [row[k] / pivot for row in left]
+        left = [
+            [x - factors[i] * left[k][j] for j, x in enumerate(row) if j != k] for i, row in enumerate(left) if i != k
+        ]
+    return True, True
