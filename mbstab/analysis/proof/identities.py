@@ -16,6 +16,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 from mbstab.analysis.algebra import ball_matrices
 from mbstab.analysis.algebra.balls import Ball, Matrix, ball, zero_inside
 from mbstab.analysis.proof.element_changes import (
@@ -33,6 +35,7 @@ from mbstab.analysis.proof.fields import short
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import Field as Group
 from mbstab.analysis.reference.fields import Shift, Symmetry
+from mbstab.analysis.verdict.drag import Drag
 from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import System
 
@@ -210,7 +213,7 @@ class Identities(ElementChanges):
 
     def conserved(self, moving: bool) -> Finding:
         """Return whether the energy, in the co-moving frame if `moving`, is constant along every motion."""
-        if self.work.kinds["damping"] or self.work.kinds["other"]:
+        if self.work.dissipates or self.work.kinds["other"]:
             return "open"
         return self._once(f"conserved {moving}", lambda: self._relative(moving))
 
@@ -242,11 +245,26 @@ class Identities(ElementChanges):
         return True
 
     def _decreases(self, beside: bool) -> Finding:
-        return least([self._relative(True, beside), *(self._damps(e) for e in self._dampers(self.system))])
+        return least(
+            [
+                self._relative(True, beside),
+                *(self._damps(e) for e in self._dampers(self.system)),
+                *(self._resists(e) for e in self.work.kinds["drag"]),
+            ]
+        )
+
+    def _resists(self, element: Acting) -> Finding:
+        """Return whether a written force takes energy from all motions near the reference, which is at rest."""
+        drag = Drag(self.reference.system, self.invariance.motion.q, self.invariance.motion.time)
+        if not np.all(drag.resists(element.path)):
+            return "open"
+        if drag.potential(element.path):
+            return "structural"
+        return least([x for state in self.states for x in self._potential(element, state)] if self.states else ["open"])
 
     def _relative(self, moving: bool, beside: bool = False) -> Finding:
         """Return whether undamped forces and rows, or those beside states, do no work in the co-moving frame."""
-        damping = {e.path for e in self.work.kinds["damping"]}
+        damping = {e.path for kind in ("damping", "drag") for e in self.work.kinds[kind]}
         found: list[Finding] = [self._homogeneous(moving, beside), "structural" if self.states else "open"]
         for element in self.elements:
             if element.inertia or element.stored or element.path in damping:

@@ -245,7 +245,7 @@ class Cycle:
         if not self.constant or self.moving:
             return None
         grounds = Grounds(linearize(self.system, self.motion))
-        return None if grounds.time or grounds.kink(2) else grounds.minimum()
+        return None if grounds.time or not grounds.resisted else grounds.minimum()
 
     def _conserved(self) -> list[_Conserved]:
         """Return the functions that are constant along every motion, with their differentials at the start."""

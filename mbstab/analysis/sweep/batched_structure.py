@@ -34,6 +34,7 @@ from mbstab.analysis.sweep.stacks import (
     unit,
 )
 from mbstab.analysis.sweep.tolerances import TOLERANCES
+from mbstab.analysis.verdict.drag import Drag
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.followers import led, left_behind
 from mbstab.analysis.verdict.rule import Neutral
@@ -81,7 +82,7 @@ class Known:
         structure, separated = grounds.structure, grounds.separated
         self.grounds = grounds
         self.neutral: Neutral = separated.neutral
-        self.mirrored, self.rough = grounds.mirrored, grounds.kink(2)
+        self.mirrored, self.rough = grounds.mirrored, grounds.rough
         self.symmetries = tuple(structure.invariance.symmetries)
         self.boosts = tuple(structure.invariance.boosts)
         plain = grounds.plain
@@ -327,6 +328,17 @@ class Known:
         The stiffness is then symmetric, and the symmetric part of the matrix of speeds zero or positive semidefinite;
         where there are forces across rows on speeds, neither needs to hold.
         """
+        work = self.grounds.structure.work
+        if not (work.conserved or work.decreases or work.decreases_beside_states):
+            return np.ones(len(points.S), dtype=bool)
+        resisting: Flags = np.ones(len(points.S), dtype=bool)
+        drag = Drag(points.system, points.q, self.grounds.motion.time)
+        for path in work.resisting:
+            resisting &= drag.resists(path)
+        return resisting & self._keeps_energy(points)
+
+    def _keeps_energy(self, points: Points) -> Flags:
+        """Return the same for the terms that are linear."""
         work = self.grounds.structure.work
         if not (work.conserved or work.decreases) or self.grounds.system.n_n:
             return np.ones(len(points.S), dtype=bool)

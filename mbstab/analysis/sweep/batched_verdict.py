@@ -142,6 +142,7 @@ def _facts(known: Known, counts: list[int], minimum: int) -> Facts:
         tuple(discs),
         known.neutral,
         rough=known.rough,
+        resisted=known.grounds.resisted,
         minimum=energy,
         reversible=known.grounds.reversible,
     )

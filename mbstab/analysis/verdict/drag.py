@@ -99,11 +99,10 @@ class Drag:
         found: dict[Monomial, Sum] = {}
         split: dict[tuple[Monomial, Monomial], Sum] = {}
         for monomial, coefficient in power.terms:
-            heads, plain, rest = set(), set(), set()
-            for atom, n in monomial:
-                (plain if _is_rate(atom) else heads if _moves(atom) else rest).add((atom, n))
-            key = frozenset(heads), frozenset(rest)
-            split[key] = split.get(key, Sum()) + Sum(frozenset({(frozenset(plain), coefficient)}))
+            plain = frozenset(x for x in monomial if _is_rate(x[0]))
+            heads = frozenset(x for x in monomial - plain if _moves(x[0]))
+            key = heads, monomial - plain - heads
+            split[key] = split.get(key, Sum()) + Sum(frozenset({(plain, coefficient)}))
         for (heads_of, rest_of), rates in split.items():
             odd = [atom for atom, n in self._parity(heads_of)[1].items() if n % 2 and atom.kind == "group"]
             if odd:

@@ -350,9 +350,8 @@ class Structure:
         """Return the arithmetic of sums; with `start`, piecewise functions are replaced by their piece from then on."""
         functions: dict[str, Any] = {name: partial(self._call, name, start) for name in CALLED}
         constants = {"pi": PI, "deg": PI / 180}
-        return Arithmetic(
-            "sum", lambda text: Sum.of(Fraction(text)), constants, functions | {"power": _power if expanded else _kept}
-        )
+        functions["power"] = _power if expanded else _kept
+        return Arithmetic("sum", lambda text: Sum.of(Fraction(text)), constants, functions)
 
     def _call(self, name: str, start: Sum | None, *arguments: Sum) -> Sum:
         x = arguments[0]

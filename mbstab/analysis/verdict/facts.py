@@ -193,9 +193,14 @@ class Grounds:
         return self._singular
 
     @cached_property
+    def rough(self) -> str:
+        """Why the equations are not known to be smooth at the reference; empty: they are."""
+        return self.kink(2)
+
+    @cached_property
     def resisted(self) -> bool:
-        """Whether the equations without drag are smooth: then the energy may decide."""
-        return not self.kink(2, self.structure.work.resisting)
+        """Whether they are smooth but for drag: then the energy may decide."""
+        return not self.rough or not self.kink(2, self.structure.work.resisting)
 
     @cached_property
     def _singular(self) -> str:
@@ -326,7 +331,7 @@ class Grounds:
             neutral=separated.neutral,
             time=self.time,
             kink=self.kink(1),
-            rough=self.kink(2),
+            rough=self.rough,
             resisted=self.resisted,
             doubts=doubts,
             minimum=self.minimum,
