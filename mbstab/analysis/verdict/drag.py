@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.verdict.exact_sums import Atom, Monomial, Structure, Sum, atoms, ratio, together
+from mbstab.analysis.verdict.exact_sums import Atom, Monomial, Structure, Sum, atoms, divided, ratio, together
 from mbstab.analysis.verdict.smoothness import Corners
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import System
@@ -47,28 +47,30 @@ class Drag:
 
     def resists(self, path: str) -> Any:
         """Return at each point whether an entry never gives energy to motions near the reference."""
-        equations = next(x.entry.equations for x in self.system.scene.items if x.entry.path == path)
+        # Sums under a power are seen to have its sign where they are kept together, common factors where they are not.
+        return np.asarray(self._takes_as(path, expanded=False)) | self._takes_as(path, expanded=True)
+
+    def _takes_as(self, path: str, expanded: bool) -> Any:
+        """Return the same, with powers of sums kept together or expanded."""
+        power, exact = Sum(), self._at.structure.exact
         try:
-            power = Sum()
-            for name, force in equations.items():
-                exact = (self._at.structure.exact(force, still=still, expanded=False) for still in (False, True))
-                moving, rest = exact
-                power = power + (moving - rest) * Sum.of(Atom.of("state", f"rate({name})"))
+            for name, force in self._equations(path).items():
+                moving = exact(force, expanded=expanded) - exact(force, still=True, expanded=expanded)
+                power = power + moving * Sum.of(Atom.of("state", f"rate({name})"))
         except ExpressionError:
             return False
         return not power.time and self._takes(power)
 
+    def _equations(self, path: str) -> dict[str, Expression]:
+        return next(item.entry.equations for item in self.system.scene.items if item.entry.path == path)
+
     def potential(self, path: str) -> bool | None:
         """Return whether what an entry does at rest has a potential, by structure; None: its derivatives decide."""
-        equations = next(x.entry.equations for x in self.system.scene.items if x.entry.path == path)
-        still = {name: self._still(force) for name, force in equations.items()}
+        still = {name: self._at.structure.exact(x, still=True) for name, x in self._equations(path).items()}
         alone = all({atom.name for atom in atoms(x) if atom.kind == "state"} <= {name} for name, x in still.items())
         if alone:
             return True
         return False if any(atom.kind in PIECED for x in still.values() for atom in atoms(x) if atom.state) else None
-
-    def _still(self, force: Expression) -> Sum:
-        return self._at.structure.exact(force, still=True)
 
     # --- the sign of a power ----------------------------------------------------------------------------------------
 
@@ -97,22 +99,20 @@ class Drag:
     def _by_rates(self, power: Sum) -> dict[Monomial, Sum] | None:
         """Return a power as products of rates, each with its coefficient; None if a sum of rates has no partner."""
         found: dict[Monomial, Sum] = {}
-        split: dict[tuple[Monomial, Monomial], Sum] = {}
+        split: dict[Monomial, Sum] = {}
         for monomial, coefficient in power.terms:
-            plain = frozenset(x for x in monomial if _is_rate(x[0]))
-            heads = frozenset(x for x in monomial - plain if _moves(x[0]))
-            key = heads, monomial - plain - heads
-            split[key] = split.get(key, Sum()) + Sum(frozenset({(plain, coefficient)}))
-        for (heads_of, rest_of), rates in split.items():
-            odd = [atom for atom, n in self._parity(heads_of)[1].items() if n % 2 and atom.kind == "group"]
-            if odd:
-                same = ratio(rates, odd[0].arguments[0])
-                if len(odd) > 1 or same is None:
-                    return None
-                rates = Sum(frozenset({(frozenset({(odd[0], 1)}), same)}))
-            for plain_of, coefficient in rates.terms:
-                V = _product(heads_of, plain_of)
-                found[V] = found.get(V, Sum()) + Sum(frozenset({(rest_of, coefficient)}))
+            heads = frozenset(x for x in monomial if _moves(x[0]) and not _is_rate(x[0]))
+            split[heads] = split.get(heads, Sum()) + Sum(frozenset({(monomial - heads, coefficient)}))
+        for heads, others in split.items():
+            odd = [atom for atom, n in self._parity(heads)[1].items() if n % 2 and atom.kind == "group"]
+            left = divided(others, odd[0].arguments[0]) if odd else others
+            if left is None or len(odd) > 1:
+                return None
+            outer = _product(heads, {(odd[0], 1)}) if odd else heads
+            for monomial, coefficient in left.terms:
+                plain = frozenset(x for x in monomial if _is_rate(x[0]))
+                V = _product(outer, plain)
+                found[V] = found.get(V, Sum()) + Sum(frozenset({(monomial - plain, coefficient)}))
         return {V: C for V, C in found.items() if C}
 
     def _parity(self, monomial: Iterable[tuple[Atom, int]]) -> tuple[Any, Counter[Atom]]:
@@ -162,9 +162,10 @@ class Drag:
 
     def _follows(self, V: Monomial, W: Monomial) -> bool:
         """Return whether V is W times a product that vanishes at rest."""
-        left = Counter(dict(V))
-        left.subtract(dict(W))
-        factors = [(atom, n) for atom, n in left.items() if n]
+        left = _sizes(V)
+        for atom, n in _sizes(W).items():
+            left[atom] = left.get(atom, Fraction(0)) - n
+        factors = [(atom, n) for atom, n in left.items() if n and not np.all(self._at.sign(Sum.of(atom)))]
         return all(n > 0 for _, n in factors) and any(self._vanishes(Sum.of(atom)) for atom, _ in factors)
 
     def _vanishes(self, x: Sum) -> bool:
@@ -221,10 +222,31 @@ def _moves(atom: Atom) -> bool:
     return any(_is_rate(x) for x in atoms(Sum.of(atom)))
 
 
-def _product(one: Monomial, other: Monomial) -> Monomial:
+def _product(one: Iterable[tuple[Atom, int]], other: Iterable[tuple[Atom, int]]) -> Monomial:
     powers = Counter(dict(one))
     powers.update(dict(other))
     return frozenset((atom, n) for atom, n in powers.items() if n)
+
+
+def _sizes(monomial: Monomial) -> dict[Atom, Fraction]:
+    """Return the powers of factors in the size of a product, with rates in place of their sizes."""
+    found: dict[Atom, Fraction] = {}
+    for atom, n in monomial:
+        times = Fraction(n)
+        exponent = atom.arguments[1].rational if atom.kind == "power" else None
+        if exponent is not None and (base := _alone(atom.arguments[0])):
+            atom, times = base, times * exponent
+        if atom.kind == "abs" and (inner := _alone(atom.arguments[0])):
+            atom = inner
+        found[atom] = found.get(atom, Fraction(0)) + times
+    return found
+
+
+def _alone(x: Sum) -> Atom | None:
+    """Return the atom of which a sum is a rational multiple, or None."""
+    ((monomial, _),) = x.terms if len(x.terms) == 1 else ((ONE, Fraction(0)),)
+    ((atom, n),) = monomial if len(monomial) == 1 else ((None, 0),)
+    return atom if n == 1 else None
 
 
 def _pair(a: Atom, b: Atom) -> Monomial:

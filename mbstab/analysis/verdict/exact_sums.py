@@ -192,6 +192,19 @@ def ratio(a: Sum, b: Sum) -> Fraction | None:
     return found.pop() if len(found) == 1 else None
 
 
+def divided(x: Sum, by: Sum) -> Sum | None:
+    """Return the sum of products q with x = q·by, if factors that `by` does not contain show it; else None."""
+    inside = {atom for monomial, _ in by.terms for atom, _ in monomial}
+    parts: dict[Monomial, Sum] = {}
+    for monomial, coefficient in x.terms:
+        own = frozenset(factor for factor in monomial if factor[0] in inside)
+        parts[monomial - own] = parts.get(monomial - own, Sum()) + Sum(frozenset({(own, coefficient)}))
+    found = {outside: ratio(part, by) for outside, part in parts.items()}
+    if any(same is None for same in found.values()):
+        return None
+    return Sum(frozenset((outside, same) for outside, same in found.items() if same))
+
+
 def _power(base: Sum, exponent: Sum) -> Sum:
     n = exponent.rational
     if n is None or n.denominator != 1:

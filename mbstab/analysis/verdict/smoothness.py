@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.verdict.constancy import call_at
-from mbstab.analysis.verdict.exact_sums import Atom, Monomial, Structure, Sum, atoms
+from mbstab.analysis.verdict.exact_sums import Atom, Monomial, Structure, Sum, atoms, divided
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.written import cut, with_state
 from mbstab.compiler.measured import values
@@ -123,6 +123,8 @@ class Corners:
                 if not atom.state:
                     continue
                 derivatives, where = self._derivatives(atom, n, monomial)
+                if -1 < derivatives < SMOOTH and _with_its_argument(x, atom, n):
+                    derivatives += 1
                 if derivatives < SMOOTH:
                     found.append((derivatives, atom, where))
                 inner = atom.arguments
@@ -189,6 +191,15 @@ def _absolute(x: Sum) -> tuple[Atom, int] | None:
     ((monomial, _),) = x.terms
     pair = next(iter(monomial)) if len(monomial) == 1 else None
     return pair if pair is not None and pair[0].kind == "abs" and pair[1] > 0 else None
+
+
+def _with_its_argument(x: Sum, atom: Atom, n: int) -> bool:
+    """Whether a sum of several terms is a factor of all in a sum that has a power of its absolute value as a factor."""
+    argument = atom.arguments[0] if atom.kind == "abs" else Sum()
+    if len(argument.terms) < 2:
+        return False
+    factor = atom, n
+    return divided(Sum(frozenset((m - {factor}, c) for m, c in x.terms if factor in m)), argument) is not None
 
 
 def _zeros(x: Sum, monomial: Monomial) -> int:

@@ -167,11 +167,14 @@ class Work:
         motion, generator = self.motion, self.generator
         if not element.written or np.any(motion.u) or (generator is not None and generator.moves):
             return False
-        drag = Drag(self.system, motion.q, motion.time)
-        if not np.all(drag.resists(element.path)):
+        if not np.all(self._drag.resists(element.path)):
             return False
-        known = drag.potential(element.path)
+        known = self._drag.potential(element.path)
         return self._has_potential(element, f) if known is None else known
+
+    @cached_property
+    def _drag(self) -> Drag:
+        return Drag(self.system, self.motion.q, self.motion.time)
 
     def _has_potential(self, element: Acting, f: Any) -> bool:
         """Return whether a force has a potential at rest."""
