@@ -130,13 +130,19 @@ class Term:
 class Tape:
     """A growing program.
 
+    Parameters
+    ----------
+    shares : bool
+        Whether products with quotients by roots of sums of squares have a value where these are 0, if it is 0.
+
     Attributes
     ----------
     steps : list of Step
         Each after those it uses; the first is the number one.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, shares: bool = False) -> None:
+        self.shares = shares
         self.steps: list[Step] = [Literal("1")]
         self._values = [1]
         self._depends = [0]  # which inputs a step depends on, as bits
@@ -145,6 +151,8 @@ class Tape:
         self._partials: dict[int, list[tuple[int, Term]]] = {}
         self._inputs = 0
         self._slopes_of_abs: set[int] = set()
+        self._norms: dict[int, frozenset[int]] = {}  # roots of sums of squares, and the steps that are squared
+        self._over_norms: dict[int, frozenset[int]] = {}  # sums of quotients by such roots, and what is squared in them
 
     # --- making terms -----------------------------------------------------------------------------------------------
 
@@ -177,6 +185,10 @@ class Tape:
         size = Fraction(gcd(*(c.numerator for _, c in entries)), lcm(*(c.denominator for _, c in entries)))
         content = size if sum(1 if c > 0 else -1 for _, c in entries) >= 0 else -size
         inner = self._put(Sum(tuple((step, c / content) for step, c in entries)))
+        if self._norms:
+            divisors = {factor for step, _ in entries for factor, e in self._factors(step) if e < 0}
+            if divisors := divisors & self._norms.keys():
+                self._over_norms[inner.step] = frozenset().union(*(self._norms[norm] for norm in divisors))
         return Term(self, content * inner.coefficient, inner.step)
 
     def product(self, factors: Iterable[Term]) -> Term:
@@ -191,6 +203,11 @@ class Tape:
         if self._slopes_of_abs:
             number, exponents = self._without_slopes_of_abs(exponents)
             coefficient *= number
+        if self._norms:
+            if (parts := self._distributed(exponents)) is not None:
+                rest = coefficient * self._raised(parts[1].items())
+                return self.sum(Term(self, c, step) * rest for step, c in parts[0].terms)
+            exponents = self._divided_by_norms(exponents)
         inner = self._raised(exponents.items())
         return Term(self, coefficient * inner.coefficient, inner.step)
 
@@ -199,10 +216,7 @@ class Tape:
 
         The derivative has no value at 0, the product has one: so x*abs(x) has its derivative there.
         """
-        flat, number, found = dict[int, int](), Fraction(1), False
-        for step, exponent in exponents.items():
-            for factor, e in self._factors(step):
-                flat[factor] = flat.get(factor, 0) + e * exponent
+        flat, number, found = self._flat(exponents), Fraction(1), False
         for slope in self._slopes_of_abs & flat.keys():
             known = self.steps[slope]
             assert isinstance(known, Call)
@@ -214,6 +228,57 @@ class Tape:
                 flat[size.step] = flat.get(size.step, 0) + 1
                 number, found = number * size.coefficient / times, True
         return (number, flat) if found else (number, exponents)
+
+    def _divided_by_norms(self, exponents: dict[int, int]) -> dict[int, int]:
+        """Return factors in which x*y/hypot(x, y) is x times the share of y in hypot(x, y): it has a value at 0."""
+        divisors = {factor for step, e in exponents.items() for factor, n in self._factors(step) if e * n < 0}
+        if not (divisors := divisors & self._norms.keys()):
+            return exponents
+        flat = self._flat(exponents)
+        for norm in divisors:
+            times, inside = -flat[norm], [step for step in sorted(self._norms[norm]) if flat.get(step, 0) > 0]
+            if not 0 < times < sum(flat[step] for step in inside):
+                continue
+            flat[norm] = 0
+            for step in inside:
+                taken = min(times, flat[step])
+                times -= taken
+                flat[step] -= taken
+                share = self.call("share", Term(self, Fraction(1), step), Term(self, Fraction(1), norm))
+                flat[share.step] = flat.get(share.step, 0) + taken
+        return flat
+
+    def _distributed(self, exponents: dict[int, int]) -> tuple[Sum, dict[int, int]] | None:
+        """Return a sum and the other factors of a product whose terms have a value at 0, unlike its factors."""
+        flat = self._flat(exponents)
+        divisors = self._norms.keys() & {step for step, e in flat.items() if e < 0}
+        squared = frozenset[int]().union(*(self._norms[norm] for norm in divisors))
+        for step, e in flat.items():
+            known, over = self.steps[step], self._over_norms.get(step, frozenset())
+            if not isinstance(known, Sum) or e != 1:
+                continue
+            inside = [{factor for factor, _ in self._factors(term)} for term, _ in known.terms]
+            if over & flat.keys() or (squared and all(squared & x for x in inside)):
+                return known, {other: x for other, x in flat.items() if other != step}
+        return None
+
+    def _squared(self, term: Term) -> frozenset[int]:
+        """Return the steps whose squares add up to a term with positive coefficients; none if it is no such sum."""
+        known = self.steps[term.step]
+        terms = known.terms if isinstance(known, Sum) else ((term.step, Fraction(1)),)
+        powers = [self._as_power(step) for step, _ in terms]
+        squares = all(len(power) == 1 and power[0][1] == 2 for power in powers)
+        if not squares or any(term.coefficient * c < 0 for _, c in terms):
+            return frozenset()
+        return frozenset(power[0][0] for power in powers)
+
+    def _flat(self, exponents: dict[int, int]) -> dict[int, int]:
+        """Return the factors of a product, of which none is a product."""
+        flat = dict[int, int]()
+        for step, exponent in exponents.items():
+            for factor, e in self._factors(step):
+                flat[factor] = flat.get(factor, 0) + e * exponent
+        return flat
 
     def _factors(self, step: int) -> list[tuple[int, int]]:
         """Return the factors of a product of products, others as themselves."""
@@ -262,6 +327,10 @@ class Tape:
         term = self._put(Call(function, tuple((a.step, a.coefficient) for a in arguments)))
         if function == "abs_slope":
             self._slopes_of_abs.add(term.step)
+        if self.shares and function == "hypot":
+            self._norms[term.step] = frozenset(a.step for a in arguments)
+        elif self.shares and function == "sqrt" and (inside := self._squared(arguments[0])):
+            self._norms[term.step] = inside
         return term
 
     def arithmetic(self) -> Arithmetic:

@@ -57,7 +57,7 @@ def _kernel(
 
     contents = Contents(coordinates, parameters, measures)
     q, u, a = ([f"{x}{i}" for i in range(contents.coordinates)] for x in ("q", "u", "a"))
-    tape = Tape()
+    tape = Tape(shares=True)
     definition, rates = contents.on(tape, "s1", roots)
     if role == "force":
         definition = Load(power=((definition, [rates[name] for name in rows]),))

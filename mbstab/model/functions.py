@@ -350,6 +350,11 @@ CALLED = FUNCTIONS | TABULATED
 AUXILIARY: dict[str, Function] = {
     "signum": Function("-1, 0 or 1", lambda f, value, x: (0 * x,), parity="odd"),
     "abs_slope": Function("the derivative of abs, which does not exist at 0", lambda f, v, x: (0 * x,), parity="odd"),
+    "share": Function(
+        "x/s where no x is larger than s; 0 where both are 0",
+        lambda f, value, x, s: (1 / s, -value / s),
+        lambda f, x, s: x / (s + (1 - f.abs(f.signum(s)))),
+    ),
     "held": Function(
         "the number between 0 and 1 that is next to it", lambda f, v, x: ((f.signum(x) - f.signum(x - 1)) / 2,)
     ),

@@ -15,7 +15,7 @@ from mbstab.analysis.verdict.written import cut, with_state
 from mbstab.compiler.measured import values
 from mbstab.compiler.system import System
 from mbstab.model.expressions import Call, Expression, ExpressionError
-from mbstab.model.functions import CALLED, PIECED, Break
+from mbstab.model.functions import CALLED, Break
 from mbstab.model.schema import is_length
 
 SMOOTH = 99
@@ -162,8 +162,9 @@ class Corners:
             return -1
         if where.square and n % 2 == 0:
             return SMOOTH
-        if where.zero and atom.kind in PIECED:
-            return n * (where.smooth + 1) - 1 + _zeros(atom.arguments[0], monomial)
+        inside = _inside(atom)
+        if where.zero and (inside or atom.kind != "sqrt"):
+            return n * (where.smooth + 1) - 1 + sum(max(k, 0) for factor, k in monomial if factor in inside)
         return where.smooth
 
     def _of_power(self, atom: Atom) -> tuple[int, str]:
@@ -202,12 +203,18 @@ def _with_its_argument(x: Sum, atom: Atom, n: int) -> bool:
     return divided(Sum(frozenset((m - {factor}, c) for m, c in x.terms if factor in m)), argument) is not None
 
 
-def _zeros(x: Sum, monomial: Monomial) -> int:
-    """Return the number of factors in a product, beside a function of x, that vanish with x."""
-    if len(x.terms) != 1:
-        return 0
-    ((inside, _),) = x.terms
-    if len(inside) != 1:
-        return 0
-    ((atom, n),) = inside
-    return max(dict(monomial).get(atom, 0), 0) if n == 1 else 0
+def _inside(atom: Atom) -> set[Atom]:
+    """Return factors no larger than a function, up to constants: its arguments, or what is squared under a root."""
+    if atom.kind == "sqrt":
+        terms, power = atom.arguments[0].terms, 2
+    else:
+        terms, power = frozenset().union(*(x.terms for x in atom.arguments if len(x.terms) == 1)), 1
+    found = {
+        inner
+        for monomial, c in terms
+        for inner, n in monomial
+        if len(monomial) == 1 and n == power and (c > 0 or n == 1)
+    }
+    if atom.kind == "sqrt":
+        return found if len(found) == len(terms) else set()
+    return found
