@@ -44,9 +44,9 @@ def rails(drag, stiff=(1, 2)):
 
 
 TAKES = [
-    "-c*v1**3", "-c*v1*abs(v1)", "-c*abs(v1)**1.5*v1", "-c*v1**3*abs(v1) + 5*v1**5", "-c*v1**3 - d*v1", "-c*tanh(v1)**3",
+    "-c*v1**3", "-c*v1*abs(v1)", "-c*abs(v1)**1.5*v1", "-c*v1**3*abs(v1) + 5*v1**5", "-c*v1**3 - d*v1",
     "-c*v1**3*(1 - x1)", "-c*(2 + sin(x1))*v1*abs(v1)", "-c*x1**2*v1", "-c*v1**3*exp(x1 + v1)", "-c*v1**3/(1 + v2**2)",
-    "-c*(c - 0.2)*v1**3", "-c*v1*abs(v1) + 3*v2**2*v1**3*abs(v1)", "-c*v1**3*cos(v1)",
+    "-c*tanh(v1)**3", "-c*(c - 0.2)*v1**3", "-c*v1*abs(v1) + 3*v2**2*v1**3*abs(v1)", "-c*v1**3*cos(v1)",
     "-c*(v1 - x1*v1)**3", "-c*v1**2*tanh(2*v1)",
 ]  # fmt: skip
 
@@ -89,11 +89,65 @@ def test_drag_between_two_bodies_leaves_their_common_motion(forces, takes):
     assert rails(forces, (1, 1)).eig().verdict == ("stable" if takes else "undecided")
 
 
+POINTWISE = [
+    ({1: "-c*hypot(v1, v2)*v1", 2: "-c*hypot(v1, v2)*v2"}, True),
+    ({1: "-c*sqrt(v1**2 + v2**2)*v1", 2: "-c*sqrt(v1**2 + v2**2)*v2"}, True),
+    ({1: "-c*hypot(v1, 2*v2)**3*v1", 2: "-d*hypot(v2, v1)*v2"}, True),
+    ({1: "-c*hypot(v1, v2)*v2", 2: "c*hypot(v1, v2)*v1"}, True),  # does no work
+    ({1: "c*hypot(v1, v2)*v1", 2: "-c*hypot(v1, v2)*v2"}, False),
+    ({1: "-c*hypot(v1, v2)*v2", 2: "-c*hypot(v1, v2)*v1"}, False),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("forces", "takes"), POINTWISE)
+def test_drag_along_a_velocity_in_the_plane(forces, takes):
+    assert rails(forces).eig().verdict == ("stable" if takes else "undecided")
+
+
+PENDULUM = """
+mbstab: 1
+parameters: {c: 0.3, v: 0, low: -0.2, turned: 0}
+gravity: [0, -9.81]
+bodies:
+  rod: {type: planar, mass: 1, inertia: 0.02, points: {O: [low, 0], tip: [0.2, 0]}}
+joints: {pivot: {type: revolute, between: [rod.O, ground]}}
+forces:
+  drag: {type: expression, on: FORCES}
+reference: {coordinates: {rod: {x: 0, y: low, theta: 3*pi/2}}, rates: {rod: {theta: v}}}
+"""
+TIP = [
+    "{angle(pivot): '-c*rate(angle(pivot))*abs(rate(angle(pivot)))'}",
+    "{rod.theta: -c*rate(rod.theta)**3}",
+    "{x(rod.tip): '-c*hypot(rate(x(rod.tip)), rate(y(rod.tip)))*rate(x(rod.tip))',"
+    " y(rod.tip): '-c*hypot(rate(x(rod.tip)), rate(y(rod.tip)))*rate(y(rod.tip))'}",
+    "{vx(rod.tip): -c*vx(rod.tip)**3, vy(rod.tip): '-c*vy(rod.tip)*abs(vy(rod.tip))'}",
+]
+
+
+@pytest.mark.parametrize("forces", TIP)
+def test_all_commands_agree_on_a_pendulum_with_drag(forces):
+    pendulum = mbstab.loads(PENDULUM.replace("FORCES", forces))
+    for c, word in ((0.3, "stable"), (-0.1, "undecided")):
+        assert pendulum.eig(c=c).verdict == word
+        assert pendulum.eig_precise(20, c=c).verdict == word
+        assert pendulum.modes(1, c=c).verdict == word
+        proven = pendulum.certify(c=c).verdict
+        assert proven == word or (word == "undecided" and proven in ("not provable", "marginally stable"))
+    assert pendulum.sweep("c", [-0.2, -0.1, 0.0, 0.1, 0.3, 2.0]).verdicts == 2 * ["undecided"] + 4 * ["stable"]
+    chart = pendulum.chart({"c": np.linspace(-0.2, 0.3, 4), "low": np.linspace(-0.3, -0.2, 3)})
+    assert np.array_equal(chart.verdicts, [2 * ["undecided"] + 2 * ["stable"]] * 3)
+
+
+def test_upright_the_drag_does_not_save_a_pendulum():
+    text = PENDULUM.replace("FORCES", TIP[1]).replace("y: low, theta: 3*pi/2", "y: -low, theta: pi/2")
+    assert mbstab.loads(text).eig().verdict == "unstable"
+
+
 # --- random laws against their power itself -------------------------------------------------------------------------
 
 FACTORS = [
-    "v{i}", "v{i}", "v{i}**2", "v{i}**3", "v{j}", "v{j}**2", "abs(v{i})", "tanh(2*v{i})", "x{i}", "x{j}**2", "(1 - x{i})",
-    "(0.4 + x{j})", "exp(v{j})", "cos(v{i})", "cos(x{j} + 2)", "(v{i} - v{j})", "(v{i} - 2*v{j})**2",
+    "v{i}", "v{i}", "v{i}**2", "v{i}**3", "v{j}", "v{j}**2", "abs(v{i})", "tanh(2*v{i})", "x{i}", "x{j}**2",
+    "(1 - x{i})", "(0.4 + x{j})", "exp(v{j})", "cos(v{i})", "cos(x{j} + 2)", "(v{i} - v{j})", "(v{i} - 2*v{j})**2",
 ]  # fmt: skip
 BETWEEN_TWO = ["({})**3", "({})**5", "({})*abs({})", "tanh({})**3", "({})**2*abs({})", "({})**3*(x1 - 0.3)"]
 COEFFICIENTS = ["-c", "-d", "-3", "d", "0.01", "5", "-(c - 0.7)", "(d - c)", "-d/c"]

@@ -25,6 +25,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.sparse_equations import SparseEquations
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.spectrum.winding import winding
+from mbstab.analysis.verdict.drag import Drag
 from mbstab.analysis.verdict.rule import Census
 from mbstab.analysis.verdict.work import acts_symmetrically
 from mbstab.compiler.system import Array, System
@@ -43,13 +44,16 @@ class Resting:
     damped, gyroscopic : bool
         Whether R has a symmetric part, and a skew part.
     stored : bool
-        Whether all forces come from potentials and dissipation functions: the energy never increases.
+        Whether all forces have potentials but for what takes energy: the energy never increases.
+    resisting : frozenset of str
+        The paths of written forces of which only that is known, not that they are smooth.
     """
 
     why_not: str = ""
     damped: bool = False
     gyroscopic: bool = False
     stored: bool = True
+    resisting: frozenset[str] = frozenset()
 
     @property
     def conservative(self) -> bool:
@@ -76,7 +80,7 @@ def resting(system: System, q: Array, time: float, n_nonholonomic: int) -> Resti
     if n_nonholonomic:
         return Resting(f"{counted(n_nonholonomic, 'row')} on speeds alone", stored=False)
     damped = gyroscopic = False
-    stored = True
+    stored, resisting, drag = True, set[str](), Drag(system, q, time)
     states: dict[bool, list[Any]] = {}
     for element in system.acting():
         if element.inertia:
@@ -84,12 +88,15 @@ def resting(system: System, q: Array, time: float, n_nonholonomic: int) -> Resti
         if element.stored:
             damped = damped or element.damped
             continue
-        stored = False
+        if element.written and drag.potential(element.path) and np.all(drag.resists(element.path)):
+            resisting.add(element.path)
+        else:
+            stored = False
         found = acts_symmetrically(element, q, time, states)
         if found is None:
             return Resting(f"{element.path} has no symmetric stiffness or may drive the motion", stored=False)
         damped, gyroscopic = damped or found[0], gyroscopic or found[1]
-    return Resting("", damped, gyroscopic, stored)
+    return Resting("", damped, gyroscopic, stored, frozenset(resisting))
 
 
 def census(equations: SparseEquations, at_rest: Resting | None) -> Census:

@@ -58,7 +58,7 @@ class _Subject:
     n_nonholonomic: int
     warnings: tuple[str, ...]
     time: str
-    kink: Callable[[int], str]
+    kink: Callable[..., str]
     frame: str = ""
 
 
@@ -132,7 +132,7 @@ def _subject(system: System, force: bool) -> _Subject | Linearization:
     return _Subject(
         system, rest.q, SparseEquations.of_rest(rest), structure, tuple(system.names), rest.sizes, (rank, kept - rank),
         system.n_h, system.n_n, rest.warnings, time_doubt(system),
-        lambda order: kinks(system, rest.q, still, rest.time, order),
+        lambda order, *but: kinks(system, rest.q, still, rest.time, order, False, *but),
     )  # fmt: skip
 
 
@@ -202,7 +202,8 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
     total = len(discs) + len(both) + neutral
     facts = Facts(
         expected=equations.n_f, found=total, discs=(*discs, *both), time=subject.time, kink=subject.kink(1),
-        rough=subject.kink(2), minimum=lambda: _minimum(at_rest_, number),
+        rough=subject.kink(2), resisted=at_rest_ is not None and not subject.kink(2, at_rest_.resisting),
+        minimum=lambda: _minimum(at_rest_, number),
         census=number,
     )  # fmt: skip
     verdict = judge(facts)

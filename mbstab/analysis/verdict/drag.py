@@ -22,6 +22,7 @@ from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import System
 from mbstab.model.expressions import Expression, ExpressionError
 from mbstab.model.functions import CALLED, PIECED
+from mbstab.model.schema import Entry
 
 ONE: Monomial = frozenset()
 
@@ -62,7 +63,11 @@ class Drag:
         return not power.time and self._takes(power)
 
     def _equations(self, path: str) -> dict[str, Expression]:
-        return next(item.entry.equations for item in self.system.scene.items if item.entry.path == path)
+        return self._entries[path].equations
+
+    @cached_property
+    def _entries(self) -> dict[str, Entry]:
+        return {item.entry.path: item.entry for item in self.system.scene.items}
 
     def potential(self, path: str) -> bool | None:
         """Return whether what an entry does at rest has a potential, by structure; None: its derivatives decide."""

@@ -53,6 +53,7 @@ Evidence = Literal["structural", "enclosed", "numerical"]
 Zeros = Literal["", "neutral", "critical"]
 
 LINEAR = "up to symmetries the equations are linear and no solution of theirs grows: motions nearby stay near"
+SLOWLY = "; what they change there may go on growing, more slowly than {}"
 NONLINEAR = "whether disturbances stay small in the long run is up to nonlinear terms"
 
 
@@ -516,6 +517,8 @@ def _by_energy(facts: Facts, minimum: Minimum) -> Verdict:
         reason = f"{minimum.name} has a strict {extremum} here and cannot leave it: small disturbances stay small"
         return Verdict(STABLE, (reason,), in_place=True, evidence=evidence, warnings=warnings)
     reason = f"{minimum.name} has a strict {extremum} here: small disturbances stay small, {_except(neutral)}"
+    if neutral.symmetries and not neutral.drift and any(d.holds_zero for d in facts.discs):
+        reason += SLOWLY.format(power(1))  # speeds along symmetries decay, but perhaps like a root of 1/t
     verdict = _up_to(facts, STABLE_UP_TO, reason)
     return Verdict(
         verdict.word, verdict.reasons, verdict.symmetries, verdict.family, verdict.in_place, evidence, warnings
@@ -533,7 +536,7 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
         reason += growing(critical.drift)
     elif up_to and critical.drift:
         # A decay like a root of t may sum without bound.
-        reason += f"; what they change there may go on growing, more slowly than {power(critical.drift)}"
+        reason += SLOWLY.format(power(critical.drift))
     staying = critical.verdict == ASYMPTOTIC_UP_TO and bool(critical.family) and not critical.drift
     in_place = critical.verdict in (ASYMPTOTIC, STABLE) or staying
     return Verdict(
