@@ -143,6 +143,35 @@ def test_upright_the_drag_does_not_save_a_pendulum():
     assert mbstab.loads(text).eig().verdict == "unstable"
 
 
+PASSING = """
+mbstab: 1
+parameters: {c: 0.7}
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {all: {type: expression, on: {p.x: "ALONG", p.y: "-2*p.y - c*rate(p.y)**3"}}}
+STATES
+reference: {coordinates: {p: {x: 0, y: 0}}, rates: {p: {x: SPEED}}}
+"""
+
+
+def passing(along, speed=0, states=""):
+    return mbstab.loads(PASSING.replace("ALONG", along).replace("SPEED", str(speed)).replace("STATES", states)).eig()
+
+
+def test_a_force_that_resists_at_rest_is_no_drag_about_a_motion():
+    assert passing("-c*rate(p.x)**3").verdict == "stable up to symmetry"
+    assert "more slowly than t" in passing("-c*rate(p.x)**3").reasons[0]
+    # One speed feeds what is slower and stops what is faster.
+    assert passing("-c*(rate(p.x) - 1)**3", 1).verdict == "undecided"
+    assert passing("c*(rate(p.x) - 1)**3", 1).verdict == "undecided"
+    assert passing("c*rate(p.x)*rate(p.y)**2", 1).verdict != "stable up to symmetry"
+
+
+@pytest.mark.parametrize(("rate", "word"), [("p.x - z", "undecided"), ("-z", "undecided")])
+def test_drag_beside_a_force_of_a_state_decides_nothing(rate, word):
+    found = passing("-p.x - c*rate(p.x)**3 - 1e-9*z**3", 0, f"states: {{z: {{rate: {rate}}}}}")
+    assert found.verdict == word
+
+
 # --- random laws against their power itself -------------------------------------------------------------------------
 
 FACTORS = [
