@@ -138,6 +138,33 @@ def test_all_commands_agree_on_a_pendulum_with_drag(forces):
     assert np.array_equal(chart.verdicts, [2 * ["undecided"] + 2 * ["stable"]] * 3)
 
 
+@pytest.mark.parametrize("force", ["-c*v1**3", "-c*v1*(d - 0.1)*abs(v1)", "-c*v1**3 + d*v1**5"])
+def test_a_proof_over_an_interval_holds_for_all_of_it(force):
+    point = rails({1: force})
+    assert point.certify(c="[0.1, 0.3]").verdict == "stable"
+    assert point.certify(c="[-0.1, 0.3]").verdict in ("marginally stable", "not provable")
+
+
+LIFTED = """
+mbstab: 1
+parameters: {f: 0.5}
+bodies: {p: {type: planar_point, mass: 1}}
+constraints: {rail: {holonomic: p.y}}
+forces:
+  spring: {type: expression, on: {p.x: f - p.x}}
+  drag: {type: expression, on: {p.x: -(1 - p.x)*rate(p.x)**3}}
+reference: {find: equilibrium}
+"""
+
+
+def test_drag_that_depends_on_a_place_is_judged_where_the_reference_is():
+    point = mbstab.loads(LIFTED)
+    assert [point.eig(f=f).verdict for f in (0.5, 1.5)] == ["stable", "undecided"]
+    assert point.sweep("f", [0.1, 0.5, 0.9, 1.1, 1.5]).verdicts == 3 * ["stable"] + 2 * ["undecided"]
+    assert point.certify(f=0.5).verdict == "stable"
+    assert point.certify(f="[0.5, 1.5]").verdict != "stable"
+
+
 def test_upright_the_drag_does_not_save_a_pendulum():
     text = PENDULUM.replace("FORCES", TIP[1]).replace("y: low, theta: 3*pi/2", "y: -low, theta: pi/2")
     assert mbstab.loads(text).eig().verdict == "unstable"

@@ -19,3 +19,14 @@ REQUIRED = {
     "marginal": (ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, MARGINAL),
 }
 """Which verdicts ``--require`` accepts."""
+
+STRENGTH: dict[str, frozenset[str]] = {
+    ASYMPTOTIC: frozenset(WORDS) - {UNSTABLE},
+    ASYMPTOTIC_UP_TO: frozenset({ASYMPTOTIC_UP_TO, STABLE_UP_TO, MARGINAL, UNDECIDED}),
+    STABLE: frozenset({STABLE, STABLE_UP_TO, MARGINAL, UNDECIDED}),
+    STABLE_UP_TO: frozenset({STABLE_UP_TO, MARGINAL, UNDECIDED}),
+    MARGINAL: frozenset({MARGINAL, UNDECIDED}),
+    UNSTABLE: frozenset({UNSTABLE, UNDECIDED}),
+    UNDECIDED: frozenset({UNDECIDED}),
+}
+"""What each verdict implies: the same, or a weaker claim."""

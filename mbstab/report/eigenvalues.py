@@ -9,7 +9,8 @@ from textwrap import fill, wrap
 from typing import TYPE_CHECKING
 
 from mbstab.analysis.linear.methods import DEFAULT
-from mbstab.analysis.verdict.rule import Verdict, show
+from mbstab.analysis.verdict.rule import Verdict
+from mbstab.analysis.verdict.wording import show
 from mbstab.errors import counted
 from mbstab.report import WIDTH
 from mbstab.report.modes import modes_table, shapes_text, value_text

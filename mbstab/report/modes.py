@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from mbstab.analysis.verdict.rule import show
+from mbstab.analysis.verdict.wording import show
 from mbstab.model.schema import unit_of
 from mbstab.report import WIDTH
 from mbstab.report.tables import number, table

@@ -41,7 +41,8 @@ from mbstab.analysis.spectrum.floquet import monodromy
 from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
 from mbstab.analysis.verdict.facts import Grounds, time_scale
 from mbstab.analysis.verdict.many_digits import ManyDigits
-from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE, show
+from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE
+from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, percent

@@ -232,7 +232,7 @@ class Identities(ElementChanges):
         return [e for e in system.acting() if e.path in paths and not e.inertia]
 
     def _takes(self, system: System) -> bool:
-        """Return whether dampers dissipate energy: their coefficients are not negative."""
+        """Return whether dampers dissipate energy: their coefficients are not negative; and drag as it is written."""
         zero = [ball(0)] * self.system.n_q
         for element in self._dampers(system):
             if element.stored:
@@ -242,22 +242,21 @@ class Identities(ElementChanges):
             R = element.slopes(self.states[0].q, zero, zero, self.time, self.f)[1]
             if not _not_negative(ball_matrices.matrix(R)):
                 return False
-        return True
+        drag = Drag(system, self.invariance.motion.q, self.invariance.motion.time)
+        return all(np.all(drag.resists(path)) for path in self.work.resisting)
 
     def _decreases(self, beside: bool) -> Finding:
         return least(
             [
                 self._relative(True, beside),
                 *(self._damps(e) for e in self._dampers(self.system)),
-                *(self._resists(e) for e in self.work.kinds["drag"]),
+                *(self._held(e) for e in self.work.kinds["drag"]),
             ]
         )
 
-    def _resists(self, element: Acting) -> Finding:
-        """Return whether a written force takes energy from all motions near the reference, which is at rest."""
-        drag = Drag(self.reference.system, self.invariance.motion.q, self.invariance.motion.time)
-        if not np.all(drag.resists(element.path)):
-            return "open"
+    def _held(self, element: Acting) -> Finding:
+        """Return whether drag has a potential at rest."""
+        drag = Drag(self.system, self.invariance.motion.q, self.invariance.motion.time)
         if drag.potential(element.path):
             return "structural"
         return least([x for state in self.states for x in self._potential(element, state)] if self.states else ["open"])

@@ -41,8 +41,8 @@ from mbstab.analysis.verdict.rule import (
     Verdict,
     judge,
     place,
-    show,
 )
+from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, MbstabError, NumericalError, UsageError
 

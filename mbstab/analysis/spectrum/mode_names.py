@@ -17,7 +17,7 @@ from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.spectrum.named_motions import NamedMotions
 from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
-from mbstab.analysis.verdict.rule import show
+from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.system import Array
 from mbstab.errors import ModelFileError
 from mbstab.model.schema import ModeName

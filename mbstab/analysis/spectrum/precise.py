@@ -32,7 +32,8 @@ from mbstab.analysis.spectrum.results import Counts, EigenResult
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds, time_scale
 from mbstab.analysis.verdict.many_digits import ManyDigits
-from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED, Disc, Judged, Verdict, judge, place, show
+from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED, Disc, Judged, Verdict, judge, place
+from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, NumericalError, UsageError, amount
 from mbstab.model.arithmetic import mpmath_arithmetic

@@ -85,7 +85,7 @@ class Drag:
         if parts is None:
             return False
         signs = {V: self._sign_of_rates(V) for V in parts}
-        at = {V: self._at.sign(C) for V, C in parts.items()}
+        at = {V: self._sign(C) for V, C in parts.items()}
         anchors = {V: signs[V] * at[V] < 0.0 for V in parts}
         good = {V: anchors[V] | (signs[V] * self._sign_of_terms(C) < 0.0) for V, C in parts.items()}
         for members, definite, semidefinite in self._forms(parts, good):
@@ -128,7 +128,7 @@ class Drag:
         sign: Any = np.array(1.0)
         powers: Counter[Atom] = Counter()
         for atom, n in monomial:
-            own = self._at.sign(Sum.of(atom))
+            own = self._sign(Sum.of(atom))
             entry = CALLED.get(atom.kind)
             if np.all(own):
                 sign = sign * own**n
@@ -170,12 +170,26 @@ class Drag:
         left = _sizes(V)
         for atom, n in _sizes(W).items():
             left[atom] = left.get(atom, Fraction(0)) - n
-        factors = [(atom, n) for atom, n in left.items() if n and not np.all(self._at.sign(Sum.of(atom)))]
+        factors = [(atom, n) for atom, n in left.items() if n and not np.all(self._sign(Sum.of(atom)))]
         return all(n > 0 for _, n in factors) and any(self._vanishes(Sum.of(atom)) for atom, _ in factors)
+
+    def _sign(self, x: Sum) -> Any:
+        """Return the sign of a sum at each point and in its surroundings; 0 where it is not certain."""
+        if x.state and not self._settled:
+            return np.array(0.0)
+        if not self._at.structure.uncertain(x):
+            return self._at.sign(x)
+        return np.array(float(self._at.structure.sign(x) or 0))
+
+    @cached_property
+    def _settled(self) -> bool:
+        """Whether the reference is known: it may move with parameters that lie in intervals."""
+        return self._at.structure.settled
 
     def _vanishes(self, x: Sum) -> bool:
         """Whether a sum is exactly zero at rest."""
-        return bool(np.all(self._at.structure.value(x, self._at.names)[0] == 0.0))
+        certain = not self._at.structure.uncertain(x)
+        return certain and bool(np.all(self._at.structure.value(x, self._at.names)[0] == 0.0))
 
     def _forms(self, parts: dict[Monomial, Sum], good: dict[Monomial, Any]) -> list[tuple[list[Monomial], Any, Any]]:
         """Return quadratic forms of rates: their products, where they are negative definite, and semidefinite."""
@@ -200,11 +214,13 @@ class Drag:
         first = next((row[i] for i, row in enumerate(entries) if row[i]), None)
         if first is None:
             return np.array(False), np.array(False)
-        one = outer * self._at.sign(first) < 0.0
+        one = outer * self._sign(first) < 0.0
         ratios = [[ratio(x, first) if x else Fraction(0) for x in row] for row in entries]
         if all(x is not None for row in ratios for x in row):
             definite, semidefinite = _positive(ratios)
             return one & definite, one & semidefinite
+        if any(self._at.structure.uncertain(x) for row in entries for x in row):
+            return np.array(False), np.array(False)
         n, values = len(entries), [self._at.structure.value(x, self._at.names) for row in entries for x in row]
         flat = np.stack(np.broadcast_arrays(*(x for pair in values for x in (-outer * pair[0], pair[1]))), axis=-1)
         h, size = (flat[..., k::2].reshape(*flat.shape[:-1], n, n) for k in (0, 1))

@@ -412,11 +412,36 @@ class Structure:
         """Return the sign of a constant, the same at all points of a sweep; None: not certain."""
         if x.rational is not None:
             return (x.rational > 0) - (x.rational < 0)
-        if x.time or x.state or self.vague & _constants(x):
+        if x.time or x.state:
             return None
+        if self.uncertain(x):
+            return self._enclosed_sign(x)
         value, size = self.value(x)
         rounding = TOLERANCES.constant_rounding * size
         return 1 if np.all(value > rounding) else -1 if np.all(value < -rounding) else None
+
+    @property
+    def settled(self) -> bool:
+        """Whether all parameters have known values, not intervals."""
+        return not any(self.uncertain(self._name(name)) for name in self.scene.parameters)
+
+    def uncertain(self, x: Sum) -> bool:
+        """Return whether it contains constants that are only known to lie in an interval."""
+        return bool(self.vague & _constants(x))
+
+    def _enclosed_sign(self, x: Sum) -> int | None:
+        """Return the sign of products of such constants, from their intervals; None: not certain."""
+        f, parameters = self.scene.arithmetic, self.scene.parameters
+        total = f.number("0")
+        for monomial, coefficient in x.terms:
+            term = f.number(str(coefficient.numerator)) / f.number(str(coefficient.denominator))
+            for atom, n in monomial:
+                if atom.kind != "constant" or atom.name not in parameters or n < 0:
+                    return None
+                for _ in range(n):
+                    term = term * parameters[atom.name]
+            total = total + term
+        return 1 if total > 0 else -1 if total < 0 else None
 
     def nonnegative(self, x: Sum, start: Sum) -> bool:
         """Return whether a function of time is certainly nonnegative from a time on."""

@@ -35,7 +35,7 @@ from typing import Literal
 
 import numpy as np
 
-from mbstab.analysis.verdict.wording import growing, phrases, power
+from mbstab.analysis.verdict.wording import growing, phrases, power, show
 from mbstab.errors import amount, counted
 from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
 from mbstab.model.words import ASYMPTOTIC_UP_TO as ASYMPTOTIC_UP_TO
@@ -43,6 +43,7 @@ from mbstab.model.words import MARGINAL as MARGINAL
 from mbstab.model.words import REQUIRED as REQUIRED
 from mbstab.model.words import STABLE as STABLE
 from mbstab.model.words import STABLE_UP_TO as STABLE_UP_TO
+from mbstab.model.words import STRENGTH as STRENGTH
 from mbstab.model.words import UNDECIDED as UNDECIDED
 from mbstab.model.words import UNSTABLE as UNSTABLE
 from mbstab.model.words import WORDS as WORDS
@@ -345,18 +346,6 @@ class Judged:
         return self.judged.evidence
 
 
-STRENGTH: dict[str, frozenset[str]] = {
-    ASYMPTOTIC: frozenset(WORDS) - {UNSTABLE},
-    ASYMPTOTIC_UP_TO: frozenset({ASYMPTOTIC_UP_TO, STABLE_UP_TO, MARGINAL, UNDECIDED}),
-    STABLE: frozenset({STABLE, STABLE_UP_TO, MARGINAL, UNDECIDED}),
-    STABLE_UP_TO: frozenset({STABLE_UP_TO, MARGINAL, UNDECIDED}),
-    MARGINAL: frozenset({MARGINAL, UNDECIDED}),
-    UNSTABLE: frozenset({UNSTABLE, UNDECIDED}),
-    UNDECIDED: frozenset({UNDECIDED}),
-}
-"""What each verdict implies: the same, or a weaker claim."""
-
-
 def side(real: float, radius: float) -> Side:
     """Return on which side of the imaginary axis a disc lies; what is not known lies on none."""
     return "right" if real > radius else "left" if real < -radius else "open"
@@ -606,8 +595,3 @@ def weakest(*evidence: Evidence) -> Evidence:
     """Return the weakest of several kinds of evidence."""
     order: tuple[Evidence, ...] = ("numerical", "enclosed", "structural")
     return min(evidence, key=order.index)
-
-
-def show(s: complex) -> str:
-    """Return an eigenvalue with six significant digits; a pair as ±."""
-    return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g} ± {abs(s.imag):.6g}i"

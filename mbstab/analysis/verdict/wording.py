@@ -76,3 +76,8 @@ def growing(drift: int) -> str:
 def power(drift: int) -> str:
     """Return a power of time in words."""
     return "t" if drift == 1 else f"t^{drift}"
+
+
+def show(s: complex) -> str:
+    """Return an eigenvalue with six significant digits; a pair as ±."""
+    return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g} ± {abs(s.imag):.6g}i"
