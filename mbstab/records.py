@@ -70,7 +70,7 @@ else:
         def __init__(self, *values, **named):
             state, given = self.__dict__, len(values)
             if complete and given == count and not named:
-                state.update(zip(names, values, strict=True))
+                state.update(zip(names, values))  # noqa: B905, `strict` takes longer than all the rest
             else:
                 if given > count or (
                     named and not (known.issuperset(named) and named.keys().isdisjoint(names[:given]))

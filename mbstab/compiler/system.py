@@ -246,6 +246,23 @@ class System:
         other.scene, other._assembly = scene, None
         return other
 
+    def renumbered(self, scene: Scene) -> System:
+        """Return the same elements with the numbers of another scene, which must not differ otherwise."""
+        other = self._with([])
+        other.scene, other._assembly = scene, None
+        uses = other._uses()
+        if len(uses) == len(self._elements):
+            for known, (use, _, role) in zip(self._elements, uses, strict=True):
+                if not isinstance(use, ElementUse) or known.kernel is not _kernel(self._kernel_name(use)):
+                    break
+                numbers = (*other._bases(use), *use.parameters)
+                other._elements.append(
+                    Placed(known.kernel, known.columns, known.rows, numbers, use.laws, role == "inertia", known.path)
+                )
+            else:
+                return other
+        return System(scene)
+
     def loads(self, q: Any, u: Any, a: Any, time: Any = None) -> Any:
         """Return the sum of the sizes of all forces and inertia on each coordinate, without cancellation, (n_q,)."""
         found = sizes_of_forces(self.acting(), q, u, a, self.scene.time if time is None else time)
@@ -351,7 +368,7 @@ class System:
             path = entry.path if entry else f"bodies.{self.scene.bodies[use.slots[0]].name}"
             if isinstance(use, ElementUse):
                 name = self._kernel_name(use)
-                columns, bases = self._columns(use, name)
+                columns, bases = self._columns(use), self._bases(use)
                 if any(isinstance(x, Moved) for x in use.parameters):
                     placed.append(self._place_moved(use, name, columns, bases, rows, path))
                     continue
@@ -362,24 +379,25 @@ class System:
                 placed.append(self._place_expressions(use, entry, role, rows))
         return placed
 
-    def _columns(self, use: ElementUse, name: str) -> tuple[tuple[int, ...], tuple[Any, ...]]:
-        """Return the coordinate numbers of an element, n_q where a coordinate is fixed, and its base rotations."""
-        element = ELEMENTS[name]
+    def _columns(self, use: ElementUse) -> tuple[int, ...]:
+        """Return the coordinate numbers of an element, n_q where a coordinate is fixed."""
+        element = ELEMENTS[self._kernel_name(use)]
         if element.on_coordinates:
-            return use.slots, ()
+            return use.slots
         size = 3 if self.scene.dimension == 2 else 6
         columns: list[int] = []
-        bases: list[Any] = []
-        identity = tuple(float(i == j) for i in range(3) for j in range(3))
         for body in use.slots[: element.slots]:
-            if body == GROUND:
-                columns += [self.n_q] * size
-                bases += identity if size == 6 else ()
-                continue
-            own = range(*self.body_slices[body].indices(self.n_q))
+            own = range(0) if body == GROUND else range(self.body_slices[body].start, self.body_slices[body].stop)
             columns += [*own, *[self.n_q] * (size - len(own))]
-            bases += self.scene.bodies[body].base
-        return (*columns, *use.slots[element.slots :]), tuple(bases)
+        return (*columns, *use.slots[element.slots :])
+
+    def _bases(self, use: ElementUse) -> tuple[Any, ...]:
+        """Return the base rotations of the bodies of an element, one after the other; there are none in the plane."""
+        element = ELEMENTS[self._kernel_name(use)]
+        if self.scene.dimension == 2 or element.on_coordinates:
+            return ()
+        bodies = self.scene.bodies
+        return tuple(x for b in use.slots[: element.slots] for x in (_IDENTITY if b == GROUND else bodies[b].base))
 
     def _place_moved(
         self, use: ElementUse, name: str, columns: tuple[int, ...], bases: tuple[Any, ...], rows: Any, path: str
@@ -597,4 +615,5 @@ def _kernel(name: str) -> Any:
 
 
 _TIME = Time()
+_IDENTITY = tuple(float(i == j) for i in range(3) for j in range(3))
 _OF_ROWS: tuple[Role, ...] = ("holonomic", "nonholonomic")

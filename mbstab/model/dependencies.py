@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from mbstab.errors import Location
 from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node
 from mbstab.model.schema import Model
 
-PLAIN = frozenset((str, float, int, bool, type(None)))
+PLAIN = frozenset((str, float, int, bool, type(None), Location))
 """What contains nothing."""
 
 

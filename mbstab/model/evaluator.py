@@ -12,7 +12,7 @@ from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.mechanics.measures import Pose
 from mbstab.model.arithmetic import Arithmetic
-from mbstab.model.expressions import Expression, ExpressionError
+from mbstab.model.expressions import Expression, ExpressionError, Node
 from mbstab.model.numbers import all_of, broken_sign, is_finite, nominal, require_finite
 from mbstab.model.schema import (
     Components,
@@ -63,6 +63,7 @@ class Evaluator:
         self.f = arithmetic
         self.symbolic = arithmetic.name == "symbol"
         self.lengths: list[float] = []
+        self._known: dict[int, tuple[Node, Number]] = {}
         self.body_numbers = {name: i for i, name in enumerate(model.bodies)}
         self.poses: dict[int, Pose] = {}
         self.coordinate_numbers = {name: i for i, name in enumerate(model.coordinates())}
@@ -76,35 +77,47 @@ class Evaluator:
 
         If it is in metres, it counts towards the size of the scene, unless `length` is false.
         """
-        try:
-            value = quantity.evaluate(self.parameters, self.f)
-        except ExpressionError as error:
-            self.complain(quantity, error.message)
+        known = self._known.get(id(quantity.root))  # the same texts share it
+        value = self._value(quantity) if known is None else known[1]
+        if value is None:
             return 1.0
-        self.check_widths(quantity)
-        if self.symbolic:
-            return value
-        if not is_finite(value):
-            self.complain(quantity, f"the value of {quantity.text!r} is not finite")
-            return 1.0
-        if field is not None:
+        if field is not None and not self.symbolic:
             if not self._has_sign(value, quantity, field):
                 return 1.0
             if length and field.unit == "m" and not hasattr(value, "shape"):
                 self.lengths.append(abs(value))
         return value
 
-    def check_widths(self, quantity: Quantity) -> None:
-        """Record a problem if a function is smoothed over a width that is not positive."""
+    def _value(self, quantity: Quantity) -> Number | None:
+        """Return the value of a quantity, which is then known; None after a problem."""
+        try:
+            value = quantity.evaluate(self.parameters, self.f)
+        except ExpressionError as error:
+            self.complain(quantity, error.message)
+            return None
+        good = self.check_widths(quantity)
+        if not self.symbolic and not is_finite(value):
+            self.complain(quantity, f"the value of {quantity.text!r} is not finite")
+            return None
+        if good:
+            self._known[id(quantity.root)] = quantity.root, value
+        return value
+
+    def check_widths(self, quantity: Quantity) -> bool:
+        """Whether functions are smoothed over positive widths; record a problem if not."""
+        good = True
         for function, width in () if self.symbolic else quantity.widths:
             try:
                 broken = broken_sign(Expression("", width).evaluate(self.parameters, self.f), "positive")
             except ExpressionError as error:
                 self.complain(quantity, error.message)
+                good = False
                 continue
             if broken is not None:
+                good = False
                 hint = "it is the size over which the change is smoothed"
                 self.complain(quantity, f"the width of {function}() must {broken[0]}, got {broken[1]:g}", hint)
+        return good
 
     def _has_sign(self, value: Number, quantity: Quantity, field: Field) -> bool:
         broken = broken_sign(value, field.sign, field.most)

@@ -39,8 +39,11 @@ def evaluate(
     overrides: Mapping[str, Number] | None = None,
     arithmetic: Arithmetic | None = None,
     added: Mapping[str, Number] | None = None,
+    checked: bool = False,
 ) -> Scene:
     """Return the scene at the given parameter values (SI), `added` as in `evaluate_parameters`.
+
+    With `checked`, the same values have passed in another arithmetic: numbers that no element uses are left out.
 
     Raises
     ------
@@ -53,7 +56,7 @@ def evaluate(
     if arithmetic is None:
         arithmetic = array_arithmetic() if any(hasattr(v, "shape") for v in overrides.values()) else FLOAT
     with _quiet(arithmetic):
-        return _Assembly(model, evaluate_parameters(model, overrides, arithmetic, added), arithmetic).scene()
+        return _Assembly(model, evaluate_parameters(model, overrides, arithmetic, added), arithmetic).scene(checked)
 
 
 def _quiet(arithmetic: Arithmetic) -> contextlib.AbstractContextManager[Any]:
@@ -95,11 +98,11 @@ def _principal_moments(inertia: Vector) -> npt.NDArray[np.float64]:
 class _Assembly(Evaluator):
     """Puts a scene together."""
 
-    def scene(self) -> Scene:
+    def scene(self, checked: bool) -> Scene:
         model, reference = self.model, self.model.reference
         gravity = self.vector(model.gravity)
         time = self.number(reference.time)
-        bodies = tuple(self.body(entry, time) for entry in model.bodies.values())
+        bodies = tuple(self.body(entry, None if checked else time) for entry in model.bodies.values())
         coordinates, rates, guess = (
             {name: self.number(value) for name, value in values.items()}
             for values in (reference.coordinates, reference.rates, reference.guess)
@@ -114,7 +117,7 @@ class _Assembly(Evaluator):
             for entry in model.entries[section].values()
         ]
         inputs = tuple(ItemValues(entry, self, named) for entry in model.inputs.values())
-        for item in (*items, *inputs):
+        for item in (*items, *inputs) if not checked else ():
             item.check(time)
         if reference.find is None:
             unsaid = (name for name in model.states if name not in coordinates and name not in guess)
@@ -166,12 +169,14 @@ class _Assembly(Evaluator):
 
     # --- bodies -----------------------------------------------------------------------------------------------------
 
-    def body(self, entry: Entry, time: Number) -> BodyValues:
+    def body(self, entry: Entry, time: Number | None) -> BodyValues:
+        """Return a body with its numbers; all of them are checked if there is a time."""
         dimension = self.model.dimension
         coordinates = body_coordinates(entry)
         base: Vector = tuple(float(i == j) for i in range(3) for j in range(3)) if dimension == 3 else ()
         item = ItemValues(entry, self, {})
-        item.check(time)
+        if time is not None:
+            item.check(time)
         if len(coordinates) == dimension:
             inertia, center = (0.0,) * (1 if dimension == 2 else 6), (0.0,) * dimension
             return BodyValues(

@@ -34,7 +34,7 @@ Key = tuple[int, ...]
 class _Vectors:
     """Right vectors, as positions, and left ones, as forces, in scaled coordinates, of eigenvalues with Im s ≥ 0.
 
-    Of squares s all are real, and left vectors are the right ones.
+    Of squares s all are real. Of symmetric equations left vectors are the conjugates of right ones.
     """
 
     s: Any
@@ -48,8 +48,9 @@ def sparse_enclosures(linear: Linearization, space: StateSpace, gamma: float, S:
     with np.errstate(all="ignore"):
         still = _idle(space, T, L) if pencil.undamped else None
         if still is None:
-            return _Discs(pencil, *_general(space, gamma, S, T, L)).placed()
-        return _rooted(_Discs(SparsePencil(linear, squares=True), _undamped(space, still), _Rest(0.0, 0.0)).placed())
+            return _Discs(pencil, *_general(space, gamma, S, T, L, pencil.symmetric)).placed()
+        pencil.squares = True
+        return _rooted(_Discs(pencil, _undamped(space, still), _Rest(0.0, 0.0)).placed())
 
 
 def _rooted(squares: Placed) -> Placed:
@@ -133,30 +134,29 @@ def _undamped(space: StateSpace, still: Array) -> _Vectors:
     return _Vectors(-squares, x, x)
 
 
-def _general(space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> tuple[_Vectors, _Rest]:
+def _general(
+    space: StateSpace, gamma: float, S: Array, T: Array, L: Array, symmetric: bool
+) -> tuple[_Vectors, _Rest]:
     """Return the eigenvalues of S apart from T and L."""
     from scipy.linalg import eig
 
-    n, known = space.n_xi, np.hstack([T, L.T])
-    if not known.shape[1]:
-        values, left, right = eig(S, left=True, right=True, check_finite=False)
-        rest = _Rest(0.0, 0.0)
-        upper = values.imag >= 0.0
-        values, left, right = values[upper].astype(complex), left[:, upper].astype(complex), right[:, upper]
-    else:
+    n, known, A, rest = space.n_xi, np.hstack([T, L.T]), S, _Rest(0.0, 0.0)
+    if known.shape[1]:
         B = np.linalg.qr(known, mode="complete")[0][:, known.shape[1] :]
         A = B.T @ S @ B
-        values, left, right = eig(A, left=True, right=True, check_finite=False)
-        upper = values.imag >= 0.0
-        values = values[upper].astype(complex)
-        right, left = B @ right[:, upper].astype(complex), B @ left[:, upper].astype(complex)
-        right = right + T @ _shifted(T.T @ S @ T, (T.T @ S) @ right, values)
-        left = left + L.T @ ((S @ L.T).T @ left / values.conj())
         rest = _neutral(space, gamma, S, T, L, B, A)
+    values, *both = eig(A, left=not symmetric, right=True, check_finite=False)
+    upper = values.imag >= 0.0
+    values, *both = (np.asarray(z[..., upper], dtype=complex) for z in (values, *both))
+    if known.shape[1]:
+        both = [B @ z for z in both]
+        both[-1] = both[-1] + T @ _shifted(T.T @ S @ T, (T.T @ S) @ both[-1], values)
     N = space.spaces.N
-    x = in_parts(lambda b: N @ b, right[:n].astype(complex))
-    y = in_parts(lambda b: N @ np.linalg.solve(space.M_z, b), left[n:].astype(complex))
-    return _Vectors(values, x, y), rest
+    x = in_parts(lambda b: N @ b, both[-1][:n])
+    if symmetric:
+        return _Vectors(values, x, x.conj()), rest
+    left = both[0] + L.T @ ((S @ L.T).T @ both[0] / values.conj())
+    return _Vectors(values, x, in_parts(lambda b: N @ np.linalg.solve(space.M_z, b), left[n:])), rest
 
 
 def _shifted(inner: Array, c: Complex, values: Complex) -> Complex:
@@ -391,7 +391,7 @@ class _Discs:
             # A group that is its own conjugate has a real basis.
             centre, x, y = complex(centre.real), np.hstack([x.real, x.imag]), np.hstack([y.real, y.imag])
         X, Y = (np.linalg.svd(z, full_matrices=False)[0][:, : len(members)].astype(complex) for z in (x, y))
-        return centre, X, Y
+        return centre, X, X.conj() if self.pencil.symmetric else Y
 
     def _cluster(self, found: Block, members: Group, values: Complex, partner: list[int], real: bool) -> list[Disc]:
         """Return the discs of a group."""

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 def rounded_system(system: System) -> System:
     """Return a scene in the arithmetic of numbers with error bounds."""
     model, given = system.scene.model, system.scene.parameters
-    rounded = System(evaluate(model, _parameters(model, given), rounded_arithmetic()))
+    rounded = system.renumbered(evaluate(model, _parameters(model, given), rounded_arithmetic(), checked=True))
     if not system.sparse:
         return rounded
     from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers

@@ -7,6 +7,8 @@ With motions x, forces y and the multipliers ν, μ that belong to them, a two-s
 makes eigenvalues of the reduced matrix as accurate as the entries of the equations: errors of x and y enter as their
 product only (Lancaster 1961; Schwetlick and Schreiber 2012, Linear Algebra Appl. 436).
 
+Where M, R and K are symmetric, Q is so, and left vectors are the conjugates of right ones.
+
 Without damping the unknown is the square: λ = s² in Q = [λM + K, Jᵀ; J, 0], which is symmetric and linear in λ. Its
 eigenvalues are real and its vectors orthogonal, also where s = 0 is a double eigenvalue with one vector.
 """
@@ -95,18 +97,27 @@ class SparsePencil:
     Parameters
     ----------
     linear : Linearization
+
+    Attributes
+    ----------
+    symmetric : bool
+        Whether M, R and K are symmetric, up to errors of which `errors` takes account.
     squares : bool
-        Take the square of a rate for `s` everywhere; see `undamped`.
+        Whether `s` stands for the square of a rate everywhere; see `undamped`.
     """
 
-    def __init__(self, linear: Linearization, squares: bool = False) -> None:
-        self.linear, self.squares = linear, squares
+    def __init__(self, linear: Linearization) -> None:
+        self.linear, self.squares = linear, False
         spaces = linear.spaces
         self.scale, self.rows = spaces.scale, spaces.row_scale
         self.M, self.R, self.K, self.J, _ = self._scaled(Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q))
-        self._odd = 0.5 * (self.K - self.K.T)
-        if squares:
-            self.K = self.K - self._odd
+        self._odd = [0.5 * (x - x.T) for x in (self.R, self.K)]
+        self.symmetric = all(
+            largest(odd) <= 0.5 * TOLERANCES.symmetric_part * largest(x)
+            for odd, x in zip(self._odd, (self.R, self.K), strict=True)
+        )
+        if self.symmetric:
+            self.R, self.K = self.R - self._odd[0], self.K - self._odd[1]
         assert isinstance(spaces.C, SparseRank)
         self.inverse, self.kept = spaces.C.pseudo_inverse, spaces.C.kept
         self.norms = [math.sqrt(float(abs(x).sum(axis=0).max()) * float(abs(x).sum(axis=1).max())) if x.nnz else 0.0
@@ -123,8 +134,9 @@ class SparsePencil:
         summed = (TOLERANCES.roundings_of_sum + 0.5 * math.log2(n)) * EPS
         own = (self.M, self.R, self.K, self.J)
         M, R, K, J = (x + summed * abs(y) for x, y in zip(found[:4], own, strict=True))
-        if self.squares:
-            M, K = M.maximum(M.T), K.maximum(K.T) + abs(self._odd)
+        if self.symmetric:
+            M, R, K = (x.maximum(x.T) for x in (M, R, K))
+            R, K = R + abs(self._odd[0]), K + abs(self._odd[1])
         return Matrices(M, R, K, J, found.D_q)
 
     @cached_property
@@ -135,7 +147,7 @@ class SparsePencil:
     @property
     def undamped(self) -> bool:
         """Whether no force depends on speeds and K is symmetric."""
-        return not largest(self.R) and largest(self._odd) <= 0.5 * TOLERANCES.symmetric_part * largest(self.K)
+        return self.symmetric and not largest(self.R)
 
     # --- products ---------------------------------------------------------------------------------------------------
 
@@ -158,10 +170,15 @@ class SparsePencil:
         return -in_parts(lambda b: self.inverse.rmatmat(b), force)
 
     def residuals(self, s: Complex, x: Any, y: Any) -> Residuals:
-        """Return the residuals of the equations with approximate eigenvectors, column by column."""
-        right = self._side(s, x, False)
-        nu, off, gap, open_, rows = right
-        mu, back, drift, shut, columns = right if self.squares else self._side(s.conj(), y, True)
+        """Return the residuals of the equations with approximate eigenvectors, column by column.
+
+        Of symmetric equations y must be the conjugate of x.
+        """
+        nu, off, gap, open_, rows = self._side(s, x, False)
+        if self.symmetric:
+            mu, back, drift, shut, columns = nu.conj(), off.conj(), gap.conj(), open_, rows
+        else:
+            mu, back, drift, shut, columns = self._side(s.conj(), y, True)
         return Residuals(nu, mu, off, gap, back, drift, open_, rows, shut, columns, self.slope(s, x))
 
     def _side(self, s: Complex, x: Any, transposed: bool) -> tuple[Any, Any, Any, Array, Array]:
@@ -213,6 +230,8 @@ class SparsePencil:
         try:
             lu = splu(H)
             right = lu.solve(np.concatenate([self.slope(s, x), none]))[:n]
+            if self.symmetric:
+                return (right, right.conj()) if np.isfinite(right).all() else None
             left = lu.solve(np.concatenate([self.slope(s.conjugate(), y, transposed=True), none]), "H")[:n]
         except RuntimeError:
             return None

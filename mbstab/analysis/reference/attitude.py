@@ -56,7 +56,7 @@ class Attitudes:
         )
         owner = {system.names[k]: i for i, part in parts for k in range(part.start, part.stop)}
         pinned: dict[int, str] = {}
-        for name, what in named_by(item.entry for item in scene.items).items():
+        for name, what in named_by(item.entry for item in scene.items).items() if owner else ():
             if name in owner:
                 pinned.setdefault(owner[name], what)
         return cls(system, parts, pinned)

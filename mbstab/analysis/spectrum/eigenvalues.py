@@ -45,6 +45,7 @@ from mbstab.analysis.verdict.rule import (
 from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, MbstabError, NumericalError, UsageError
+from mbstab.model.schema import is_state
 
 
 def eigenvalues(linear: Linearization, method: str = DEFAULT, digits: ManyDigits | None = None) -> EigenResult:
@@ -258,19 +259,17 @@ def participation(M: Any, names: Sequence[str], x: Any) -> list[dict[str, float]
     """
     energy = np.real(x.conj() * (M @ x))
     total = np.sum(energy, axis=0)
-    bodies, owner = _owners(tuple(names))
-    shares = np.zeros((len(bodies), x.shape[1]))
-    np.add.at(shares, owner, np.where(total > 0.0, energy / np.where(total > 0.0, total, 1.0), 0.0))
-    own = [k for k, body in enumerate(bodies) if body not in names]  # states have no energy
-    return [{bodies[k]: mode[k] for k in own} for mode in shares.T.tolist()]
+    bodies, starts = _bodies(tuple(names))
+    shares = np.add.reduceat(np.where(total > 0.0, energy / np.where(total > 0.0, total, 1.0), 0.0), starts)
+    return [dict(zip(bodies, mode, strict=True)) for mode in shares[: len(bodies)].T.tolist()]
 
 
 @lru_cache(maxsize=8)
-def _owners(names: tuple[str, ...]) -> tuple[tuple[str, ...], Index]:
-    """Return the bodies of coordinates, and the body of each coordinate."""
+def _bodies(names: tuple[str, ...]) -> tuple[tuple[str, ...], Index]:
+    """Return the bodies to which coordinates belong, and where those of each begin; then states, without energy."""
     owners = [name.partition(".")[0] for name in names]
-    bodies = {body: k for k, body in enumerate(dict.fromkeys(owners))}
-    return tuple(bodies), np.array([bodies[body] for body in owners], dtype=np.intp)
+    starts = [k for k, owner in enumerate(owners) if not k or owner != owners[k - 1]]
+    return tuple(owners[k] for k in starts if not is_state(names[k])), np.array(starts, dtype=np.intp)
 
 
 def answer(

@@ -154,28 +154,28 @@ def _by_mass(system: System, named: NamedMotions) -> Iterator[list[int]]:
 
 def _independent(rows: Array, groups: Iterable[Sequence[int]]) -> list[int]:
     """Return independent rows that span all, group by group, each time the most independent one."""
-    chosen, spanned = list[int](), np.zeros((0, rows.shape[1]))
+    chosen, width = list[int](), rows.shape[1]
+    spanned = np.zeros((width, width))  # an orthonormal basis, filled row by row
     own = np.linalg.norm(rows, axis=1)
     for number, group in enumerate(groups):
-        if len(spanned) == rows.shape[1]:
+        if len(chosen) == width:
             break
         least = TOLERANCES.told_independent if number else TOLERANCES.told_joint_independent
         part = np.array(group, dtype=np.intp)
         left = rows[part]
         for _ in range(2):  # the second time for what rounding left
-            left = left - (left @ spanned.T) @ spanned
-        directions: list[Array] = []
-        while len(spanned) + len(directions) < rows.shape[1]:
-            size = np.linalg.norm(left, axis=1)
+            basis = spanned[: len(chosen)]
+            left = left - (left @ basis.T) @ basis
+        while len(chosen) < width:
+            size = np.sqrt(np.einsum("ij,ij->i", left, left))
             size[size <= least * own[part]] = 0.0
             most = float(np.max(size, initial=0.0))
             if not most > 0.0:
                 break
             k = int(np.argmax(size >= (1.0 - 1e-9) * most))
+            direction = spanned[len(chosen)] = left[k] / size[k]
             chosen.append(int(part[k]))
-            directions.append(left[k] / np.linalg.norm(left[k]))
-            left = left - np.outer(left @ directions[-1], directions[-1])
-        spanned = np.vstack([spanned, *directions])
+            left -= np.outer(left @ direction, direction)
     return chosen
 
 
