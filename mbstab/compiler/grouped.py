@@ -195,6 +195,12 @@ class Assembly:
         """Return the same for other elements."""
         return Assembly(elements, self.n_q, self.form, self.numbers)
 
+    def renumbered(self, elements: Sequence[Element], numbers: Numbers | None) -> Assembly:
+        """Return the same for elements that differ in their numbers only."""
+        other = Assembly(elements, self.n_q, self.form, numbers or self.numbers)
+        other._patterns = self._patterns
+        return other
+
     def outputs(
         self, function: str, at: tuple[Any, ...], shapes: dict[str, tuple[int, ...]], what: What
     ) -> dict[str, Any] | None:

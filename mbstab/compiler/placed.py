@@ -78,8 +78,6 @@ class Acting:
         The coefficients of the dissipation function of a force with one and a potential; None for others.
     analytic : bool
         Whether it is an analytic function of the state: no abs and the like of coordinates.
-    slots : frozenset of (int, int)
-        Entries of ∂F/∂q that are not identically zero, as numbers of coordinates.
     """
 
     path: str
@@ -88,8 +86,14 @@ class Acting:
     inertia: bool
     damping: tuple[Any, ...] | None
     analytic: bool
-    slots: frozenset[tuple[int, int]]
     placed: Placed
+
+    @cached_property
+    def slots(self) -> frozenset[tuple[int, int]]:
+        """Entries of ∂F/∂q that are not identically zero, as numbers of coordinates."""
+        own, places = set(self.columns), self.placed.columns
+        pairs = ((places[i], places[j]) for i, j in self.placed.kernel.LINEARIZE.get("K", ()))
+        return frozenset(pair for pair in pairs if own.issuperset(pair))
 
     @cached_property
     def seen(self) -> frozenset[int]:

@@ -165,6 +165,11 @@ class System:
         for path in dict.fromkeys(element.path for element in self._elements):
             yield path, self._with([element for element in self._elements if element.path == path])
 
+    def _only(self, chosen: Callable[[Placed], bool]) -> System:
+        """Return a system with the elements that are chosen: this one if all are."""
+        elements = [element for element in self._elements if chosen(element)]
+        return self if len(elements) == len(self._elements) else self._with(elements)
+
     def containing(self, columns: frozenset[int]) -> System:
         """Return a system with only those elements with rows that contain some coordinates."""
         return self._with([e for e in self._elements if e.rows and not columns.isdisjoint(e.columns)])
@@ -176,16 +181,18 @@ class System:
         def closes(element: Placed) -> bool:
             return element.takes_acceleration or bool(element.rows and max(element.rows) < self.n_h)
 
-        return self.remember("closing", None, lambda: self._with([e for e in self._elements if closes(e)]))
+        return self.remember("closing", None, lambda: self._only(closes))
 
     @property
     def bodily(self) -> System:
         """A system with only inertia and the rows of bodies: states follow them, and take no force from them."""
+        if not self.n_n:
+            return self.closing
 
         def bodily(element: Placed) -> bool:
             return element.takes_acceleration or bool(element.rows and element.path.partition(".")[0] != "states")
 
-        return self.remember("bodily", None, lambda: self._with([e for e in self._elements if bodily(e)]))
+        return self.remember("bodily", None, lambda: self._only(bodily))
 
     @cached_property
     def states(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
@@ -246,22 +253,32 @@ class System:
         other.scene, other._assembly = scene, None
         return other
 
-    def renumbered(self, scene: Scene) -> System:
-        """Return the same elements with the numbers of another scene, which must not differ otherwise."""
+    def renumbered(self, scene: Scene, numbers: Numbers | None = None) -> System:
+        """Return the same elements with the numbers of another scene, which must not differ otherwise.
+
+        Parameters
+        ----------
+        scene : Scene
+        numbers : Numbers, optional
+            The type of these numbers, of sparse matrices.
+        """
         other = self._with([])
-        other.scene, other._assembly = scene, None
+        other.scene = scene
         uses = other._uses()
         if len(uses) == len(self._elements):
             for known, (use, _, role) in zip(self._elements, uses, strict=True):
                 if not isinstance(use, ElementUse) or known.kernel is not _kernel(self._kernel_name(use)):
                     break
-                numbers = (*other._bases(use), *use.parameters)
+                own = (*other._bases(use), *use.parameters)
                 other._elements.append(
-                    Placed(known.kernel, known.columns, known.rows, numbers, use.laws, role == "inertia", known.path)
+                    Placed(known.kernel, known.columns, known.rows, own, use.laws, role == "inertia", known.path)
                 )
             else:
+                if self._assembly is not None:
+                    other._assembly = self._assembly.renumbered(other._elements, numbers)
                 return other
-        return System(scene)
+        other = System(scene)
+        return other if self._assembly is None else other.in_matrices(self._assembly.form, numbers)
 
     def loads(self, q: Any, u: Any, a: Any, time: Any = None) -> Any:
         """Return the sum of the sizes of all forces and inertia on each coordinate, without cancellation, (n_q,)."""
@@ -305,13 +322,11 @@ class System:
             if e.rows:
                 continue
             columns = tuple(dict.fromkeys(i for i in e.columns if i < self.n_q))
-            pairs = ((e.columns[i], e.columns[j]) for i, j in e.kernel.LINEARIZE.get("K", ()))
-            slots = {pair for pair in pairs if max(pair) < self.n_q}
             written = e.kernel.__name__ == "user"
             places = getattr(e.kernel, "DAMPING", None)
             damping = None if places is None else tuple(e.parameters[i] for i in places)
             analytic = e.path not in pieced
-            found.append(Acting(e.path, columns, written, e.takes_acceleration, damping, analytic, frozenset(slots), e))
+            found.append(Acting(e.path, columns, written, e.takes_acceleration, damping, analytic, e))
         return found
 
     # --- what is in the scene ---------------------------------------------------------------------------------------

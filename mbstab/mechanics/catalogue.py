@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
+from functools import cached_property
 from typing import Any, Literal, Protocol
 
 from mbstab.mechanics.measures import Pose
@@ -418,6 +419,10 @@ class Kind:
     state: OwnState | None = None
     following: Kind | None = None
 
+    @cached_property
+    def _by_name(self) -> dict[str, Field]:
+        return {field.name: field for field in self.fields}
+
     def field(self, name: str) -> Field:
         """Return the field of that name."""
-        return next(field for field in self.fields if field.name == name)
+        return self._by_name[name]

@@ -35,9 +35,10 @@ class Gathered(MutableMapping[K, V]):
         self._waiting.remove(name)
 
     def __getitem__(self, key: K) -> V:
-        while key not in self._known and self._waiting:
+        known = self._known
+        while key not in known and self._waiting:
             self._import()
-        return self._known[key]
+        return known[key]
 
     def __setitem__(self, key: K, value: V) -> None:
         if key not in self:

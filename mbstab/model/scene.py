@@ -172,7 +172,8 @@ class Scene:
     @cached_property
     def timed(self) -> bool:
         """Whether anything is a function of the time; a load that is written as numbers is not."""
-        return any("t" in expression.names() for expression in self.written)
+        moving = [x for item in self.items for _, kind, x in given_fields(item.entry) if kind.moving]
+        return any("t" in expression.names() for expression in expressions_in(moving))
 
     def coordinate_names(self) -> list[str]:
         """Return the names of the coordinates in the order of q."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
-from mbstab.analysis.algebra.sparse import dense, in_sparse
+from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
@@ -40,12 +40,12 @@ if TYPE_CHECKING:
 def rounded_system(system: System) -> System:
     """Return a scene in the arithmetic of numbers with error bounds."""
     model, given = system.scene.model, system.scene.parameters
-    rounded = system.renumbered(evaluate(model, _parameters(model, given), rounded_arithmetic(), checked=True))
+    scene = evaluate(model, _parameters(model, given), rounded_arithmetic(), checked=True)
     if not system.sparse:
-        return rounded
+        return system.renumbered(scene)
     from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers
 
-    return in_sparse(rounded, RoundedNumbers())
+    return system.renumbered(scene, RoundedNumbers())
 
 
 def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:

@@ -120,8 +120,7 @@ class SparsePencil:
             self.R, self.K = self.R - self._odd[0], self.K - self._odd[1]
         assert isinstance(spaces.C, SparseRank)
         self.inverse, self.kept = spaces.C.pseudo_inverse, spaces.C.kept
-        self.norms = [math.sqrt(float(abs(x).sum(axis=0).max()) * float(abs(x).sum(axis=1).max())) if x.nnz else 0.0
-                      for x in (self.M, self.R, self.K, self.J)]  # fmt: skip
+        self.norms = [_norm_bound(x) for x in (self.M, self.R, self.K, self.J)]
 
     def _scaled(self, matrices: Matrices) -> Matrices:
         M, R, K = (scaled(x, self.scale, self.scale) for x in matrices[:3])
@@ -302,6 +301,14 @@ def blocks_of(pencil: SparsePencil, centres: list[Any], right: list[Any], left: 
         right_over, left_over = (np.array(sizes) + pencil.across(np.array([centre]), gaps)).tolist()
         found.append(Block(centre, D, inverse, data, np.abs(Y_t @ mass[at]), right_over, left_over))
     return found
+
+
+def _norm_bound(A: Any) -> float:
+    """Return √(‖A‖₁ ‖A‖_∞) of a matrix in compressed rows, which its 2-norm does not exceed."""
+    sizes = np.abs(A.data)
+    columns = np.bincount(A.indices, sizes, minlength=1)
+    rows = np.bincount(np.repeat(np.arange(A.shape[0]), np.diff(A.indptr)), sizes, minlength=1)
+    return math.sqrt(float(columns.max()) * float(rows.max()))
 
 
 def _norm(*parts: Any) -> float:

@@ -25,6 +25,5 @@ def kind_of(field: Field) -> FieldKind:
 
 def given_fields(entry: Entry) -> Iterator[tuple[Field, FieldKind, Any]]:
     """Yield the fields of an entry that have a value, its own or a default, with their kinds and values."""
-    for field in entry.kind.fields:
-        if field.name in entry.values:
-            yield field, kind_of(field), entry.values[field.name]
+    values = entry.values
+    return ((x, FIELD_KINDS[x.shape], values[x.name]) for x in entry.kind.fields if x.name in values)
