@@ -8,7 +8,7 @@ from mbstab.errors import nearest, suggestion
 from mbstab.mechanics.measures import MEASURES, is_measure, parts
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
-from mbstab.model.expressions import Expression, ExpressionError, filled_in
+from mbstab.model.expressions import Expression, ExpressionError, Node, filled_in
 from mbstab.model.functions import CALLED
 from mbstab.model.measures import Places
 from mbstab.model.names import Names
@@ -34,6 +34,7 @@ class QuantityReader:
     def __init__(self, names: Names) -> None:
         self.names = names
         self.nodes = names.nodes
+        self._literals: dict[tuple[str, str], Node] = {}
 
     # --- one expression ---------------------------------------------------------------------------------------------
 
@@ -62,6 +63,9 @@ class QuantityReader:
         if not isinstance(node, Scalar) or node.empty:
             self.nodes.complain(node, path, "expected a number or an expression" + _in_brackets(unit), single(node))
             return None
+        known = self._literals.get((node.text, unit))
+        if known is not None:
+            return Quantity(node.text, known, node.location, path)
         try:
             expression = parse_finite(node.text, self.names.parameters)
             expression = filled_in(expression, self.names.definitions if shared else {}, self.names.tables)
@@ -71,6 +75,8 @@ class QuantityReader:
         except ExpressionError as error:
             self.complain(node, path, error)
             return None
+        if expression.literal:
+            self._literals[node.text, unit] = expression.root
         return Quantity(expression.text, expression.root, node.location, path)
 
     def expression(

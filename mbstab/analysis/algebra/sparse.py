@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,16 +12,13 @@ from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 
-if TYPE_CHECKING:
-    from mbstab.compiler.grouped import Numbers
-
 
 def large(system: System) -> bool:
     """Return whether a scene is large enough for sparse matrices."""
     return system.n_q + system.n_c >= TOLERANCES.sparse_from_size
 
 
-def in_sparse(system: System, numbers: Numbers | None = None) -> System:
+def in_sparse(system: System) -> System:
     """Return the same equations with matrices M, J, K, R, D_q, … as `scipy.sparse.csr_array`."""
     known: dict[int, tuple[Any, Any]] = {}
 
@@ -32,7 +29,7 @@ def in_sparse(system: System, numbers: Numbers | None = None) -> System:
             known[id(indices)] = csr_array((data, indices, starts), shape=shape), indices
         return with_data(known[id(indices)][0], data)
 
-    return system.in_matrices(form, numbers)
+    return system.in_matrices(form)
 
 
 def with_data(A: Any, data: Any) -> Any:

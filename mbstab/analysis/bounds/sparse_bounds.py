@@ -134,9 +134,7 @@ def _undamped(space: StateSpace, still: Array) -> _Vectors:
     return _Vectors(-squares, x, x)
 
 
-def _general(
-    space: StateSpace, gamma: float, S: Array, T: Array, L: Array, symmetric: bool
-) -> tuple[_Vectors, _Rest]:
+def _general(space: StateSpace, gamma: float, S: Array, T: Array, L: Array, symmetric: bool) -> tuple[_Vectors, _Rest]:
     """Return the eigenvalues of S apart from T and L."""
     from scipy.linalg import eig
 

@@ -322,7 +322,7 @@ def _lengths(*parts: Any) -> Array:
 
 
 def product(A: Any, x: Any) -> Any:
-    """Return A x of a real sparse matrix and real or complex columns."""
+    """Return A x of a real matrix and real or complex columns."""
     return in_parts(lambda b: A @ b, x)
 
 

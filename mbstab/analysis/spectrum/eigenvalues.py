@@ -24,6 +24,7 @@ from mbstab.analysis.bounds.discs import Placed
 from mbstab.analysis.bounds.location import enclosures, enclosures_of
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
+from mbstab.analysis.linear.sparse_pencil import product
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.analysis.spectrum.named_motions import Telling, Told, Whirl, mirrored
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
@@ -166,7 +167,7 @@ def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes, together: int) 
     shares, vector, motions = modes.of(i)
     whirl = modes.whirl.of(value, vector)
     return Eigenvalue(
-        value, kind, bound, condition, backward_error, shares, None, vector, motions, whirl, together=together
+        value, kind, bound, condition, backward_error, shares, None, vector, motions, whirl, "", None, together
     )
 
 
@@ -257,7 +258,7 @@ def participation(M: Any, names: Sequence[str], x: Any) -> list[dict[str, float]
     x : ndarray, shape (n_q, k)
         Δq in scaled coordinates, as columns.
     """
-    energy = np.real(x.conj() * (M @ x))
+    energy = np.real(x.conj() * product(M, x))
     total = np.sum(energy, axis=0)
     bodies, starts = _bodies(tuple(names))
     shares = np.add.reduceat(np.where(total > 0.0, energy / np.where(total > 0.0, total, 1.0), 0.0), starts)

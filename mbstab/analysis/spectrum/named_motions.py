@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags
+from mbstab.analysis.linear.sparse_pencil import product
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import MOTION_UNITS, Placement, motion_name, moving_joints
 from mbstab.analysis.reference.motion import Motion
@@ -120,7 +121,7 @@ class Telling:
         known = [(k, shape) for k, shape in enumerate(shapes) if shape is not None]
         if not known or not len(self.names):
             return found
-        moved = np.array([shape for _, shape in known]) @ self.rows.T
+        moved = product(self.rows, np.array([shape for _, shape in known]).T).T
         sizes = np.abs(moved)
         bodily = np.any(sizes[:, ~self._states] > 0.0, axis=1)
         sizes[np.ix_(bodily, self._states)] = 0.0  # in units of their own
