@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.compiler.scatter import signals_at
+from mbstab.mechanics.catalogue import GROUND, Element, ElementUse
 from mbstab.mechanics.elements import ELEMENTS
 from mbstab.mechanics.vectors import plain_zero
 from mbstab.model.arithmetic import FLOAT, Arithmetic
@@ -161,6 +162,47 @@ class Acting:
                     row = found[key][place[e.columns[i]]]
                     row[place[e.columns[j]]] = row[place[e.columns[j]]] + value
         return found["K"], found["R"]
+
+
+def columns_of(use: ElementUse, element: Element, scene: Scene, slices: list[slice], n_q: int) -> tuple[int, ...]:
+    """Return the coordinate numbers of an element, n_q where one is fixed; `slices` are those of the bodies."""
+    if element.on_coordinates:
+        return use.slots
+    size = 3 if scene.dimension == 2 else 6
+    columns: list[int] = []
+    for body in use.slots[: element.slots]:
+        own = range(0) if body == GROUND else range(slices[body].start, slices[body].stop)
+        columns += [*own, *[n_q] * (size - len(own))]
+    return (*columns, *use.slots[element.slots :])
+
+
+def bases_of(use: ElementUse, element: Element, scene: Scene) -> tuple[Any, ...]:
+    """Return the base rotations of the bodies of an element, one after the other; there are none in the plane."""
+    if scene.dimension == 2 or element.on_coordinates:
+        return ()
+    return tuple(x for b in use.slots[: element.slots] for x in (_IDENTITY if b == GROUND else scene.bodies[b].base))
+
+
+_IDENTITY = tuple(float(i == j) for i in range(3) for j in range(3))
+
+
+def acting(elements: Iterable[Placed], scene: Scene, names: Sequence[str]) -> list[Acting]:
+    """Return the elements without rows, each by itself; `names` are those of the coordinates."""
+    pieced = {
+        item.entry.path
+        for item in scene.items
+        if any(expression.pieced(names) for expression in item.entry.expressions())
+    }
+    found = []
+    for e in elements:
+        if e.rows:
+            continue
+        columns = tuple(dict.fromkeys(i for i in e.columns if i < len(names)))
+        places = getattr(e.kernel, "DAMPING", None)
+        damping = None if places is None else tuple(e.parameters[i] for i in places)
+        written = e.kernel.__name__ == "user"
+        found.append(Acting(e.path, columns, written, e.takes_acceleration, damping, e.path not in pieced, e))
+    return found
 
 
 def sizes_of_forces(acting: Iterable[Acting], q: Any, u: Any, a: Any, time: Any) -> npt.NDArray[np.float64]:

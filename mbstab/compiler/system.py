@@ -37,11 +37,20 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbstab.compiler.placed import Acting, Placed, following, sizes_of_forces, unfelt_states
+from mbstab.compiler.placed import (
+    Acting,
+    Placed,
+    acting,
+    bases_of,
+    columns_of,
+    following,
+    sizes_of_forces,
+    unfelt_states,
+)
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
-from mbstab.mechanics.catalogue import GROUND, ElementUse, Moved, Role
+from mbstab.mechanics.catalogue import ElementUse, Moved, Role
 from mbstab.mechanics.elements import ELEMENTS, kernel_name
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.evaluator import Law
@@ -269,7 +278,7 @@ class System:
             for known, (use, _, role) in zip(self._elements, uses, strict=True):
                 if not isinstance(use, ElementUse) or known.kernel is not _kernel(self._kernel_name(use)):
                     break
-                own = (*other._bases(use), *use.parameters)
+                own = (*bases_of(use, ELEMENTS[self._kernel_name(use)], scene), *use.parameters)
                 other._elements.append(
                     Placed(known.kernel, known.columns, known.rows, own, use.laws, role == "inertia", known.path)
                 )
@@ -312,22 +321,7 @@ class System:
 
     def acting(self) -> list[Acting]:
         """Return the elements without rows, each by itself."""
-        found = []
-        pieced = {
-            item.entry.path
-            for item in self.scene.items
-            if any(expression.pieced(self.names) for expression in item.entry.expressions())
-        }
-        for e in self._elements:
-            if e.rows:
-                continue
-            columns = tuple(dict.fromkeys(i for i in e.columns if i < self.n_q))
-            written = e.kernel.__name__ == "user"
-            places = getattr(e.kernel, "DAMPING", None)
-            damping = None if places is None else tuple(e.parameters[i] for i in places)
-            analytic = e.path not in pieced
-            found.append(Acting(e.path, columns, written, e.takes_acceleration, damping, analytic, e))
-        return found
+        return acting(self._elements, self.scene, self.names)
 
     # --- what is in the scene ---------------------------------------------------------------------------------------
 
@@ -383,7 +377,8 @@ class System:
             path = entry.path if entry else f"bodies.{self.scene.bodies[use.slots[0]].name}"
             if isinstance(use, ElementUse):
                 name = self._kernel_name(use)
-                columns, bases = self._columns(use), self._bases(use)
+                columns = columns_of(use, ELEMENTS[name], self.scene, self.body_slices, self.n_q)
+                bases = bases_of(use, ELEMENTS[name], self.scene)
                 if any(isinstance(x, Moved) for x in use.parameters):
                     placed.append(self._place_moved(use, name, columns, bases, rows, path))
                     continue
@@ -393,26 +388,6 @@ class System:
                 assert entry is not None
                 placed.append(self._place_expressions(use, entry, role, rows))
         return placed
-
-    def _columns(self, use: ElementUse) -> tuple[int, ...]:
-        """Return the coordinate numbers of an element, n_q where a coordinate is fixed."""
-        element = ELEMENTS[self._kernel_name(use)]
-        if element.on_coordinates:
-            return use.slots
-        size = 3 if self.scene.dimension == 2 else 6
-        columns: list[int] = []
-        for body in use.slots[: element.slots]:
-            own = range(0) if body == GROUND else range(self.body_slices[body].start, self.body_slices[body].stop)
-            columns += [*own, *[self.n_q] * (size - len(own))]
-        return (*columns, *use.slots[element.slots :])
-
-    def _bases(self, use: ElementUse) -> tuple[Any, ...]:
-        """Return the base rotations of the bodies of an element, one after the other; there are none in the plane."""
-        element = ELEMENTS[self._kernel_name(use)]
-        if self.scene.dimension == 2 or element.on_coordinates:
-            return ()
-        bodies = self.scene.bodies
-        return tuple(x for b in use.slots[: element.slots] for x in (_IDENTITY if b == GROUND else bodies[b].base))
 
     def _place_moved(
         self, use: ElementUse, name: str, columns: tuple[int, ...], bases: tuple[Any, ...], rows: Any, path: str
@@ -630,5 +605,4 @@ def _kernel(name: str) -> Any:
 
 
 _TIME = Time()
-_IDENTITY = tuple(float(i == j) for i in range(3) for j in range(3))
 _OF_ROWS: tuple[Role, ...] = ("holonomic", "nonholonomic")
