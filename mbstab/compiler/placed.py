@@ -205,7 +205,7 @@ def acting(elements: Iterable[Placed], scene: Scene, names: Sequence[str]) -> li
     return found
 
 
-def sizes_of_forces(acting: Iterable[Acting], q: Any, u: Any, a: Any, time: Any) -> npt.NDArray[np.float64]:
+def force_sizes(acting: Iterable[Acting], q: Any, u: Any, a: Any, time: Any) -> npt.NDArray[np.float64]:
     """Return the sums of the sizes of forces, with inertia, on each coordinate; those of one entry are added first.
 
     Where a force has no finite value, sums are not finite.

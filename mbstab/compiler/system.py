@@ -37,16 +37,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mbstab.compiler.placed import (
-    Acting,
-    Placed,
-    acting,
-    bases_of,
-    columns_of,
-    following,
-    sizes_of_forces,
-    unfelt_states,
-)
+from mbstab.compiler.placed import Acting, Placed, acting, bases_of, columns_of, following, force_sizes, unfelt_states
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
@@ -291,7 +282,7 @@ class System:
 
     def loads(self, q: Any, u: Any, a: Any, time: Any = None) -> Any:
         """Return the sum of the sizes of all forces and inertia on each coordinate, without cancellation, (n_q,)."""
-        found = sizes_of_forces(self.acting(), q, u, a, self.scene.time if time is None else time)
+        found = force_sizes(self.acting(), q, u, a, self.scene.time if time is None else time)
         if not np.isfinite(found).all():
             raise self._overflow("dynamics", q, u, time, a, None)
         return found
