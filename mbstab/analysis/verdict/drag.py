@@ -106,7 +106,9 @@ class Drag:
         found: dict[Monomial, Sum] = {}
         split: dict[Monomial, Sum] = {}
         for monomial, coefficient in power.terms:
-            heads = frozenset(x for x in monomial if _moves(x[0]) and not _is_rate(x[0]))
+            # What does not vanish at rest belongs to the coefficient, as what depends on positions alone.
+            factors = [x for x in monomial if _moves(x[0]) and not _is_rate(x[0])]
+            heads = frozenset(x for x in factors if not np.all(self._sign(Sum.of(x[0]))))
             split[heads] = split.get(heads, Sum()) + Sum(frozenset({(monomial - heads, coefficient)}))
         for heads, others in split.items():
             odd = [atom for atom, n in self._parity(heads)[1].items() if n % 2 and atom.kind == "group"]
