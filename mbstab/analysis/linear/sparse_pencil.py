@@ -190,7 +190,7 @@ class SparsePencil:
 
     def pairs(self, s: Complex, x: Any, y: Any) -> Pairs:
         """Return corrected eigenvalues with the residuals of their vectors."""
-        x, y = x / np.linalg.norm(x, axis=0), y / np.linalg.norm(y, axis=0)
+        x, y = x / _lengths(x), y / _lengths(y)
         r = self.residuals(s, x, y)
         slope = np.sum(y.conj() * r.slope, axis=0)
         step = (np.sum(y.conj() * r.off, axis=0) + np.sum(r.mu.conj() * r.gap, axis=0)) / slope
@@ -201,7 +201,7 @@ class SparsePencil:
             first += np.abs(moved + np.sum(r.mu.conj() * product(change.J, x), axis=0))
         right = _lengths(r.off, r.open) + self.across(s, _lengths(r.gap, r.rows))
         left = _lengths(r.back, r.shut) + self.across(s, _lengths(r.drift, r.columns))
-        weight = self._weight(s) + self.norms[3] * np.linalg.norm(r.nu, axis=0)
+        weight = self._weight(s) + self.norms[3] * _lengths(r.nu)
         return Pairs(s - step, np.abs(step), slope, first / np.abs(slope), right, left, _lengths(r.off) / weight)
 
     def _weight(self, s: Complex) -> Array:
@@ -318,7 +318,13 @@ def _norm(*parts: Any) -> float:
 
 def _lengths(*parts: Any) -> Array:
     """Return the sums of the lengths of columns."""
-    return np.asarray(sum(np.linalg.norm(x, axis=0) for x in parts))
+    total = np.zeros(parts[0].shape[1])
+    for x in parts:
+        # The parts of complex columns side by side: `numpy.linalg.norm` makes several copies of them.
+        real = np.ascontiguousarray(x).view(float)
+        squares = np.einsum("ij,ij->j", real, real)
+        total += np.sqrt(squares.reshape(x.shape[1], 2 if np.iscomplexobj(x) else 1).sum(axis=1))
+    return total
 
 
 def product(A: Any, x: Any) -> Any:

@@ -76,7 +76,7 @@ class Placement:
         """
         first, second = item.markers("between")
         if kind == "angle" and self.system.scene.dimension == 2:
-            return self._angle(first) - self._angle(second)
+            return self._angle(self.q, first) - self._angle(self.q, second)
         if kind == "angle":
             one, two = item.triads("axis", "zero")
             zero = self._direction(first, one.v2)
@@ -91,10 +91,10 @@ class Placement:
     def rate(self, kind: str, item: Item) -> Any:
         """Return the rate of such a motion, shape (…) (m/s, rad/s)."""
         first, second = item.markers("between")
+        if kind == "angle" and self.system.scene.dimension == 2:
+            return self._angle(self.u, first) - self._angle(self.u, second)
         if kind == "angle":
             spin = self._spin(first) - self._spin(second)
-            if self.system.scene.dimension == 2:
-                return spin[..., 2]
             return np.sum(self._direction(second, item.triads("axis", "zero")[1].v1) * spin, axis=-1)
         gap, speed = self._place(first) - self._place(second), self._velocity(first) - self._velocity(second)
         if kind == "distance":
@@ -119,10 +119,11 @@ class Placement:
             found[name], found[f"rate({name})"] = self.q[..., i], self.u[..., i]
         return found
 
-    def _angle(self, marker: Marker) -> Any:
+    def _angle(self, x: Array, marker: Marker) -> Any:
+        """Return the angle of a planar body in coordinates, or its rate in speeds."""
         if marker.body == GROUND or not self.system.scene.bodies[marker.body].orientation:
             return 0.0
-        return self.q[..., self.system.body_slices[marker.body].start + 2]
+        return x[..., self.system.body_slices[marker.body].start + 2]
 
     def _direction(self, marker: Marker, vector: Any) -> Array:
         fixed = np.array(vector[: self.system.scene.dimension], dtype=float)

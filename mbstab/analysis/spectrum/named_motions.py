@@ -176,7 +176,7 @@ def _independent(rows: Array, groups: Iterable[Sequence[int]]) -> list[int]:
             k = int(np.argmax(size >= (1.0 - 1e-9) * most))
             direction = spanned[len(chosen)] = left[k] / size[k]
             chosen.append(int(part[k]))
-            left -= np.outer(left @ direction, direction)
+            left -= (left @ direction)[:, None] * direction
     return chosen
 
 
