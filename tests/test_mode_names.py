@@ -291,7 +291,7 @@ def test_a_neutral_mode_with_a_shape_is_listed_as_zero():
     assert all(e.significant == 0.0 for e in result.eigenvalues if e.kind == "neutral")
     undecided = mbstab.loads(
         "mbstab: 1\nbodies: {p: {type: planar_point, mass: 1}}\nconstraints: {rail: {holonomic: p.y}}\n"
-        "forces: {s: {type: expression, on: {p.x: -7*p.x - rate(p.x)**3}}}\n"
+        "forces: {s: {type: expression, on: {p.x: -7*p.x + rate(p.x)**3}}}\n"
         "reference: {coordinates: {p: {x: 0, y: 0}}}\n"
     ).eig()
     assert undecided.verdict == "undecided"

@@ -14,14 +14,19 @@ from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.algebra.rounded_arrays import RoundedArray, RoundedNumbers
 from mbstab.analysis.algebra.sparse import in_sparse
-from mbstab.analysis.algebra.sparse_rank import last_rows, sparse_null_space, sparse_rank
+from mbstab.analysis.algebra.sparse_rank import last_rows, least_singular_value, sparse_null_space, sparse_rank
+from mbstab.analysis.bounds.sparse_bounds import _Discs, _general
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.linear.roundings import roundings
+from mbstab.analysis.linear.sparse_pencil import SparsePencil
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues
+from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.work import Work
+from mbstab.compiler.system import System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
+from mbstab.model.values import evaluate
 
 
 def _dense(x):
@@ -121,6 +126,17 @@ def test_small_singular_values_are_found(size):
     assert found.smallest_kept == pytest.approx(known.smallest_kept, rel=1e-3)
 
 
+@pytest.mark.parametrize("least", [0.5, 1e-3, 1e-9, 0.0])
+def test_the_least_singular_value_of_a_square_matrix(least):
+    from scipy.sparse import csc_array
+
+    rng = np.random.default_rng(8)
+    left, right = (np.linalg.qr(rng.standard_normal((30, 30)))[0] for _ in range(2))
+    A = left @ np.diag([*np.linspace(1.0, 2.0, 29), least]) @ right
+    assert least_singular_value(csc_array(A)) == pytest.approx(np.linalg.svd(A)[1][-1], rel=1e-6, abs=1e-15)
+    assert least_singular_value(csc_array(np.diag([1.0, 2.0, 0.0]))) == 0.0
+
+
 def test_null_space_of_columns():
     J = _rows(np.random.default_rng(8), 20, 0, 30).toarray()
     J[:, [3, 7]] = 0.0
@@ -132,6 +148,33 @@ def test_null_space_of_columns():
 
 
 # --- rounding -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["governor", "whipple_bicycle", "cart_pendulum", "gear_train", "robot_arm"])
+def test_elements_with_other_numbers_are_those_of_a_new_scene(name):
+    model = mbstab.load(f"{name}.yaml").model
+    scene = evaluate(model, arithmetic=rounded_arithmetic(), checked=True)
+    found, new = System(evaluate(model)).renumbered(scene), System(evaluate(model, arithmetic=rounded_arithmetic()))
+    for one, other in zip(found._elements, new._elements, strict=True):
+        assert one.kernel is other.kernel
+        assert (one.columns, one.rows, one.path) == (other.columns, other.rows, other.path)
+        assert list(map(repr, one.parameters)) == list(map(repr, other.parameters))
+
+
+def test_left_vectors_of_symmetric_equations_are_conjugates():
+    """The same spectrum, to the bounds, as if nothing were known of the symmetry."""
+    system = in_sparse(mbstab.loads(straight_chain(60, damping=0.05)).system())
+    linear = linearize(system, reference_motion(system))
+    pencil, other = SparsePencil(linear), SparsePencil(linear)
+    grounds = Grounds(linear)
+    problem = grounds.space, grounds.gamma, grounds.S, grounds.separated.T, grounds.separated.L
+    other.symmetric = False
+    with np.errstate(all="ignore"):
+        one, two = (_Discs(p, *_general(*problem, p.symmetric)).placed() for p in (pencil, other))
+    assert pencil.symmetric
+    order = assigned(np.abs(one.values[:, None] - two.values))
+    assert np.all(np.abs(one.values - two.values[order]) <= one.bounds + two.bounds[order])
+    assert np.all(one.bounds <= 1.01 * two.bounds[order])
 
 
 def test_arrays_of_rounded_numbers_are_rounded_numbers():
