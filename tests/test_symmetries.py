@@ -95,7 +95,7 @@ def test_fields_and_their_slopes_are_those_of_the_finite_turns():
         ("{p.x: p.y*rate(p.y), p.y: -p.y*rate(p.x)}", "powerless"),
         ("{p.x: -2*rate(p.x) - p.x**3, p.y: -rate(p.y)}", "damping"),
         ("{p.x: 2*rate(p.x)}", "other"),
-        ("{p.x: -rate(p.x)**3}", "other"),
+        ("{p.x: -rate(p.x)**3}", "drag"),
         ("{p.x: -p.x*(1 + 1e-25*rate(p.x))}", "other"),
     ],
 )
