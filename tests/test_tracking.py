@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq, linear_sum_assignment
 
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.algebra.roots import root
+from mbstab.analysis.algebra.roots import Search, root
 from mbstab.analysis.sweep.batched_verdict import (
     AXIS,
     LEFT,
@@ -374,6 +374,39 @@ def test_zeros_of_hard_functions(number):
         assert abs(found - expected) <= 8 * np.finfo(float).eps * abs(expected)
         assert all(min(a, b) <= x <= max(a, b) for x in calls)
         assert len(calls) <= 130
+
+
+@pytest.mark.parametrize("beside", [1, 3])
+@pytest.mark.parametrize("number", range(len(FUNCTIONS)))
+def test_zeros_of_hard_functions_at_many_points(number, beside):
+    f, a, b = FUNCTIONS[number]
+    expected = brentq(f, a, b, xtol=1e-300, rtol=4 * np.finfo(float).eps, maxiter=5000)
+    x = np.linspace(a, b, 7)
+    y = np.array([f(z) for z in x])
+    left = int(np.flatnonzero(np.sign(y) != np.sign(y[0]))[0]) - 1
+    for search in (Search(x[[0, -1]], y[[0, -1]], 0, 1), Search(x, y, left, left + 1)):
+        rounds = 0
+        while not search.done:
+            points = search.points(beside)
+            assert 0 < len(points) <= 2 * beside + 2
+            assert np.all((a < points) & (points < b))
+            search.learn(points, np.array([f(z) for z in points]))
+            rounds += 1
+        assert abs(search.best - expected) <= 8 * np.finfo(float).eps * abs(expected)
+        assert search.residual == f(search.best)
+        assert rounds <= 55  # bisections of an interval to the last digits
+
+
+def test_searches_end_where_a_function_has_no_value_and_find_a_zero_at_zero():
+    search = Search(np.array([-1.0, 3.0]), np.array([-1.0, 3.0]), 0, 1)
+    points = search.points(3)
+    search.learn(points, points)
+    assert search.done
+    assert search.best == 0.0
+    search = Search(np.array([1.0, 3.0]), np.array([-1.0, 3.0]), 0, 1)
+    search.learn(search.points(1), np.full(3, math.nan))
+    assert search.done
+    assert search.failed
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

@@ -5,8 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
+import numpy.typing as npt
+
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.errors import NumericalError
+
+USEFUL = 8.0
+"""A guess was of use if the interval has become so many times narrower."""
+
+Array = npt.NDArray[np.float64]
+
+SPREAD = 8.0
+"""Each point beside a guess is so many times as far from it as the one before."""
 
 
 def root(f: Callable[[float], float], a: float, b: float) -> float:
@@ -47,3 +58,94 @@ def root(f: Callable[[float], float], a: float, b: float) -> float:
             t = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
         t = min(1.0 - least, max(least, t))
     return best
+
+
+class Search:
+    """The search for a root of a function whose values at several points cost little more than one value.
+
+    Inverse interpolation by a polynomial through the values around the root, with points closely beside its guess that
+    enclose the root; where a guess was of no use, points that divide the interval evenly.
+
+    Parameters
+    ----------
+    x : ndarray, shape (points,)
+        Ascending …
+    y : ndarray, shape (points,)
+        … with the values of the function there.
+    a : int
+        Number of the point before the change of sign …
+    b : int
+        … and of the one after it.
+    """
+
+    def __init__(self, x: Array, y: Array, a: int, b: int) -> None:
+        inside = np.r_[: a + 1, b : len(x)]
+        self.x, self.y, self.left = np.asarray(x, dtype=float)[inside], np.asarray(y, dtype=float)[inside], a
+        self.guessed, self.failed = True, False
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        return float(self.x[self.left]), float(self.x[self.left + 1])
+
+    @property
+    def _best(self) -> int:
+        return self.left + int(np.argmin(np.abs(self.y[self.left : self.left + 2])))
+
+    @property
+    def best(self) -> float:
+        """The point next to the root."""
+        return float(self.x[self._best])
+
+    @property
+    def residual(self) -> float:
+        """The value of the function there."""
+        return float(self.y[self._best])
+
+    @property
+    def done(self) -> bool:
+        """Whether the root is known to the last digits, or the function has no value in between."""
+        a, b = self._ends
+        return self.failed or 0.0 in self.y[self.left : self.left + 2] or b - a <= 4.0 * EPS * abs(self.best)
+
+    def points(self, beside: int) -> Array:
+        """Return the points to look at next: a guess and so many on each side of it, and zero, a special value."""
+        a, b = self._ends
+        even = np.linspace(a, b, 2 * beside + 3)[1:-1]
+        chosen = even
+        if self.guessed:
+            guess, error = self._guess()
+            reach = 0.5 * max(min(guess - a, b - guess), 0.0) / SPREAD ** (beside - 1)
+            steps = max(min(2.0 * error, reach), 2.0 * EPS * abs(guess)) * SPREAD ** np.arange(beside)
+            chosen = np.concatenate([guess - steps, [guess], guess + steps])
+        found = np.unique(np.append(chosen, 0.0))
+        inside: Array = found[(found > a) & (found < b)]
+        return inside if len(inside) else even
+
+    def _guess(self) -> tuple[float, float]:
+        """Return where the polynomial through values on both sides is zero, and how much the last of them changes."""
+        first, last = self.left, self.left + 1
+        up = np.sign(self.y[last] - self.y[first])
+        while first > max(self.left - 2, 0) and up * (self.y[first] - self.y[first - 1]) > 0.0:
+            first -= 1
+        while last < min(self.left + 3, len(self.y) - 1) and up * (self.y[last + 1] - self.y[last]) > 0.0:
+            last += 1
+        nearest = first + np.argsort(np.abs(self.y[first : last + 1]), kind="stable")
+        y, row = self.y[nearest], self.x[nearest].copy()
+        guesses = [row[0]]
+        for k in range(1, len(row)):
+            row = row[:-1] + (row[1:] - row[:-1]) * (y[: len(y) - k] / (y[: len(y) - k] - y[k:]))
+            guesses.append(row[0])
+        return float(guesses[-1]), float(abs(guesses[-1] - guesses[-2]))
+
+    def learn(self, x: Array, y: Array) -> None:
+        """Take in the values at points that were asked for."""
+        if not np.all(np.isfinite(y)):
+            self.failed = True
+            return
+        a, b = self._ends
+        sign, left = np.sign(self.y[self.left]), self.left + 1
+        self.x, self.y = np.insert(self.x, left, x), np.insert(self.y, left, y)
+        between = np.sign(self.y[left : left + len(x) + 1])
+        self.left += int(np.flatnonzero(between != sign)[0])
+        low, high = self._ends
+        self.guessed = not self.guessed or (high - low) * USEFUL <= b - a

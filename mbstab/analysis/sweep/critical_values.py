@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.algebra.roots import root
+from mbstab.analysis.algebra.roots import Search
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import PathEnd
 from mbstab.analysis.sweep.batched_verdict import (
@@ -20,41 +20,14 @@ from mbstab.analysis.sweep.batched_verdict import (
     settled,
     signs,
 )
+from mbstab.analysis.sweep.brackets import Bracket, RealPart, Stretch, Test, far_apart, needed, spaced
 from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, turning
 from mbstab.analysis.verdict.rule import WORDS
 from mbstab.compiler.system import Array
-from mbstab.errors import MbstabError, NumericalError
-from mbstab.records import dataclass
-
-Test = Callable[[Complex, float], float]
-"""A function of a spectrum and a typical size of its eigenvalues."""
-
-Bracket = tuple[int, int, str, Test | None]
-"""Numbers of two points, what happens between them, and a function of the spectrum that is zero there."""
-
-
-@dataclass(frozen=True)
-class _Stretch:
-    """Points that are close to each other, in continuous columns.
-
-    Attributes
-    ----------
-    x : ndarray, shape (m,)
-    values : ndarray of complex, shape (m, r)
-    sides : ndarray of int8, shape (m, r)
-    mirrored : ndarray of bool, shape (m,)
-    counts : ndarray of int, shape (m,)
-        Number of unstable eigenvalues; −1 where more are undecided than elsewhere.
-    """
-
-    x: Array
-    values: Complex
-    sides: Sides
-    mirrored: Flags
-    counts: Index
+from mbstab.errors import MbstabError
 
 
 class CriticalValues(Branches):
@@ -78,11 +51,15 @@ class CriticalValues(Branches):
         """Return where stability changes."""
         if len(self.x) < 2 or not self.values.shape[1]:
             return []
+        self.roots: dict[tuple[float, float, Test], float | None] = {}
         self._look_inside()
         self._look_between(branches)
         found: list[Critical] = []
-        for first, last in self._suspects(branches):
-            found += self._changes(self._closer(first, last), branches)
+        parts = [self._closer(first, last) for first, last in self._suspects(branches)]
+        brackets = [(part, bracket) for part in parts for bracket in (*self._passing(part), *self._meeting(part))]
+        self._search(brackets)
+        for part in parts:
+            found += self._changes(part, branches)
         # Branches that pass the axis at the same value are found one by one, and described alike.
         different: list[Critical] = []
         for c in [*found, *self._at_ends(branches)]:
@@ -111,7 +88,7 @@ class CriticalValues(Branches):
             ]
         return found
 
-    def _changes(self, part: _Stretch, branches: Complex, depth: int = 0) -> list[Critical]:
+    def _changes(self, part: Stretch, branches: Complex, depth: int = 0) -> list[Critical]:
         """Return where stability changes between points that are close to each other."""
         found: list[Critical] = []
         doubtful: list[tuple[int, int]] = []
@@ -134,7 +111,7 @@ class CriticalValues(Branches):
                 found += [self.branch_point(value, branches) for value in crossings if not self.known(value, found)]
                 continue
             # Branches are confused there: more points separate them.
-            more = _spaced(float(x[a]), float(x[b]))
+            more = spaced(float(x[a]), float(x[b]))
             between = self.at(more[1:-1]) if depth < TOLERANCES.jump_depth else np.full((1, 1), NO_EIGENVALUE)
             if np.any(np.isnan(between)):
                 inside: list[Critical] = []
@@ -145,7 +122,7 @@ class CriticalValues(Branches):
             found += inside
         return found
 
-    def _halved(self, part: _Stretch, a: int, b: int, branches: Complex) -> list[Critical]:
+    def _halved(self, part: Stretch, a: int, b: int, branches: Complex) -> list[Critical]:
         """Return where the number of unstable eigenvalues changes, halving the interval.
 
         What passes there shows between two points so near to each other that only it moves from one side to the other.
@@ -168,7 +145,7 @@ class CriticalValues(Branches):
         return left or [Critical(0.5 * (low + high), "unresolved", (), 0.0, counts)]
 
     def _leaving(
-        self, part: _Stretch, places: tuple[int, int], near: tuple[float, float], branches: Complex
+        self, part: Stretch, places: tuple[int, int], near: tuple[float, float], branches: Complex
     ) -> list[Critical]:
         """Return a change exactly at a point: eigenvalues that a structure holds on the axis there leave it beside it.
 
@@ -188,7 +165,7 @@ class CriticalValues(Branches):
         return [self._described(near[end], kind, there, counts, branches, i) for kind, i in kinds]
 
     def _unexplained(
-        self, part: _Stretch, found: list[Critical], doubtful: list[tuple[int, int]]
+        self, part: Stretch, found: list[Critical], doubtful: list[tuple[int, int]]
     ) -> list[tuple[int, int]]:
         """Return pairs of points between which the number of unstable eigenvalues changes without a value found."""
         x, missing = part.x, []
@@ -201,7 +178,7 @@ class CriticalValues(Branches):
                 missing.append((a, b))
         return missing
 
-    def _beyond_zeros(self, part: _Stretch, a: int, b: int) -> tuple[int, int]:
+    def _beyond_zeros(self, part: Stretch, a: int, b: int) -> tuple[int, int]:
         """Return points with the same numbers of unstable eigenvalues, at which no more are on the axis than elsewhere.
 
         Where one passes zero beside another zero, branches may be exchanged, but their product changes its sign.
@@ -242,13 +219,13 @@ class CriticalValues(Branches):
                 ranges.append((first, last))
         return ranges
 
-    def _closer(self, first: int, last: int) -> _Stretch:
+    def _closer(self, first: int, last: int) -> Stretch:
         """Return the points of a range, including intermediate ones, in continuous columns."""
         inside = [p for p in self.between if self.x[first] < p < self.x[last]]
         x = np.unique(np.concatenate([self.x[first : last + 1], inside]))
         return self._stretch(x)
 
-    def _stretch(self, x: Array) -> _Stretch:
+    def _stretch(self, x: Array) -> Stretch:
         """Return points of the sweep and intermediate ones in continuous columns."""
         own = np.searchsorted(self.x, x)
         values, sides = (
@@ -266,7 +243,7 @@ class CriticalValues(Branches):
         order = self._linked(values)
         counts = settled(sides, words, self.unplaced)
         values, sides = (np.take_along_axis(part, order, axis=1) for part in (values, sides))
-        return _Stretch(x, values, sides, mirrored, counts)
+        return Stretch(x, values, sides, mirrored, counts)
 
     def known(self, value: float, critical: list[Critical]) -> bool:
         """Return whether a value is among the critical ones."""
@@ -319,7 +296,7 @@ class CriticalValues(Branches):
             order.append(current)
         return np.array(order)
 
-    def _passing(self, part: _Stretch) -> Iterator[Bracket]:
+    def _passing(self, part: Stretch) -> Iterator[Bracket]:
         """Yield brackets in which a branch passes the imaginary axis, and the function that is zero there."""
         spectra, sign = part.values, signs(part.sides)
         size = np.max(np.abs(spectra), axis=1)
@@ -330,7 +307,7 @@ class CriticalValues(Branches):
                     continue
                 a, b = self._apart(part.x, sure, sign[:, i], left, right)
                 before, after = complex(spectra[a, i]), complex(spectra[b, i])
-                passing = _RealPart(0.5 * (before + after))
+                passing = RealPart(0.5 * (before + after))
                 # The product of all is smoother than the passing eigenvalue, but it need not change its sign.
                 single = self._product(spectra[a], float(size[a])) * self._product(spectra[b], float(size[b])) < 0.0
                 real = before.imag == 0.0 and after.imag == 0.0
@@ -340,7 +317,7 @@ class CriticalValues(Branches):
                 elif before.imag >= 0.0 and after.imag >= 0.0:
                     yield a, b, "flutter", passing
 
-    def _meeting(self, part: _Stretch) -> Iterator[Bracket]:
+    def _meeting(self, part: Stretch) -> Iterator[Bracket]:
         """Yield brackets in which a spectrum that is symmetric about the axis loses or gains stability."""
         x, counts = part.x, part.counts
         settled = np.flatnonzero(counts >= 0)
@@ -352,7 +329,7 @@ class CriticalValues(Branches):
             if not (part.mirrored[a] and part.mirrored[b]):
                 continue
             before, after = part.values[a], part.values[b]
-            if x[b] - x[a] > TOLERANCES.interval_width * max(abs(x[a]), abs(x[b])) and _far_apart(before, after):
+            if x[b] - x[a] > TOLERANCES.interval_width * max(abs(x[a]), abs(x[b])) and far_apart(before, after):
                 yield a, b, "collision", None
                 continue
             size = float(np.max(np.abs([before, after])))
@@ -415,42 +392,26 @@ class CriticalValues(Branches):
                 best = int(np.argmax(highest)) if now[k][np.argmin(np.abs(now[k]))] < 0 else int(np.argmin(highest))
                 a, b = (float(points[max(best - 1, 0)]), float(points[min(best + 1, len(points) - 1)]))
 
-    def _located(self, part: _Stretch, bracket: Bracket, branches: Complex) -> Critical | None:
+    def _located(self, part: Stretch, bracket: Bracket, branches: Complex) -> Critical | None:
         """Return the stability change in a bracket; None unless both sides confirm it.
 
         Where the number of unstable eigenvalues differs at its ends, whatever the search for branches has spent.
         """
         i, j, kind, test = bracket
-        needed = bool(part.counts[i] != part.counts[j] and min(part.counts[[i, j]]) >= 0)
-        a, b, before, after = float(part.x[i]), float(part.x[j]), part.values[i], part.values[j]
         if test is None:
             return None
-
-        known: dict[float, Complex] = {a: before, b: after}
-
-        def spectrum(p: float) -> Complex:
-            if p not in known:
-                known[p] = self._spectra(np.array([p]), needed=needed).values[0]
-            return known[p]
-
-        size = float(np.max(np.abs([before, after])))
-        ends = test(before, size), test(after, size)
-        if not ends[0] * ends[1] < 0.0:
+        a, b = float(part.x[i]), float(part.x[j])
+        self._search([(part, bracket)])
+        value = self.roots[a, b, test]
+        if value is None:
             return None
-        try:
-            value = root(lambda p: test(spectrum(p), size), a, b)
-        except NumericalError:
-            return None
-        # A test function that jumps has no zero.
-        if not abs(test(spectrum(value), size)) <= TOLERANCES.test_function_zero * max(abs(ends[0]), abs(ends[1])):
-            return None
-        counts, words = self._verified(part, i, j, value, needed)
+        there = self.looked[value].values
+        counts, words = self._verified(part, i, j, value, needed(part, i, j))
         # A passing pair changes the number by two.
         if min(counts) < 0 or counts[0] == counts[1] or (kind == "flutter" and (counts[1] - counts[0]) % 2):
             return None
-        there = spectrum(value)
         # Others may pass the axis at the same value.
-        which = test.number(there) if isinstance(test, _RealPart) else None
+        which = test.number(there) if isinstance(test, RealPart) else None
         # Where real eigenvalues pass through infinity, another one may be nearest to the middle of both ends.
         if kind == "divergence" and which is not None and there[which].imag != 0.0:
             return None
@@ -460,8 +421,37 @@ class CriticalValues(Branches):
             found = replace(found, signatures=self._signatures(value, stable, found.frequency))
         return found
 
+    def _search(self, brackets: list[tuple[Stretch, Bracket]]) -> None:
+        """Find the roots of test functions in brackets, all together; None where there is none, or a jump."""
+        open_: list[tuple[Search, Test, float, bool]] = []
+        limits: dict[tuple[float, float, Test], tuple[Search, float]] = {}
+        for part, (i, j, _, test) in brackets:
+            if test is None or (key := (float(part.x[i]), float(part.x[j]), test)) in self.roots:
+                continue
+            size = float(np.max(np.abs(part.values[[i, j]])))
+            y = np.array([test(spectrum, size) for spectrum in part.values])
+            self.roots[key] = None
+            if y[i] * y[j] < 0.0:
+                search = Search(part.x, y, i, j)
+                limits[key] = search, TOLERANCES.test_function_zero * float(np.max(np.abs(y[[i, j]])))
+                open_.append((search, test, size, needed(part, i, j)))
+        while open_ := [x for x in open_ if not x[0].done]:
+            # Points that no pattern fits cost as much each.
+            beside = 1 if self.evaluator.alone else TOLERANCES.search_beside
+            for sure in {x[-1] for x in open_}:
+                some = [x for x in open_ if x[-1] is sure]
+                places = [search.points(beside) for search, *_ in some]
+                spectra = self._spectra(np.concatenate(places), needed=sure).values
+                for (search, test, size, _), x in zip(some, places, strict=True):
+                    search.learn(x, np.array([test(spectrum, size) for spectrum in spectra[: len(x)]]))
+                    spectra = spectra[len(x) :]
+        for key, (search, limit) in limits.items():
+            # A test function that jumps has no zero.
+            if not search.failed and abs(search.residual) <= limit:
+                self.roots[key] = search.best
+
     def _verified(
-        self, part: _Stretch, i: int, j: int, value: float, needed: bool
+        self, part: Stretch, i: int, j: int, value: float, needed: bool
     ) -> tuple[tuple[int, int], tuple[str, str]]:
         """Return the numbers of unstable eigenvalues and the verdicts on both sides of a value, (−1, −1) if in doubt.
 
@@ -539,35 +529,6 @@ class CriticalValues(Branches):
         row = branches[k] if not np.any(np.isnan(branches[k])) else branches[max(k - 1, 0)]
         links = assigned(np.abs(spectrum[:, None] - row[None, :]))
         return Critical(value, kind, tuple(sorted(int(links[i]) for i in involved)), frequency, unstable)
-
-
-def _spaced(a: float, b: float) -> Array:
-    """Return points from a to b: evenly spaced, and denser towards an end that is zero relative to the other."""
-    parts = np.linspace(0.0, 1.0, TOLERANCES.jump_parts + 1)
-    if min(abs(a), abs(b)) < max(abs(a), abs(b)) / TOLERANCES.jump_parts:
-        near = np.geomspace(1e-12, 1.0 / TOLERANCES.jump_parts, TOLERANCES.jump_parts)
-        parts = np.union1d(parts, near if abs(a) < abs(b) else 1.0 - near)
-    return np.asarray(np.append(a + parts[:-1] * (b - a), b))
-
-
-def _far_apart(one: Complex, other: Complex) -> bool:
-    """Return whether the sizes of spectra differ so much that products of their eigenvalues cannot be compared."""
-    sizes = sorted((float(np.max(np.abs(one))), float(np.max(np.abs(other)))))
-    return sizes[1] > TOLERANCES.spectrum_ratio * sizes[0]
-
-
-@dataclass(frozen=True)
-class _RealPart:
-    """The real part of the eigenvalue nearest to a given one, as a function of a spectrum."""
-
-    place: complex
-
-    def number(self, spectrum: Complex) -> int:
-        """Return the number of that eigenvalue."""
-        return int(np.argmin(np.abs(spectrum - self.place)))
-
-    def __call__(self, spectrum: Complex, size: float) -> float:
-        return float(spectrum[self.number(spectrum)].real) / size
 
 
 def _kind_of(reason: PathEnd) -> str:

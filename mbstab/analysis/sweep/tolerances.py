@@ -75,6 +75,8 @@ class Tolerances:
     """… and one that is computed by itself because no pattern fits it as this many."""
 
     # Critical values
+    search_beside: Final = 3
+    """Number of points on each side of a guess at which the eigenvalues are computed with it."""
     collision_side: Final = 1e-3
     """Distance from a collision, relative to the parameter, at which the modes that meet are distinguished."""
     test_function_zero: Final = 1e-6
