@@ -11,6 +11,7 @@ import pytest
 
 import mbstab
 from mbstab.analysis.sweep.stacks import orthonormal, unit
+from mbstab.analysis.sweep.sweep import sweep
 from mbstab.errors import ConstraintError
 
 STEP = 1e-30
@@ -212,3 +213,20 @@ def test_rounding_of_forces_that_vanish_holds_no_place_at_rest(seed):
     result = mbstab.loads(cart.text()).eig()
     assert "position at rest" not in result.neutral_directions
     assert result.counts.neutral == len(result.neutral_directions)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_all_eigenvalues_of_a_cart_pass_zero_where_it_stands(seed):
+    # They are proportional to the speed: at rest all of them are zero, and only rounding tells in which order.
+    cart = Cart(seed)
+    speed = repr(cart.v)
+    text = cart.text().replace(f"x: {speed}", 'x: "v"').replace(f"speed: {speed}", 'speed: "v"')
+    text = text.replace("mbstab: 1\n", "mbstab: 1\nparameters: {v: {value: 1.0, unit: m/s}}\n")
+    found = sweep(mbstab.loads(text).model, "v", np.linspace(-1.0, 1.0, 41))
+    right = int(np.sum(cart.eigenvalues().real / cart.v > 1e-9))
+    left = int(np.sum(cart.eigenvalues().real / cart.v < -1e-9))
+    (critical,) = found.critical
+    assert critical.value == 0.0
+    assert critical.kind == "divergence"
+    assert critical.unstable == (left, right)
+    assert len(critical.branches) == abs(left - right)

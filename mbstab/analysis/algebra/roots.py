@@ -76,12 +76,14 @@ class Search:
         Number of the point before the change of sign …
     b : int
         … and of the one after it.
+    least : float
+        Width of an interval that is narrow enough, whatever the size of the root.
     """
 
-    def __init__(self, x: Array, y: Array, a: int, b: int) -> None:
+    def __init__(self, x: Array, y: Array, a: int, b: int, least: float = 0.0) -> None:
         inside = np.r_[: a + 1, b : len(x)]
         self.x, self.y, self.left = np.asarray(x, dtype=float)[inside], np.asarray(y, dtype=float)[inside], a
-        self.guessed, self.failed = True, False
+        self.least, self.guessed, self.failed = least, True, False
 
     @property
     def _ends(self) -> tuple[float, float]:
@@ -105,7 +107,11 @@ class Search:
     def done(self) -> bool:
         """Whether the root is known to the last digits, or the function has no value in between."""
         a, b = self._ends
-        return self.failed or 0.0 in self.y[self.left : self.left + 2] or b - a <= 4.0 * EPS * abs(self.best)
+        return (
+            self.failed
+            or 0.0 in self.y[self.left : self.left + 2]
+            or b - a <= max(4.0 * EPS * abs(self.best), self.least)
+        )
 
     def points(self, beside: int) -> Array:
         """Return the points to look at next: a guess and so many on each side of it, and zero, a special value."""
@@ -115,7 +121,7 @@ class Search:
         if self.guessed:
             guess, error = self._guess()
             reach = 0.5 * max(min(guess - a, b - guess), 0.0) / SPREAD ** (beside - 1)
-            steps = max(min(2.0 * error, reach), 2.0 * EPS * abs(guess)) * SPREAD ** np.arange(beside)
+            steps = max(min(2.0 * error, reach), 2.0 * EPS * abs(guess), 0.5 * self.least) * SPREAD ** np.arange(beside)
             chosen = np.concatenate([guess - steps, [guess], guess + steps])
         found = np.unique(np.append(chosen, 0.0))
         inside: Array = found[(found > a) & (found < b)]

@@ -11,6 +11,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import Search
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import PathEnd
 from mbstab.analysis.sweep.batched_verdict import (
@@ -412,9 +413,11 @@ class CriticalValues(Branches):
             return None
         # Others may pass the axis at the same value.
         which = test.number(there) if isinstance(test, RealPart) else None
-        # Where real eigenvalues pass through infinity, another one may be nearest to the middle of both ends.
+        # Where real eigenvalues pass through infinity, a pair that stays may be nearest to the middle of both ends.
         if kind == "divergence" and which is not None and there[which].imag != 0.0:
-            return None
+            ends = part.values[[i, j]]
+            if np.any(np.take_along_axis(ends, np.argmin(np.abs(ends - there[which]), axis=1)[:, None], axis=1).imag):
+                return None
         found = replace(self._described(value, kind, there, counts, branches, which), verdicts=words)
         if kind == "collision":
             stable = a if counts[0] < counts[1] else b
@@ -432,7 +435,7 @@ class CriticalValues(Branches):
             y = np.array([test(spectrum, size) for spectrum in part.values])
             self.roots[key] = None
             if y[i] * y[j] < 0.0:
-                search = Search(part.x, y, i, j)
+                search = Search(part.x, y, i, j, EPS * max(map(abs, key[:2])))
                 limits[key] = search, TOLERANCES.test_function_zero * float(np.max(np.abs(y[[i, j]])))
                 open_.append((search, test, size, needed(part, i, j)))
         while open_ := [x for x in open_ if not x[0].done]:
@@ -448,7 +451,9 @@ class CriticalValues(Branches):
         for key, (search, limit) in limits.items():
             # A test function that jumps has no zero.
             if not search.failed and abs(search.residual) <= limit:
-                self.roots[key] = search.best
+                # Nearer to zero than the rounding of the ends: zero, which was looked at.
+                zero = key[0] < 0.0 < key[1] and abs(search.best) <= search.least
+                self.roots[key] = 0.0 if zero else search.best
 
     def _verified(
         self, part: Stretch, i: int, j: int, value: float, needed: bool
@@ -512,10 +517,11 @@ class CriticalValues(Branches):
         which: int | None = None,
     ) -> Critical:
         """Return a critical value with the branches that are involved and their frequency."""
+        k = int(np.clip(np.searchsorted(self.x, value), 0, len(self.x) - 1))
         if kind == "divergence":
-            # As many as pass there together.
-            size = np.abs(spectrum)
-            zeros = int(np.sum(size <= TOLERANCES.test_function_zero * np.max(size)))
+            # As many as pass there together, beside eigenvalues around: all may be zero there.
+            size, around = np.abs(spectrum), np.nan_to_num(np.abs(branches[max(k - 1, 0) : k + 2]))
+            zeros = int(np.sum(size <= TOLERANCES.unexplained_zero * max(np.max(size), np.max(around))))
             passing = max(1, min(zeros, abs(unstable[1] - unstable[0])))
             frequency, involved = 0.0, np.argsort(size, kind="stable")[:passing].tolist()
         elif kind == "collision":
@@ -525,7 +531,6 @@ class CriticalValues(Branches):
         else:
             involved = [int(np.argmin(np.abs(spectrum.real))) if which is None else which]
             frequency = float(abs(spectrum[involved[0]].imag))
-        k = int(np.clip(np.searchsorted(self.x, value), 0, len(self.x) - 1))
         row = branches[k] if not np.any(np.isnan(branches[k])) else branches[max(k - 1, 0)]
         links = assigned(np.abs(spectrum[:, None] - row[None, :]))
         return Critical(value, kind, tuple(sorted(int(links[i]) for i in involved)), frequency, unstable)
