@@ -222,7 +222,7 @@ def test_all_eigenvalues_of_a_cart_pass_zero_where_it_stands(seed):
     speed = repr(cart.v)
     text = cart.text().replace(f"x: {speed}", 'x: "v"').replace(f"speed: {speed}", 'speed: "v"')
     text = text.replace("mbstab: 1\n", "mbstab: 1\nparameters: {v: {value: 1.0, unit: m/s}}\n")
-    found = sweep(mbstab.loads(text).model, "v", np.linspace(-1.0, 1.0, 41))
+    found = sweep(mbstab.loads(text).model, "v", np.linspace(-1.0, 1.0, 25))
     right = int(np.sum(cart.eigenvalues().real / cart.v > 1e-9))
     left = int(np.sum(cart.eigenvalues().real / cart.v < -1e-9))
     (critical,) = found.critical
