@@ -8,16 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.algebra.tolerances import EPS, TOLERANCES
 from mbstab.errors import NumericalError
 
-USEFUL = 8.0
-"""A guess was of use if the interval has become so many times narrower."""
-
 Array = npt.NDArray[np.float64]
-
-SPREAD = 8.0
-"""Each point beside a guess is so many times as far from it as the one before."""
 
 
 def root(f: Callable[[float], float], a: float, b: float) -> float:
@@ -120,8 +114,10 @@ class Search:
         chosen = even
         if self.guessed:
             guess, error = self._guess()
-            reach = 0.5 * max(min(guess - a, b - guess), 0.0) / SPREAD ** (beside - 1)
-            steps = max(min(2.0 * error, reach), 2.0 * EPS * abs(guess), 0.5 * self.least) * SPREAD ** np.arange(beside)
+            reach = 0.5 * max(min(guess - a, b - guess), 0.0) / TOLERANCES.search_spread ** (beside - 1)
+            steps = max(
+                min(2.0 * error, reach), 2.0 * EPS * abs(guess), 0.5 * self.least
+            ) * TOLERANCES.search_spread ** np.arange(beside)
             chosen = np.concatenate([guess - steps, [guess], guess + steps])
         found = np.unique(np.append(chosen, 0.0))
         inside: Array = found[(found > a) & (found < b)]
@@ -154,4 +150,4 @@ class Search:
         between = np.sign(self.y[left : left + len(x) + 1])
         self.left += int(np.flatnonzero(between != sign)[0])
         low, high = self._ends
-        self.guessed = not self.guessed or (high - low) * USEFUL <= b - a
+        self.guessed = not self.guessed or (high - low) * TOLERANCES.search_useful <= b - a

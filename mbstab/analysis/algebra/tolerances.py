@@ -105,5 +105,10 @@ class Tolerances:
     estimated_time_of_spectrum: Final = 60.0
     """… and so is a spectrum with a longer estimated time than this (s)."""
 
+    search_spread: Final = 8.0
+    """Each point beside a guess of a root is so many times as far from it as the one before."""
+    search_useful: Final = 8.0
+    """A guess was of use if the interval has become so many times narrower."""
+
 
 TOLERANCES = Tolerances()
