@@ -20,6 +20,10 @@ ROTOR = (
 CASES = {
     "bodies:\n  rod: {type: planar}\n   b: {type: planar}\n": ("5:4", "indented by 3 blanks"),
     "bodies: {rod: {type: planar mass: 1}}\n": ("3:", "lacks a comma"),
+    ROD + "springs:\n  s: {type: spring}\n": ("4:1", "in the section 'forces', of type joint_spring, spring"),
+    ROD + "dampers:\n  s: {}\n": ("4:1", "dampers stand in the section 'forces'"),
+    ROD + "Motors:\n  s: {}\n": ("4:1", "in the section 'forces', of type motor"),
+    ROD + "gears:\n  s: {}\n": ("4:1", "in the section 'joints', of type gear"),
     "source: a: b\n" + ROD: ("3:10", "in quotes"),
     "bodies:\n  rod: {type: planar, mass: 1, inertia: 1}\n  pivot: {type: revolute, between: [rod, ground]}\n": (
         "5:17", "'revolute' is a type of joints: is the line 'joints:' missing or indented?"

@@ -146,6 +146,7 @@ def test_a_search_shows_what_explains_the_words_first():
     assert first[0] == "commands: mbstab eig"
     assert "largest real" in " ".join(first[1:4])
     assert all(len(line) <= 80 for line in said("--search", "eigenvalues").stdout.splitlines())
+    assert "between" in said("--search", "torque between two bodies").stdout  # no piece holds all these words
     assert re.search(r"^and \d+ more places: add a word$", said("--search", "eigenvalues").stdout, flags=re.M)
 
 

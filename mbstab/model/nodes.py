@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 from mbstab.errors import Location, suggestion
@@ -34,12 +34,17 @@ class NodeReader:
         """Whether something at a path has a problem that is told."""
         return any(x.path == path or x.path.startswith(f"{path}.") for x in self.document.problems)
 
-    def known_keys(self, node: Mapping, path: str, known: Iterable[str]) -> set[str]:
-        """Refuse every key that is not among the known ones; return those that are likely to be meant."""
+    def known_keys(
+        self, node: Mapping, path: str, known: Iterable[str], home: Callable[[str], str] = lambda key: ""
+    ) -> set[str]:
+        """Refuse every key that is not among the known ones; return those that are likely to be meant.
+
+        `home` returns a hint where a key belongs that is like no known one, or an empty string.
+        """
         known, meant = list(known), set[str]()
         for key, scalar in node.keys.items():
             if key not in known:
-                hint = suggestion(key, known) or "known keys: " + ", ".join(known)
+                hint = suggestion(key, known) or home(key) or "known keys: " + ", ".join(known)
                 value = node.entries[key]
                 if isinstance(value, Scalar) and value.empty:
                     # As {value: 0,5} and {description: long, thin} are read.

@@ -16,7 +16,7 @@ from mbstab.model.nodes import NodeReader
 from mbstab.model.quantities import QuantityReader
 from mbstab.model.schema import SECTIONS, VERSION, Model
 from mbstab.model.sections.definitions import DefinitionReader
-from mbstab.model.sections.entries import EntryReader
+from mbstab.model.sections.entries import EntryReader, home
 from mbstab.model.sections.expectations import ExpectationReader
 from mbstab.model.sections.modes import ModeReader
 from mbstab.model.sections.outputs import read_outputs
@@ -114,7 +114,7 @@ def _read(document: Document, root: Mapping) -> Model:
     nodes = NodeReader(document)
     quantities = QuantityReader(Names(nodes))
     top = root.entries
-    nodes.known_keys(root, "", [key for key in SECTIONS if key not in EXPANDED])
+    nodes.known_keys(root, "", [key for key in SECTIONS if key not in EXPANDED], home)
     _check_version(nodes, root)
     quantities.names.tables = TableReader(nodes).read(top.get("tables"))
     ParameterReader(quantities).read(top.get("parameters"))

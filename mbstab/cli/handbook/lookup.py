@@ -52,6 +52,8 @@ def places(topic: str, text: str) -> Iterator[Place]:
 def found_places(every: Sequence[Place], query: str) -> list[Place]:
     """Return the pieces that hold all words of a query, those that explain it first.
 
+    If no piece holds all, those with the most words stand for them, provided that there are at least two.
+
     Raises
     ------
     UsageError
@@ -60,7 +62,7 @@ def found_places(every: Sequence[Place], query: str) -> list[Place]:
     words = query.lower().split()
     if not words:
         raise UsageError("--search needs a word, such as --search damping")
-    found = [place for place in every if place.holds(words)]
+    found = [place for place in every if place.holds(words)] or _nearly(every, words)
     if not found:
         known = sorted({word for place in every for word in re.findall(r"[\w-]{3,}", place.text.lower())})
         alone = [word for word in words if not any(word in place.text.lower() for place in every)]
@@ -68,6 +70,14 @@ def found_places(every: Sequence[Place], query: str) -> list[Place]:
         hint = f"did you mean {near!r}?" if near else "use fewer or other words; mbstab manual lists the topics"
         raise UsageError(f"the manual has nothing about {query!r}\nhint: {hint}")
     return sorted(found, key=lambda place: not place.explains(words))
+
+
+def _nearly(every: Sequence[Place], words: list[str]) -> list[Place]:
+    """Return the pieces that hold the most words, at least two; those of up to three letters do not count."""
+    told = [word for word in words if len(word) > 3]
+    counts = [sum(word in f"{place.heading} {place.text}".lower() for word in told) for place in every]
+    most = max(counts, default=0)
+    return [place for place, count in zip(every, counts, strict=True) if count == most] if most > 1 else []
 
 
 def _nearest(word: str, known: list[str]) -> str:

@@ -6,6 +6,7 @@ What an entry may contain comes from `mbstab.mechanics.elements.KINDS`, how a fi
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from collections.abc import Mapping as MappingType
 from contextlib import suppress
@@ -24,6 +25,7 @@ from mbstab.model.quantities import QuantityReader
 from mbstab.model.schema import (
     CONSTRAINT_FIELDS,
     GEOMETRY_FIELDS,
+    SECTIONS,
     STATE_FIELDS,
     Entry,
     body_coordinates,
@@ -388,6 +390,18 @@ class EntryReader:
             return None
         places = {field.name: item.location}
         return Entry("constraints", key.text, kind, reading.values, mapping.location, places)
+
+
+def home(word: str) -> str:
+    """Return a hint on the section where entries of a kind stand, as forces for ``springs``, or an empty string."""
+    singular = word.lower().removesuffix("s")
+    for section, told in SECTIONS.items():
+        kinds = KINDS.get(section, {})
+        named = [name for name in _names(kinds, None) if singular in (name, *name.split("_"))]
+        if named or re.search(rf"\b{re.escape(singular)}s\b", told):
+            types = f", of type {', '.join(named)}" if named else ""
+            return f"{word} stand in the section '{section}'{types}"
+    return ""
 
 
 def _names(kinds: Iterable[tuple[str, int]], dimension: int | None) -> list[str]:
