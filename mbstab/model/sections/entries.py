@@ -396,7 +396,7 @@ def home(word: str) -> str:
     """Return a hint on the section where entries of a kind stand, as forces for ``springs``, or an empty string."""
     singular = word.lower().removesuffix("s")
     for section, told in SECTIONS.items():
-        kinds = KINDS.get(section, {})
+        kinds: MappingType[tuple[str, int], Kind] = KINDS.get(section, {})
         named = [name for name in _names(kinds, None) if singular in (name, *name.split("_"))]
         if named or re.search(rf"\b{re.escape(singular)}s\b", told):
             types = f", of type {', '.join(named)}" if named else ""
