@@ -284,9 +284,9 @@ class ElementComparison:
                 if system.n_n:
                     shortest = self._shortest(state.J)
                 change = sizes * shortest(-state.V)
-                if np.all(np.abs(change) <= 1e-13 * np.max(np.abs((u + change) / sizes)) * sizes):
-                    break
                 u = u + change
+                if np.all(np.abs(change) <= 1e-13 * np.max(np.abs(u / sizes)) * sizes):
+                    break  # the matrices stay those before this change, which is rounding
             else:
                 state = system.dynamics(q, u, time)
         except (MbstabError, ValueError, RuntimeError, np.linalg.LinAlgError):
