@@ -90,7 +90,7 @@ def test_instability_is_counted_where_nothing_found_grows():
 
 
 # The vectors of 81 are those of a search that does not converge well beside zeros with a chain.
-@pytest.mark.parametrize("seed", [81, *sample([x for x in range(96) if x != 81], 23)])
+@pytest.mark.parametrize("seed", [52, 81, *sample([x for x in range(96) if x not in (52, 81)], 22)])
 def test_modes_of_random_mechanisms(seed):
     full, few = outcome(random_mechanism(seed), 3)
     values = np.array([e.value for e in full.eigenvalues])

@@ -7,7 +7,9 @@ Approximate vectors x and y of shift-invert iterations give, with the whole prob
 whose error is the product of those of x and y (Lancaster 1961, Numer. Math. 3; Schwetlick, Schreiber 2012, Linear
 Algebra Appl. 436). The remaining error is bounded by the errors of the entries, and by the residuals of both vectors:
 
-    first  = 4ε |y|ᵀ δQ(|s|) |x| / |yᴴQ'x|,     second = |Q(s)x| |Q(s)ᴴy| / |yᴴQ'x| · max κ / gap.
+    first  = 4ε |y|ᵀ δQ(|s|) |x| / |yᴴQ'x|,     second = |Q(s)x| |Q(s)ᴴy| / |yᴴQ'x| · max κ / gap,
+
+the first with the curvature yᴴMx / |yᴴQ'x| where errors of the entries may carry s onto its mirror image.
 
 Values whose vectors cannot be separated are treated together, with bases of their subspaces in place of x and y.
 """
@@ -248,10 +250,7 @@ def _projected(
     Y = X.conj() if symmetric else _iterated(equations, s0, _beside(X), "H")
     slope = Y.conj().T @ (problem.at(s0, slope=True) @ X)
     with np.errstate(all="ignore"):
-        try:
-            inverse = np.linalg.inv(slope)
-        except np.linalg.LinAlgError:
-            inverse = np.full_like(slope, np.nan)
+        inverse = _inverse(slope)
         missing = problem.product(s0, Y, X, equations.remainder)
         bent = problem.part(2) @ X
         curved = Y.conj().T @ bent
@@ -264,13 +263,16 @@ def _projected(
             corrected = s0 + steps
         else:
             corrected, turn = values, np.eye(len(values), dtype=complex)
-        strength = float(np.linalg.norm(inverse, 2)) if np.all(np.isfinite(inverse)) else np.inf
+        # A large correction changes the slope.
+        there = _inverse(slope + 2.0 * curved @ step)
+        strength = float(np.linalg.norm(there, 2)) if np.all(np.isfinite(there)) else np.inf
         sizes = equations.known_to.at(abs(s0))
         first = ALGEBRA.entry_rounding * strength * float(np.linalg.norm(np.abs(Y).T @ (sizes @ np.abs(X))))
         moved = [Y.conj().T @ sum(s0**k * (Q.part(k) @ X) for k in range(3)) for Q in equations.moved]
         first += (
             TOLERANCES.drawn_rounding_factor * strength * max((float(np.linalg.norm(x)) for x in moved), default=0.0)
         )
+        first = _farthest(first, float(np.linalg.norm(there @ curved)))
         right, left = problem.at(s0) @ X, problem.at(s0).conj().T @ Y
         # The part of the residuals that the correction removes is no error.
         right = right + (problem.at(s0, slope=True) @ X) @ step + bent @ step @ step
@@ -293,6 +295,27 @@ def _solvent(first: Complex, second: Complex) -> Complex:
     for _ in range(TOLERANCES.steps_of_correction):
         step = -first - second @ step @ step
     return step
+
+
+def _inverse(matrix: Complex) -> Complex:
+    """Return the inverse of a matrix, or nan where it is singular."""
+    try:
+        return np.asarray(np.linalg.inv(matrix), dtype=complex)
+    except np.linalg.LinAlgError:
+        return np.full_like(matrix, np.nan)
+
+
+def _farthest(step: float, bend: float) -> float:
+    """Return how far the root d = 0 of d + bend d² = e may move where abs(e) is at most a step to first order.
+
+    Beyond the step at which it meets the other root, both are covered: the square of the eigenvalue is known, not
+    its sign.
+    """
+    if not np.isfinite(bend):
+        return np.inf
+    if (turn := 4.0 * bend * step) <= 1.0:
+        return float(2.0 * step / (1.0 + np.sqrt(1.0 - turn)))
+    return float((1.0 + np.sqrt(1.0 + turn)) / (2.0 * bend))
 
 
 def _iterated(equations: SparseEquations, s: complex, start: Complex, of: str) -> Complex:
