@@ -418,6 +418,11 @@ class CriticalValues(Branches):
             ends = part.values[[i, j]]
             if np.any(np.take_along_axis(ends, np.argmin(np.abs(ends - there[which]), axis=1)[:, None], axis=1).imag):
                 return None
+        # The product of all changes its sign there, too.
+        if kind == "divergence" and np.max(np.abs(there)) > TOLERANCES.spectrum_ratio * np.max(
+            np.abs(part.values[[i, j]])
+        ):
+            return None
         found = replace(self._described(value, kind, there, counts, branches, which), verdicts=words)
         if kind == "collision":
             stable = a if counts[0] < counts[1] else b
