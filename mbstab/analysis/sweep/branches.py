@@ -322,7 +322,9 @@ def _move_together(parts: list[_Piece], links: Index, clear: Flags) -> None:
         one = slice(start, start + TOLERANCES.branch_split)
         if clear[one].all():
             continue
-        link, certain = together(np.array([parts[start].before, *(x.after for x in parts[one])]))
+        link, certain = together(
+            np.array([parts[start].before, *(x.after for x in parts[one])]), np.array([x.b - x.a for x in parts[one]])
+        )
         certain &= ~clear[one]
         links[one][certain] = link[certain]
         clear[one] |= certain

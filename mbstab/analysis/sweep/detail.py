@@ -11,11 +11,10 @@ from itertools import pairwise
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.sweep.batched_verdict import RIGHT, Sides
 from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import follow
+from mbstab.analysis.sweep.tracking import certain_links
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -100,26 +99,22 @@ def _joined(tracker: Branches, branches: Complex) -> tuple[Array, Complex, Flags
         at = tracker.looked[float(x[i])]
         values[i], sides[i] = at.values, at.sides
     order = np.tile(np.arange(values.shape[1]), (len(x), 1))
-    links, clear = follow(values[:-1], values[1:])
+    links, _ = certain_links(x, values)
     for a, b in pairwise(rows.tolist()):
         if b > a + 1:
-            order[a : b + 1] = _between(values[a : b + 1], links[a:b], clear[a:b])
+            order[a : b + 1] = _between(values[a : b + 1], links[a:b])
     take = np.take_along_axis
     return x, take(values, order, axis=1), take(sides, order, axis=1) == RIGHT
 
 
-def _between(values: Complex, links: Index, clear: Flags) -> Index:
+def _between(values: Complex, links: Index) -> Index:
     """Return the orders of spectra between two points whose orders are known: followed from both, joined where best."""
     if np.any(np.isnan(values[[0, -1]])):
         return np.tile(np.arange(values.shape[1]), (len(values), 1))
-    steps = [
-        links[i] if clear[i] else assigned(np.abs(values[i][:, None] - values[i + 1][None, :]))
-        for i in range(len(links))
-    ]
     forward, backward = [np.arange(values.shape[1])], [np.arange(values.shape[1])]
-    for link in steps:
+    for link in links:
         forward.append(link[forward[-1]])
-    for link in steps[::-1]:
+    for link in links[::-1]:
         backward.append(np.argsort(link)[backward[-1]])
     ahead, back = np.array(forward), np.array(backward[::-1])
     one, other = (np.take_along_axis(values, order, axis=1) for order in (ahead, back))
@@ -157,9 +152,10 @@ def _bent(x: Array, branches: Complex) -> Array:
 
 def _broken(x: Array, branches: Complex, growing: Flags) -> tuple[Array, Complex, Flags]:
     """Return branches with a gap where they would jump from one eigenvalue to another."""
-    _, clear = follow(branches[:-1], branches[1:])
-    far = np.abs(np.diff(branches, axis=0)) > TOLERANCES.detail_jump * _scale(branches)
-    steps = np.flatnonzero(~clear & far.any(axis=1))
+    links, clear = certain_links(x, branches)
+    going_on = clear[:, None] & (links == np.arange(branches.shape[1]))
+    far = ~going_on & (np.abs(np.diff(branches, axis=0)) > TOLERANCES.detail_jump * _scale(branches))
+    steps = np.flatnonzero(far.any(axis=1))
     if not len(steps):
         return x, branches, growing
     middle = 0.5 * (branches[steps] + branches[steps + 1])

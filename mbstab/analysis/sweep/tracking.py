@@ -10,6 +10,7 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.sweep.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
 
 NO_EIGENVALUE = complex("nan+nanj")
 
@@ -70,11 +71,11 @@ def follow(before: Complex, after: Complex, twins: Flags | None = None) -> tuple
     return link, clear
 
 
-def together(spectra: Complex) -> tuple[Index, Flags]:
-    """Return the successors of eigenvalues that move far but together, for spectra at equal steps, shape (m, r).
+def together(spectra: Complex, steps: Array) -> tuple[Index, Flags]:
+    """Return the successors of eigenvalues that move far but together, for spectra, shape (m, r), and m − 1 steps.
 
     In a certain interval the difference of any two changes little beside itself, so that none of them meet, and at the
-    points around it each moves on as before, beside its distance to the others.
+    points around it each moves on at the same rate, beside its distance to the others.
     """
     moved = np.abs(spectra[:-1, :, None] - spectra[1:, None, :])
     # The sum of squares is least where differences keep their direction; that of distances does not tell.
@@ -85,11 +86,32 @@ def together(spectra: Complex) -> tuple[Index, Flags]:
     gap = np.minimum(*(np.abs(x[:, :, None] - x[:, None, :]) + own for x in (before, after)))
     change = np.abs(step[:, :, None] - step[:, None, :])
     certain = np.all(change <= TOLERANCES.tracking_step * gap, axis=(1, 2))
-    bend = np.abs(np.take_along_axis(step[1:], link[:-1], axis=1) - step[:-1])
-    smooth = np.all(bend <= TOLERANCES.tracking_step * np.min(gap[:-1], axis=2), axis=1)
-    certain[:-1] &= smooth
-    certain[1:] &= smooth
+    rate = step / steps[:, None]
+    bend = np.abs(np.take_along_axis(rate[1:], link[:-1], axis=1) - rate[:-1])
+    room = TOLERANCES.tracking_step * np.min(gap[:-1], axis=2)
+    for side, length in ((certain[:-1], steps[:-1]), (certain[1:], steps[1:])):
+        side &= np.all(bend * length[:, None] <= room, axis=1)
     return link, certain
+
+
+def certain_links(x: Array, spectra: Complex) -> tuple[Index, Flags]:
+    """Return the successors of eigenvalues over ascending values, shape (m − 1, r), and which intervals are certain.
+
+    They are so by themselves, as `follow` says, or because the eigenvalues move `together`.
+    """
+    links, clear = follow(spectra[:-1], spectra[1:])
+    open_ = ~clear & ~np.isnan(spectra[:-1]).any(axis=1) & ~np.isnan(spectra[1:]).any(axis=1)
+    # With the intervals beside them, which tell whether each moves on.
+    near = open_.copy()
+    near[1:] |= open_[:-1]
+    near[:-1] |= open_[1:]
+    near &= ~np.isnan(spectra[:-1]).any(axis=1) & ~np.isnan(spectra[1:]).any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]])))
+    for a, b in edges.reshape(-1, 2).tolist():
+        link, certain = together(spectra[a : b + 1], np.diff(x[a : b + 1]))
+        links[a:b] = np.where(open_[a:b, None], link, links[a:b])
+        clear[a:b] |= open_[a:b] & certain
+    return links, clear
 
 
 def _gaps(values: Complex) -> npt.NDArray[np.float64]:
