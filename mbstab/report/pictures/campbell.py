@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
+from mbstab.report.pictures.branch_labels import add_branches
 from mbstab.report.pictures.curves import BEYOND_INK, INK, THIN, Mask, draw_branch
 from mbstab.report.pictures.drawing import draw_legend, house_style, legend_marker
 from mbstab.report.pictures.over_parameter import legend_entries, panels_over_parameter
@@ -23,10 +24,6 @@ from mbstab.report.pictures.sweep_curves import TINY, SweepCurves
 
 SQUEEZED = 10.0
 """The axis is logarithmic if the highest frequency is so many times the highest of another branch."""
-
-CLOSE, FREE = 0.01, 0.08
-"""Parts of the height: branches closer than this coincide, those farther apart than this do not hide a label."""
-
 
 WHIRL_INK = {"forward": "#1f5fa8", "backward": "#b03a2e"}
 """Colours of branches with a sense of whirl."""
@@ -84,7 +81,7 @@ def campbell(result: Sweep, label: Axis | str, title: str, highest: float = math
         labels = PointLabels(axes)
         if result.orders:
             handles += _draw_orders(labels, result, curves)
-        _name_branches(labels, result, curves, frequency)
+        add_branches(labels, result, curves, (curves.x[:, None], frequency), "branch ")
         draw_legend(figure, handles + legend_entries(curves, _oscillates, unlabelled))
         labels.draw()
         return figure
@@ -108,37 +105,6 @@ def _set_scale(axes: Axes, frequency: Array, largest: float) -> None:
         set_logarithmic(axes, "y", decade(low, top), 0.0, top)
     else:
         axes.set_ylim(upward_range(frequency, largest))
-
-
-def _name_branches(labels: PointLabels, result: Sweep, curves: SweepCurves, frequency: Array) -> None:
-    """Write the names of branches, or their numbers, where they are far from others; those that coincide share one."""
-    axes = labels.axes
-    fraction = axes.transData + axes.transAxes.inverted()
-    across = fraction.transform(np.column_stack([curves.x, np.zeros(len(curves.x))]))[:, 0]
-    inside = np.flatnonzero((across > 0.04) & (across < 0.96))
-    some = inside[:: max(1, len(inside) // 200)]
-    top = axes.get_ylim()[1]
-    shown = [j for j in range(frequency.shape[1]) if np.any(frequency[some, j] <= top)]
-    columns = [np.column_stack([curves.x[some], frequency[some, j]]) for j in shown]
-    heights = np.array([fraction.transform(column)[:, 1] for column in columns]).reshape(len(shown), len(some))
-    named: set[int] = set()
-    for n, height in enumerate(heights):
-        apart = np.abs(heights - height)
-        same = np.flatnonzero(
-            np.array([np.nanmax(x, initial=0.0) < CLOSE for x in apart]) & ~np.isnan(apart).all(axis=1)
-        )
-        if n in named or len(labels.wanted) >= LABELS:
-            continue
-        named |= set(same.tolist())
-        apart[same] = np.inf
-        free = np.minimum.reduce([np.nanmin(apart, axis=0, initial=np.inf), height, 1.0 - height, 0.0 * height + FREE])
-        k = int(np.nanargmax(free + CLOSE * across[some]))  # of equal ones the rightmost
-        numbers = [shown[m] for m in same]
-        texts = [result.names[j] if result.names and result.names[j] else str(j + 1) for j in numbers]
-        text = (
-            ", ".join(texts) if result.names and all(result.names[j] for j in numbers) else f"branch {', '.join(texts)}"
-        )
-        labels.add(float(columns[n][k, 0]), float(columns[n][k, 1]), text, marked=False, ink=curves.ink[shown[n]])
 
 
 _LINE: dict[str, Any] = {"color": "0.25", "linewidth": 1.1}

@@ -13,7 +13,10 @@ from mbstab.compiler.system import Array
 Mask = npt.NDArray[np.bool_]
 
 INK = ("#000000", "#b03a2e", "#4f94d4")
-"""Colours of branches, in turn; they differ in grey as well (0, 0.35, 0.54)."""
+"""Colours of curves, in turn; they differ in grey as well (0, 0.35, 0.54)."""
+
+BRANCH_INK = (*INK, "#2e7d32", "#e08a1e", "#6a3d9a", "#8b5a2b", "#d6569f")
+"""Colours of the families of branches, in turn; numbers or names beside the curves tell them apart in grey."""
 
 BEYOND_INK = "0.62"
 """Grey of the paths beyond the turns of the first one."""

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mbstab.analysis.sweep.sweep import Sweep
+from mbstab.report.pictures.branch_labels import number_branches, number_entries
 from mbstab.report.pictures.curves import BEYOND_INK, draw_branch
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, legend_marker, titled_figure
 from mbstab.report.pictures.over_parameter import branch_entries, legend_entries
@@ -47,10 +48,15 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
         handles = _draw_ends(axes, curves)
         oscillating = bool(np.nanmax(np.abs(curves.imag), initial=0.0) > 0.0)
         lines = equal_damping(axes) if oscillating and axes.get_xlim()[0] < 0.0 else []
+        shown = curves.paired()
+        numbers = number_branches(axes, result, curves, shown.real, shown.imag)
         labels = _draw_critical_points(axes, curves)
         if curves.marked:
             handles.append(legend_marker("D", 7.0, "critical value"))
-        draw_legend(figure, handles + branch_entries(curves) + legend_entries(curves) + lines)
+        draw_legend(
+            figure, handles + branch_entries(curves) + number_entries([numbers]) + legend_entries(curves) + lines
+        )
+        labels.wanted += numbers.wanted
         labels.draw()
         name_damping(axes)
         return figure

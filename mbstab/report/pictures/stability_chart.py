@@ -21,8 +21,8 @@ from mbstab.report.pictures.drawing import draw_legend, house_style, no_answer_p
 from mbstab.report.pictures.regions import Labels, Polygon, regions
 from mbstab.report.pictures.scales import Axis, set_parameter_axis
 
-REGIONS = ("1.0", "0.82", "0.64", "0.46", "0.28")
-"""Grey of a region by its number of unstable eigenvalues; the last is for 4 or more."""
+REGIONS = ("1.0", "0.84", "0.68", "0.52", "0.36")
+"""Grey of a region by its number of unstable eigenvalues, the last for 4 or more; a black line is seen on each."""
 
 
 BETWEEN: Any = (0, (4.0, 2.0))
@@ -100,10 +100,8 @@ def _draw_curves(
     handles: list[Artist] = []
     for curve in boundaries:
         line = thinned(*(np.asarray(curve, dtype=float).reshape(-1, 2) / factors).T)
-        # Dark on a lighter, wider line, which lies below all curves: the curve is visible on every grey.
-        for width, colour, layer in ((2.8, "w", 1.9), (1.4, "k", 2.0)):
-            # Not cut off: on the frame, where damping begins at zero, a line would be lost.
-            axes.plot(*line, color=colour, linewidth=width, zorder=layer, clip_on=colour == "w")
+        # Not cut off: on the frame, where damping begins at zero, a line would be lost.
+        axes.plot(*line, color="k", linewidth=1.4, zorder=2.0, clip_on=False)
     for curve in divisions:
         line = thinned(*(curve / factors).T)
         axes.plot(*line, color="k", linewidth=1.0, linestyle=BETWEEN, zorder=1.8)

@@ -12,9 +12,11 @@ from matplotlib.lines import Line2D
 
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
+from mbstab.report.pictures.branch_labels import number_branches, number_entries
 from mbstab.report.pictures.curves import BEYOND_INK, INK, THIN, draw_branch
 from mbstab.report.pictures.drawing import draw_legend, house_style
 from mbstab.report.pictures.over_parameter import branch_entries, legend_entries, panels_over_parameter
+from mbstab.report.pictures.point_labels import PointLabels
 from mbstab.report.pictures.scales import Axis, set_real_scale, upward_range
 from mbstab.report.pictures.sweep_curves import TINY, SweepCurves
 
@@ -53,10 +55,13 @@ def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
         figure, panels, unlabelled = panels_over_parameter(curves, title, names, spaced=True)
         by_name = dict(zip(shown, panels, strict=True))
         handles: list[Artist] = []
+        numbers: list[PointLabels] = []
+        x = curves.x[:, None]
         if upper := by_name.get("real"):
             upper.axhline(0.0, color="0.0", linewidth=0.8)
             _draw(upper, curves, _real, False)
             set_real_scale(upper, "y", curves.all(_real), curves.size)
+            numbers.append(number_branches(upper, result, curves, x, curves.real))
             handles.append(Line2D([], [], color="k", linewidth=THIN, label="real part"))
         if lower := by_name.get("imaginary"):
             _draw(lower, curves, SweepCurves.upper_half, True)
@@ -65,8 +70,12 @@ def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
             draw_branch(lower, curves.x, level, INK[0], np.zeros(len(level), dtype=bool), True)
             heights = curves.all(SweepCurves.upper_half)
             lower.set_ylim(upward_range(np.append(heights.ravel(), level), curves.size))
+            numbers.append(number_branches(lower, result, curves, x, curves.upper_half()))
             handles.append(Line2D([], [], color="k", linewidth=THIN, linestyle="--", label="imaginary part (≥ 0)"))
         for name in {"real", "imaginary"} - by_name.keys():
             handles.append(Line2D([], [], linestyle="", label=f"all {name} parts are 0"))
-        draw_legend(figure, handles + branch_entries(curves) + legend_entries(curves, unlabelled=unlabelled))
+        handles += branch_entries(curves) + number_entries(numbers)
+        draw_legend(figure, handles + legend_entries(curves, unlabelled=unlabelled))
+        for labels in numbers:
+            labels.draw()
         return figure

@@ -1,0 +1,108 @@
+"""Names and numbers of branches, written where their curves are far from others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from mbstab.analysis.sweep.sweep import Sweep
+from mbstab.compiler.system import Array
+from mbstab.report.pictures.curves import Mask
+from mbstab.report.pictures.point_labels import LABELS, PointLabels
+from mbstab.report.pictures.sweep_curves import SweepCurves
+
+CLOSE, FREE = 0.01, 0.08
+"""Parts of the panel: branches closer than this coincide, those farther apart than this do not hide a label."""
+
+MOST = 100
+"""Points of a curve at which a label may stand."""
+
+
+def number_branches(axes: Axes, result: Sweep, curves: SweepCurves, x: Array, y: Array) -> PointLabels:
+    """Return labels with the numbers of branches without names; a picture with one colour needs none."""
+    labels = PointLabels(axes)
+    add_branches(labels, result, curves, (x, y))
+    return labels
+
+
+def add_branches(
+    labels: PointLabels, result: Sweep, curves: SweepCurves, points: tuple[Array, Array], word: str | None = None
+) -> None:
+    """Add labels of branches where they are far from others; those that coincide share one.
+
+    Parameters
+    ----------
+    labels : PointLabels
+    result : Sweep
+    curves : SweepCurves
+    points : (ndarray, ndarray), shape (n, 1) or (n, r), and (n, r)
+        The curves; nan where they are hidden.
+    word : str, optional
+        Stands before numbers, and names are written too; otherwise only branches without names get their numbers, if
+        there are several families.
+    """
+    if word is None and len(set(curves.ink)) < 2:
+        return
+    shown, x, y, places = _seen(labels.axes, *points)
+    order = np.linspace(0.0, 1.0, len(places))
+    named: set[int] = set()
+    for n in range(len(shown)):
+        apart = np.hypot(*np.moveaxis(places - places[:, n : n + 1], 2, 0))
+        known = ~np.isnan(apart)
+        alike = known.any(axis=0) & ~np.any(np.where(known, apart, 0.0) >= CLOSE, axis=0)
+        if n in named or len(labels.wanted) >= LABELS:
+            continue
+        same = np.flatnonzero(alike)
+        named |= set(same.tolist())
+        text = _text(result, [shown[m] for m in same], word)
+        if text:
+            k = int(np.nanargmax(_room(places, n, alike) + CLOSE * order))  # of equal ones the last
+            labels.add(float(x[k, n]), float(y[k, n]), text, marked=False, ink=curves.ink[shown[n]])
+
+
+def _text(result: Sweep, numbers: Sequence[int], word: str | None) -> str:
+    """Return the text of branches that coincide."""
+    names = [result.names[j] if result.names else "" for j in numbers]
+    if word is None:
+        return ", ".join(str(j + 1) for j, name in zip(numbers, names, strict=True) if not name)
+    texts = [name or str(j + 1) for j, name in zip(numbers, names, strict=True)]
+    return ("" if all(names) else word) + ", ".join(texts)
+
+
+def _seen(axes: Axes, x: Array, y: Array) -> tuple[list[int], Array, Array, Array]:
+    """Return the branches in a panel, some points of each, and these as parts of the panel; nan outside."""
+    fraction = axes.transData + axes.transAxes.inverted()
+    x, y = np.broadcast_arrays(x, y)
+    some = np.flatnonzero(~np.isnan(y).all(axis=1))
+    ends = fraction.transform(np.column_stack([x[some].ravel(), y[some].ravel()])).reshape(len(some), x.shape[1], 2)
+    inside = np.all((ends >= 0.0) & (ends <= 1.0), axis=2)
+    rows = np.flatnonzero(inside.any(axis=1))
+    rows = rows[:: max(1, len(rows) // MOST)]
+    shown = np.flatnonzero(inside[rows].any(axis=0))
+    part = np.ix_(rows, shown)
+    places = np.where(inside[part][:, :, None], ends[part], np.nan)
+    own = np.ix_(some[rows], shown)
+    return shown.tolist(), x[own], y[own], places
+
+
+def _room(places: Array, n: int, same: Mask) -> Array:
+    """Return the distance of each point of a branch to the others and to the frame, or `FREE` if that is less."""
+    others = places[:, ~same].reshape(-1, 2)
+    others = others[~np.isnan(others[:, 0])]
+    here = places[:, n]
+    room: Array = np.minimum.reduce([*here.T, *(1.0 - here.T), 0.0 * here[:, 0] + FREE])
+    if len(others):
+        apart = np.hypot(here[:, :1] - others[:, 0], here[:, 1:] - others[:, 1])
+        room = np.minimum(room, np.min(apart, axis=1))
+    return room
+
+
+def number_entries(labels: Sequence[PointLabels]) -> list[Artist]:
+    """Return the legend entry of the numbers of branches, if there are any."""
+    text = "number of a branch"
+    entry = Line2D([], [], linestyle="", marker="$1$", color="k", markersize=5.5, markeredgewidth=0.2, label=text)
+    return [entry] if any(label.wanted for label in labels) else []
