@@ -216,7 +216,7 @@ def test_small_motions_are_drawn_from_what_they_share_in_powers_of_ten():
         ("rate(rod.tetha)", "did you mean 'rod.theta'?"),
         ("phase:rod.tetha", "did you mean 'rod.theta'?"),
         ("phase:rod", "coordinates: rod.x, rod.y, rod.theta"),
-        ("phase:rod.x,rod.theta", "lengths and angles"),
+        ("phase:rod.x,rod.theta", "quantities in m and rad cannot"),
         ("enrgy", "did you mean 'energy'?"),
         ("speed(rod.x)", "there is no function 'speed'"),
         ("force(pivt)", "did you mean 'pivot'?"),

@@ -10,6 +10,7 @@ import pytest
 import mbstab
 from mbstab.compiler.system import System
 from mbstab.errors import ModelFileError, UsageError
+from mbstab.mechanics.elements import KINDS
 from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.expressions import ExpressionError, parse
 from mbstab.model.functions import FUNCTIONS
@@ -433,3 +434,52 @@ def test_an_exponent_may_be_computed(power, unit):
     found = dimension_of(parse(f"L**({power})"), names)
     exponent = {"(1/2)": Fraction(1, 2), "-(1/2)": Fraction(-1, 2), "(3 - 1)/4": Fraction(1, 2), "(1 + 1)": Fraction(2)}
     assert found == tuple(Fraction(i == 1) * exponent[power] for i in range(4))
+
+
+FIELDS = {
+    "number": "q",
+    "moving number": "q",
+    "signal": "q",
+    "law": "q",
+    "ratio": "q",
+    "vector": "[q, 1, 1]",
+    "law vector": "[q, 1, 1]",
+    "angles": "[q, 0, 0]",
+    "radii": "[q, 1]",
+    "teeth": "[q, 1]",
+}
+"""What stands in a field of each shape that is in a unit."""
+
+
+@pytest.mark.parametrize("section", [x for x in KINDS if x != "bodies"])
+def test_every_number_of_every_part_is_refused_at_its_key_in_a_wrong_unit(section):
+    asked = 0
+    for kind in {KINDS[section][key].name: KINDS[section][key] for key in KINDS[section]}.values():
+        for field in kind.fields:
+            if field.shape not in FIELDS or not (field.unit or field.units) or field.made:
+                continue
+            dimension = max(kind.dimensions) if not field.units else min(kind.dimensions)
+            if dimension not in field.dimensions:
+                dimension = field.dimensions[0]
+            body = "planar" if dimension == 2 else "spatial"
+            given = FIELDS[field.shape] if dimension == 3 else FIELDS[field.shape].replace("[q, 1, 1]", "[q, 1]")
+            along = "joint: pin, " if any(x.name == "joint" for x in kind.fields) else ""
+            entry = f"  e: {{type: {kind.name}, {along}{field.name}: {given}}}"
+            axis = ", axis: z" if dimension == 3 else ""
+            joint = f"  pin: {{type: revolute, between: [a, ground]{axis}}}"
+            lines = [f"{section}:", entry, *([joint] if section == "joints" else ["joints:", joint])]
+            inertia = 1 if dimension == 2 else "[1, 1, 1]"
+            text = "\n".join([
+                "mbstab: 1",
+                "parameters: {q: {value: 2, unit: kg^7}}",
+                f"bodies: {{a: {{type: {body}, mass: 1, inertia: {inertia}}}}}",
+                *lines,
+                "reference: {}",
+            ])  # fmt: skip
+            with pytest.raises(ModelFileError) as caught:
+                mbstab.loads(text)
+            told = [x for x in caught.value.problems if "'q' has the unit kg^7, expected" in x.message]
+            assert told, (kind.name, field.name)
+            assert all(x.path.startswith(f"{section}.e.{field.name}") for x in told), (kind.name, field.name)
+            asked += 1
+    assert asked or section in ("contacts", "inputs")

@@ -47,7 +47,7 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.evaluator import Law
 from mbstab.model.expressions import Expression
 from mbstab.model.scene import BalanceValues, Scene
-from mbstab.model.schema import Entry, is_length, is_state, unit_of
+from mbstab.model.schema import Entry, is_length, is_state
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -195,6 +195,11 @@ class System:
         return self.remember("bodily", None, lambda: self._only(bodily))
 
     @cached_property
+    def units(self) -> tuple[str, ...]:
+        """The SI units of the coordinates."""
+        return tuple(map(self.scene.model.unit_of, self.names))
+
+    @cached_property
     def states(self) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
         """Numbers of the coordinates that are first-order states, and of the rows of their rates."""
         rows = [i for i, row in enumerate(self.rows) if row.section == "states"]
@@ -336,19 +341,16 @@ class System:
 
     def _row_list(self, use: Any, entry: Entry | None) -> list[Row]:
         if isinstance(use, BalanceValues):
-            name = _name_of(use)
-            unit = "N" if is_length(name) else "N*m"
-            return [Row("balances", name, "forces", unit, self._location(f"balances.{name}"))]
+            unit, place = "N" if is_length(use.name) else "N*m", self._location(f"balances.{use.name}")
+            return [Row("balances", use.name, "forces", unit, place)]
         assert entry is not None
         if not isinstance(use, ElementUse):
             return [Row(entry.section, entry.name, entry.kind.name, "unit of the expression", entry.location)]
-        name = self._kernel_name(use)
-        element = ELEMENTS[name]
+        element = ELEMENTS[name := self._kernel_name(use)]
         count = 1 + max(i for i, *_ in _kernel(name).DYNAMICS["J"])
         label = use.labels[0] if use.labels else element.name
-        unit = element.units[0]
-        if unit.startswith("unit"):
-            unit = unit.replace("unit", unit_of(self.names[use.slots[0]]))
+        if (unit := element.units[0]).startswith("unit"):
+            unit = unit.replace("unit", self.units[use.slots[0]])
         labels = [label] if count == 1 else [f"{label} {axis}" for axis in "xyz"[:count]]
         return [Row(entry.section, entry.name, text, unit, entry.location, element.residual) for text in labels]
 
@@ -356,14 +358,13 @@ class System:
         next_row = {"holonomic": 0, "nonholonomic": self.n_h}
         placed: list[Placed] = []
         for (use, entry, role), count in zip(uses, counts, strict=True):
-            rows: tuple[int, ...] = ()
-            if count:
-                rows = tuple(range(next_row[role], next_row[role] + count))
-                next_row[role] += count
+            first = next_row.get(role, 0)
+            rows = tuple(range(first, first + count))
+            next_row[role] = first + count
             if isinstance(use, BalanceValues):
                 from mbstab.compiler.balances import balance_of
 
-                placed.append(balance_of(use, self.names, role, placed, f"balances.{_name_of(use)}", rows[0]))
+                placed.append(balance_of(use, self.names, role, placed, f"balances.{use.name}", rows[0]))
                 continue
             path = entry.path if entry else f"bodies.{self.scene.bodies[use.slots[0]].name}"
             if isinstance(use, ElementUse):
@@ -582,11 +583,6 @@ _OVERFLOW = (
     "an entry of the matrices is not finite\n"
     "hint: numbers of this size leave the range of double precision; use other units"
 )
-
-
-def _name_of(balance: BalanceValues) -> str:
-    """Return the coordinate after which a balance is called: that with the largest component."""
-    return max(balance.direction, key=lambda name: abs(balance.direction[name]))
 
 
 @cache

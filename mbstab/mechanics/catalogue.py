@@ -166,6 +166,37 @@ class PartError(Exception):
         self.key, self.message, self.hint = key, message, hint
 
 
+EFFORT = "the effort"
+"""What `Product` calls the effort of an entry, N or N*m."""
+
+
+@dataclass(frozen=True)
+class Product:
+    """A product in what an entry stands for: coefficient · factors · s^seconds has the unit of `gives`.
+
+    Attributes
+    ----------
+    gives : str
+        `EFFORT`, a state, an expression, or a few words for what stands nowhere else.
+    factors : tuple of str
+        The same.
+    seconds : int
+    key : str
+        Of the entry, that has the coefficient; empty: the coefficient is 1.
+    index : tuple of int
+        Place of the coefficient in a list or a matrix.
+    coefficient : str
+        With all that multiplies it in the entry.
+    """
+
+    gives: str
+    factors: tuple[str, ...] = ()
+    seconds: int = 0
+    key: str = ""
+    index: tuple[int, ...] = ()
+    coefficient: str = ""
+
+
 @dataclass(frozen=True)
 class Part:
     """What an entry with states of its own stands for: expressions, as they would stand in a file.
@@ -175,12 +206,15 @@ class Part:
     states : dict
         Their rates by name.
     effort : str
+    products : tuple of Product
+        What decides the units of the states, and what the coefficients must fit.
     units : dict
-        Units of the states that have one.
+        Units of states that nothing else decides.
     """
 
     states: dict[str, str]
     effort: str
+    products: tuple[Product, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
 
 
@@ -359,6 +393,7 @@ class OwnState:
         The state is called after the entry, ``NAME_suffix``.
     doc : str
         What it is.
+    unit : str
     build : callable
         From the `Item` to the elements with the row of its rate.
     """
@@ -366,6 +401,7 @@ class OwnState:
     field: str
     suffix: str
     doc: str
+    unit: str
     build: Build
 
 

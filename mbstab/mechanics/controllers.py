@@ -6,10 +6,10 @@ Each is written in terms of its keys, as the rates of its states and its effort 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from mbstab.mechanics.catalogue import ElementUse, Field, Item, Kind, Part, PartError
+from mbstab.mechanics.catalogue import EFFORT, ElementUse, Field, Item, Kind, Part, PartError, Product
 from mbstab.mechanics.drives import MOTION
 
 _SINGLE = re.compile(r"\s*[\w.]+\s*(\([^()+*/-]*\))?\s*")
@@ -41,18 +41,27 @@ def _sum(terms: Iterable[tuple[str, str]]) -> str:
 
 def _pid(name: str, given: Mapping[str, Any]) -> Part:
     states: dict[str, str] = {}
-    error = f"({given.get('target', '0')}) - ({given['of']})"
+    of = given["of"]
+    error = f"({given.get('target', '0')}) - ({of})"
+    products = [Product(of, key="target", coefficient=given["target"])] if "target" in given else []
+    products += [
+        Product(EFFORT, (of,), seconds, key, coefficient=given[key])
+        for key, seconds in (("P", 0), ("I", 1), ("D", -1))
+        if key in given
+    ]
     terms = [(given["P"], error)] if "P" in given else []
     if "I" in given:
         states[f"{name}_integral"] = error
+        products.append(Product(f"{name}_integral", (of,), 1))
         terms.append((given["I"], f"{name}_integral"))
     if "D" in given:
-        speed = f"rate({given['of']})"
+        speed = f"rate({of})"
         if "filter" in given:
             follower = f"{name}_filtered"
-            speed = f"({given['of']} - {follower})/({given['filter']})"
+            speed = f"({of} - {follower})/({given['filter']})"
             states[follower] = speed
-        elif not _SINGLE.fullmatch(given["of"]):
+            products.append(Product(follower, (of,)))
+        elif not _SINGLE.fullmatch(of):
             what = "D needs its rate, so that it must be one coordinate or measure"
             raise PartError("of", what, "give filter, a time constant, with which any expression may stand here")
         terms.append((given["D"], f"-({speed})"))
@@ -60,24 +69,35 @@ def _pid(name: str, given: Mapping[str, Any]) -> Part:
         raise PartError("filter", "there is no derivative to be filtered", "give D, or leave out filter")
     if not terms:
         raise PartError("", "give at least one of 'P', 'I' and 'D'")
-    return _lagged(name, given, states, _sum(terms))
+    return _lagged(name, given, Part(states, _sum(terms), tuple(products)))
 
 
-def _lagged(name: str, given: Mapping[str, Any], states: dict[str, str], effort: str) -> Part:
+def _lagged(name: str, given: Mapping[str, Any], part: Part) -> Part:
     """Return a part whose actuator follows with a lag, if one is given."""
     if "lag" not in given:
-        return Part(states, effort)
+        return part
     acting = f"{name}_effort"
-    return Part({**states, acting: f"({effort} - {acting})/({given['lag']})"}, acting)
+    rate = f"({part.effort} - {acting})/({given['lag']})"
+    return Part({**part.states, acting: rate}, acting, (*part.products, Product(acting, (EFFORT,))))
 
 
 def _feedback(name: str, given: Mapping[str, Any]) -> Part:
-    effort = "-(" + _sum((gain, signal) for signal, gain in given["gains"].items()) + ")"
-    return _lagged(name, given, {}, effort)
+    gains = given["gains"]
+    effort = "-(" + _sum((gain, signal) for signal, gain in gains.items()) + ")"
+    # Of what the file gives, the expressions come first, then the gains.
+    products = (
+        Product(EFFORT, (signal,), 0, "gains", (len(gains) + i,), gain)
+        for i, (signal, gain) in enumerate(gains.items())
+    )
+    return _lagged(name, given, Part({}, effort, tuple(products)))
+
+
+def _names(name: str, count: int) -> list[str]:
+    return [f"{name}_{i + 1}" for i in range(count)]
 
 
 def _space(name: str, A: Sequence[Sequence[str]], B: Sequence[str], C: Sequence[str], D: str, signal: str) -> Part:
-    states = [f"{name}_{i + 1}" for i in range(len(A))]
+    states = _names(name, len(A))
     rates = {
         state: _sum([*zip(row, states, strict=True), (b, signal)]) for state, row, b in zip(states, A, B, strict=True)
     }
@@ -98,7 +118,20 @@ def _transfer(name: str, given: Mapping[str, Any]) -> Part:
         A.append([f"-({x})/({lead})" for x in reversed(below[1:])])
     C = [f"(({x}) - ({direct})*({a}))/({lead})" for x, a in zip(reversed(b[1:]), reversed(below[1:]), strict=True)]
     part = _space(name, A, [*["0"] * (n - 1), "1"][-n:] if n else [], C, direct, given["signal"])
-    return _lagged(name, given, part.states, part.effort)
+    products = tuple(_in_transfer(_names(name, n), above, below, given["signal"]))
+    return _lagged(name, given, Part(part.states, part.effort, products))
+
+
+def _in_transfer(states: list[str], above: list[str], below: list[str], signal: str) -> Iterator[Product]:
+    """Yield the products of a transfer function: each coefficient stands before a power of s, which is 1/time."""
+    denominator, numerator = "the terms of the denominator", "the terms of the numerator"
+    for state, following in zip(reversed(states), [signal, *reversed(states)], strict=False):
+        yield Product(state, (following,), 1)
+    for i, x in enumerate(below):
+        yield Product(denominator, (), i + 1 - len(below), "denominator", (i,), x)
+    yield Product(numerator, (denominator, EFFORT))
+    for i, x in enumerate(above):
+        yield Product(numerator, (signal,), i + 1 - len(above), "numerator", (i,), x)
 
 
 def _state_space(name: str, given: Mapping[str, Any]) -> Part:
@@ -111,15 +144,26 @@ def _state_space(name: str, given: Mapping[str, Any]) -> Part:
     for key, x in (("B", B), ("C", C)):
         if len(x) != n:
             raise PartError(key, f"{key} must have as many numbers as A has rows: {n}, got {len(x)}")
-    part = _space(name, A, B, C, given.get("D", "0"), given["signal"])
-    return _lagged(name, given, part.states, part.effort)
+    signal, states = given["signal"], _names(name, n)
+    part = _space(name, A, B, C, given.get("D", "0"), signal)
+    products = [
+        Product(one, (other,), 1, "A", (i, j), A[i][j])
+        for i, one in enumerate(states)
+        for j, other in enumerate(states)
+    ]
+    products += [Product(x, (signal,), 1, "B", (i,), B[i]) for i, x in enumerate(states)]
+    products += [Product(EFFORT, (x,), 0, "C", (i,), C[i]) for i, x in enumerate(states)]
+    if "D" in given:
+        products.append(Product(EFFORT, (signal,), 0, "D", coefficient=given["D"]))
+    return _lagged(name, given, Part(part.states, part.effort, tuple(products)))
 
 
 def _motor(along: str, name: str, given: Mapping[str, Any]) -> Part:
     current, constant = f"{name}_current", f"({given['constant']})*({given.get('ratio', '1')})"
     voltage = given.get("voltage", "0")
     drop = f"({voltage}) - ({given['resistance']})*{current} - {constant}*rate({along})"
-    return Part({current: f"({drop})/({given['inductance']})"}, f"{constant}*{current}", {current: "A"})
+    products = (Product(EFFORT, (current,), 0, "constant", coefficient=constant),)
+    return Part({current: f"({drop})/({given['inductance']})"}, f"{constant}*{current}", products, {current: "A"})
 
 
 _TARGETS = (
@@ -134,7 +178,7 @@ _LAG = Field(
     "s",
     sign="positive",
 )
-_SIGNAL = Field("signal", "signal", "what it takes in, an expression", required=True)
+_SIGNAL = Field("signal", "signal", "what it takes in, an expression", "", required=True)
 _ON = Field("on", "loads", "the effort along what it acts on", made=True)
 
 
@@ -149,8 +193,10 @@ _CONTROLLERS = (
         "controller: P*e + I*(integral of e) - D*(rate of what is controlled), with e = target - of; states "
         "NAME_integral, NAME_filtered with filter, NAME_effort with lag",
         (
-            Field("of", "signal", "what is controlled, a coordinate or a measure: body.x, angle(joint)", required=True),
-            Field("target", "signal", "what it should be, an expression; 0 if not given"),
+            Field(
+                "of", "signal", "what is controlled, a coordinate or a measure: body.x, angle(joint)", "", required=True
+            ),
+            Field("target", "signal", "what it should be, an expression; 0 if not given", ""),
             Field("P", "number", "proportional gain: effort for the error; 0 if not given", ""),
             Field("I", "number", "integral gain, that of P by s; 0 if not given", ""),
             Field("D", "number", "derivative gain, that of P times s; 0 if not given", ""),
@@ -197,11 +243,16 @@ _CONTROLLERS = (
         "direct-current motor: its current i obeys inductance*rate(i) = voltage - resistance*i - back-EMF, with the "
         "effort ratio*constant*i and the back-EMF ratio*constant*(speed); state NAME_current",
         (
-            Field("voltage", "signal", "expression (V); 0 if not given"),
+            Field("voltage", "signal", "expression; 0 if not given", "V"),
             Field("resistance", "number", "of the winding", "ohm", required=True, sign="nonnegative"),
             Field("inductance", "number", "of the winding", "H", required=True, sign="positive"),
-            Field("constant", "number", "effort per current (N*m/A, along a travel N/A)", "", required=True),
-            Field("ratio", "number", "turns of the motor per turn of the joint, 1 if not given", ""),
+            Field("constant", "number", "torque per current (N*m/A), or force per current (N/A)", "", required=True),
+            Field(
+                "ratio",
+                "number",
+                "turns of the motor per turn of the joint, or turns (rad) per travel (1/m); 1 if not given",
+                "",
+            ),
         ),
         _motor,
     ),

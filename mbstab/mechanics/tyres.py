@@ -341,7 +341,9 @@ KINDS: dict[tuple[str, int], Kind] = {
         _tyre_elements,
         transmits=True,
         look=_look if dimension == 2 else None,
-        state=OwnState("relaxation_length", "slip", "slip angle that the side force of a tyre follows", _relaxation),
+        state=OwnState(
+            "relaxation_length", "slip", "slip angle that the side force of a tyre follows", "rad", _relaxation
+        ),
     )
     for dimension, where in _WHERE.items()
 }

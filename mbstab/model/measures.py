@@ -17,8 +17,8 @@ from mbstab.model.schema import (
     body_coordinates,
     constant,
     owner_of_point,
-    unit_of,
 )
+from mbstab.model.units import per_second
 from mbstab.records import dataclass
 
 TRANSMITTED = ("force", "torque", "effort")
@@ -70,13 +70,13 @@ class Measurement:
         owner, _, axis = arguments[0].rpartition(".")
         return Measurement(order, kind, (owner or axis,), axis if owner else "")
 
-    @property
-    def unit(self) -> str:
-        """Its SI unit; empty for efforts, which are forces or torques."""
+    def unit_in(self, model: Model) -> str:
+        """Return its SI unit; empty for efforts, which are forces or torques."""
         if self.kind == "effort":
             return ""
-        unit = unit_of(self.arguments[0]) if self.kind == "coordinate" else MEASURES[self.kind].unit
-        return unit + ("", "/s", "/s^2")[self.order]
+        if self.kind == "coordinate":
+            return model.unit_of(self.arguments[0], self.order)
+        return per_second(MEASURES[self.kind].unit, self.order)
 
 
 @dataclass(frozen=True)

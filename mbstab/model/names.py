@@ -27,7 +27,7 @@ class Names:
     counted : dict of Counted
         What parameters count: radians or turns.
     state_units : dict
-        Units of the states that have one, as they are written.
+        Units of the states that have one, as they are written or as their equations decide.
     bodies : dict of Entry
         The bodies that were read.
     joints : dict of Kind

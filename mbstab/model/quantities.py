@@ -46,19 +46,22 @@ class QuantityReader:
         time: bool = False,
         state: bool = False,
         shared: bool = True,
+        made: bool = False,
     ) -> Quantity | None:
         """Return an expression, None if there is a problem.
 
         Parameters
         ----------
         unit : str
-            What it must be in; "" and "1" stand for everything without a declared unit.
+            What it must be in, "1" for a plain number; "" stands for anything.
         time : bool
             Whether it may contain the time t.
         state : bool
             Whether it may contain coordinates and rates.
         shared : bool
             Whether it may contain definitions; those of parameters may not.
+        made : bool
+            Whether the program wrote it from keys whose units are checked.
         """
         if not isinstance(node, Scalar) or node.empty:
             self.nodes.complain(node, path, "expected a number or an expression" + _in_brackets(unit), single(node))
@@ -71,7 +74,8 @@ class QuantityReader:
             expression = filled_in(expression, self.names.definitions if shared else {}, self.names.tables)
             self._check_names(expression, time, state)
             self._check_widths(expression)
-            self.check_unit(expression, unit)
+            if not made:
+                self.check_unit(expression, unit)
         except ExpressionError as error:
             self.complain(node, path, error)
             return None
@@ -80,10 +84,10 @@ class QuantityReader:
         return Quantity(expression.text, expression.root, node.location, path)
 
     def expression(
-        self, node: YamlNode, path: str, unit: str = "", time: bool = False, state: bool = False
+        self, node: YamlNode, path: str, unit: str = "", time: bool = False, state: bool = False, made: bool = False
     ) -> Quantity:
         """Return an expression as `quantity` does, but 1 if there is a problem."""
-        return self.quantity(node, path, unit, time, state) or constant("1", node.location, path)
+        return self.quantity(node, path, unit, time, state, made=made) or constant("1", node.location, path)
 
     def complain(self, node: Scalar, path: str, error: ExpressionError) -> None:
         """Record what is wrong with an expression, at the character where it is."""
@@ -167,14 +171,18 @@ class QuantityReader:
         require_angle(expression, {**self.names.counted, **counted}, unit)
         found = self.dimension_of(expression)
         # What only moves, as in -rate(a.x), may have the coefficient 1 in any unit.
-        if unit in ("", "1") or isinstance(found, (str, units.Moving)):
+        if not unit or isinstance(found, (str, units.Moving)):
             return
         expected = units.parse_unit(unit)[1]
         if found != expected:
-            alone = self.names.parameters.get(expression.text.strip())
-            shown = alone.unit if alone is not None else units.show(found)
-            message = f"{expression.text!r} has the unit {shown}, expected {unit}"
-            raise ExpressionError(message, 0, "check the units declared under parameters")
+            raise ExpressionError(self.misfit(expression, found, unit), 0, hint_of_factor(expression, found, expected))
+
+    def misfit(self, expression: Expression, found: units.Dimension, expected: str) -> str:
+        """Return that an expression has another unit than expected."""
+        alone = self.names.parameters.get(expression.text.strip())
+        shown = alone.unit if alone is not None and alone.unit else units.show(found)
+        wanted = "a plain number" if expected == "1" else expected
+        return f"{expression.text!r} has the unit {shown}, expected {wanted}"
 
     def dimension_of(self, expression: Expression) -> units.Known:
         """Return what is known of the dimension of an expression of the motion.
@@ -187,16 +195,16 @@ class QuantityReader:
         names = {*expression.names(), *expression.rates()}
         # A speed such as vx(point) counts as the rate of itself.
         moving = {name: units.moving(x.removesuffix("/s")) for name in names if (x := self.unit_of(name))}
-        return units.dimension_of(expression, {**self.names.units, **moving})
+        return units.dimension_of(expression, {**moving, **self.names.units})
 
     def unit_of(self, name: str) -> str:
-        """Return the unit of a coordinate or a measure; of others an empty text."""
+        """Return the unit of a coordinate, a state or a measure; of others an empty text."""
         if is_measure(name):
             measure = MEASURES.get(parts(name)[0])
             return measure.unit if measure is not None and measure.formula is not None else ""
         if "." in name and name in self.names.coordinates:
             return unit_of(name)
-        return ""
+        return self.names.state_units.get(name, "")
 
     # --- vectors ----------------------------------------------------------------------------------------------------
 
@@ -267,3 +275,12 @@ class QuantityReader:
 
 def _in_brackets(unit: str) -> str:
     return f" ({unit})" if unit not in ("", "1") else ""
+
+
+def hint_of_factor(expression: Expression, found: units.Dimension, expected: units.Dimension) -> str:
+    """Return what to do about a unit that does not fit; a number beside it may have the unit that lacks."""
+    number = units.bare_factor(expression.root)
+    if number is None:
+        return "check the units declared under parameters"
+    lacking = units.show(units.times(expected, found, -1))
+    return f"beside a declared unit, {number} is a plain number; if it stands for {lacking}, make it a parameter"

@@ -152,6 +152,7 @@ def _read(document: Document, root: Mapping) -> Model:
         measures=quantities.names.measures,
         definitions=quantities.names.definitions,
         tables=quantities.names.tables,
+        state_units=quantities.names.state_units,
     )
 
 

@@ -101,6 +101,11 @@ class BalanceValues:
     tied: tuple[tuple[str, int], ...] = ()
 
     @property
+    def name(self) -> str:
+        """The coordinate after which it is called: that with the largest component."""
+        return max(self.direction, key=lambda name: abs(self.direction[name]))
+
+    @property
     def names(self) -> list[str]:
         """The coordinates without mass that it contains."""
         return [*self.direction, *(name for name, _ in self.tied)]

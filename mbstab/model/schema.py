@@ -13,7 +13,7 @@ from mbstab.mechanics.catalogue import Kind, Sign
 from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.functions import TABULATED
 from mbstab.model.hermite import OutsideTable, monotone_slopes, no_slopes, spline_slopes
-from mbstab.model.units import UNITS
+from mbstab.model.units import UNITS, per_second
 from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import Document
 from mbstab.records import dataclass
@@ -350,6 +350,8 @@ class Model:
         What the measures in expressions name, by the measure, such as ``angle(pivot)``.
     definitions : dict
         Named expressions, as they are written; all others have them in the place of their names.
+    state_units : dict
+        Units of the first-order states that have one.
     """
 
     document: Document
@@ -372,6 +374,7 @@ class Model:
     measures: dict[str, MeasureValue]
     definitions: dict[str, Expression]
     tables: dict[str, TableValue]
+    state_units: dict[str, str]
 
     @property
     def name(self) -> str:
@@ -397,6 +400,15 @@ class Model:
         """Return the names of the coordinates in the order of q, such as ``rod.theta``; the states come last."""
         placed = [f"{name}.{c}" for name, body in self.bodies.items() for c in body_coordinates(body)]
         return [*placed, *self.states]
+
+    def unit_of(self, coordinate: str, order: int = 0) -> str:
+        """Return the SI unit of a coordinate or of a time derivative of it; 1 for a state whose unit nothing says."""
+        return per_second(self.state_units.get(coordinate, "1") if is_state(coordinate) else unit_of(coordinate), order)
+
+    def unit_of_solved(self, name: str) -> str:
+        """Return the SI unit of a coordinate or of its rate, ``rate(rod.theta)``."""
+        coordinate = name.removeprefix("rate(").removesuffix(")")
+        return self.unit_of(coordinate, int(coordinate != name))
 
     @property
     def states(self) -> dict[str, Entry]:
@@ -440,19 +452,8 @@ def after_number(unit: str) -> str:
 
 
 def unit_of(coordinate: str) -> str:
-    """Return the SI unit of a coordinate: m, rad, or 1 for a state, whose unit its equation decides."""
-    return "m" if is_length(coordinate) else "1" if is_state(coordinate) else "rad"
-
-
-def unit_of_rate(coordinate: str, order: int = 1) -> str:
-    """Return the SI unit of a time derivative of a coordinate; that of a state is per second of its own unit."""
-    return f"{unit_of(coordinate)}/s" + (f"^{order}" if order > 1 else "")
-
-
-def unit_of_solved(name: str) -> str:
-    """Return the SI unit of a coordinate or of its rate, ``rate(rod.theta)``."""
-    coordinate = name.removeprefix("rate(").removesuffix(")")
-    return unit_of(name) if coordinate == name else unit_of_rate(coordinate)
+    """Return the SI unit of a coordinate of a body: m or rad."""
+    return "m" if is_length(coordinate) else "rad"
 
 
 SIGNS: tuple[Sign, ...] = ("positive", "nonnegative", "nonzero")

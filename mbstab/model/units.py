@@ -7,7 +7,7 @@ numbers have none. Quantities without a declared unit always fit.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
 from functools import lru_cache, partial, reduce
 from operator import add, mul, sub
@@ -110,7 +110,7 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
             factor = 0.0
         if not 1e-300 < factor < 1e300:
             raise ExpressionError(f"{text!r} is out of the range of numbers", at)
-        dimension = _times(dimension, UNITS[name][1], power)
+        dimension = times(dimension, UNITS[name][1], power)
     return factor, dimension
 
 
@@ -176,33 +176,38 @@ def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
 _SI = {
     "deg": "rad", "mrad": "rad", "g": "kg", "t": "kg", "um": "m", "mm": "m", "cm": "m", "km": "m", "ms": "s",
     "min": "s", "h": "s", "kN": "N", "MN": "N", "kW": "W", "kPa": "Pa", "MPa": "Pa", "GPa": "Pa", "mA": "A", "mH": "H",
+    "rpm": "rad/s", "mph": "m/s",
 }  # fmt: skip
-"""Units with a factor, and what they become without it; rpm becomes rad/s."""
+"""Units with a factor, and what they become without it."""
 
 
 def si_unit(text: str) -> str:
     """Return the unit in which a quantity is computed whose unit in the file is this one: rad/s for deg/s or rpm."""
-    found = ""
-    for sign, part in re.findall(r"([*/]?)((?:\*\*|[^*/])+)", text):
-        match = _FACTOR.fullmatch(part)
-        assert match is not None
-        name, power = match.group("name"), match.group("power")
-        raised = f"^{power}" if power else ""
-        if name == "rpm":
-            found += f"{sign}rad{raised}" + ("*" if sign == "/" else "/") + f"s{raised}"
-        else:
-            found += f"{sign}{_SI.get(name, name)}{raised}"
-    return found
+    return product([(text, 1)]) if text else ""
 
 
-def _times(a: Dimension, b: Dimension, power: Fraction | int = 1) -> Dimension:
+def product(given: Iterable[tuple[str, int]]) -> str:
+    """Return the unit of a product of powers, in SI: rad*s for rad/s and s^2, N*m/(rad*s) for N*m/rad and 1/s."""
+    powers: dict[str, int] = {}
+    for unit, power in given:
+        for name, own, _ in factors(unit):
+            for part, inner, _ in factors(_SI.get(name, name)):
+                powers[part] = powers.get(part, 0) + inner * own * power
+    over = [_power(name, Fraction(n)) for name, n in powers.items() if n > 0 and name != "1"]
+    under = [_power(name, Fraction(-n)) for name, n in powers.items() if n < 0 and name != "1"]
+    below = f"({'*'.join(under)})" if len(under) > 1 else "".join(under)
+    return ("*".join(over) or "1") + (f"/{below}" if below else "")
+
+
+def per_second(unit: str, order: int = 1) -> str:
+    """Return the unit of a time derivative."""
+    return product([(unit, 1), ("s", -order)])
+
+
+def times(a: Dimension, b: Dimension, power: Fraction | int = 1) -> Dimension:
+    """Return the dimension of a·b^power."""
     first, second, third, fourth = (x + y * power for x, y in zip(a, b, strict=True))
     return first, second, third, fourth
-
-
-def inverse(dimension: Dimension) -> Dimension:
-    """Return the dimension of the inverse of a quantity."""
-    return _times(NONE, dimension, -1)
 
 
 _SPOKEN = ("N", "N/m", "N*m", "N*s/m", "N*m*s", "N*m/s", "N/m^2", "V", "ohm")
@@ -241,14 +246,6 @@ def moving(unit: str) -> Moving:
     return Moving(parse_unit(unit)[1])
 
 
-def per(effort: str, signal: Known, seconds: int) -> Dimension | None:
-    """Return the dimension of a gain: of an effort per signal, times a power of seconds; None if it is not known."""
-    if isinstance(signal, str):
-        return None
-    whole = signal.dimension if isinstance(signal, Moving) else signal
-    return _times(_times(parse_unit(effort)[1], whole, -1), UNITS["s"][1], seconds)
-
-
 def dimension_of(expression: Expression, names: Mapping[str, Known]) -> Known:
     """Return the dimension of an expression.
 
@@ -280,7 +277,10 @@ def _infer(node: Node, names: Mapping[str, Known]) -> Known:
             return LITERAL if node.name in CONSTANTS else names.get(node.name, UNKNOWN)
         case Rate():
             found = names.get(node.name, UNKNOWN)
-            return Moving(_times(_plain(found), UNITS["s"][1], -1)) if isinstance(found, Moving) else UNKNOWN
+            if isinstance(found, str):
+                return UNKNOWN
+            rate = times(_plain(found), UNITS["s"][1], -1)
+            return Moving(rate) if isinstance(found, Moving) else rate
         case Negative():
             return _infer(node.operand, names)
         case Call():
@@ -297,7 +297,20 @@ def _infer(node: Node, names: Mapping[str, Known]) -> Known:
                 return _of_moving(left, right, 1 if node.operator == "*" else -1)
             if {left, right} <= {LITERAL, NONE} and LITERAL in (left, right):
                 return LITERAL  # 10*ratio may be a length: a bare number stands for any unit
-            return _times(_plain(left), _plain(right), 1 if node.operator == "*" else -1)
+            return times(_plain(left), _plain(right), 1 if node.operator == "*" else -1)
+
+
+def bare_factor(node: Node) -> str | None:
+    """Return a number that is a factor of an expression and may be meant with a unit; None if there is none."""
+    match node:
+        case Number():
+            return node.text if Fraction(node.text) not in (0, 1, 2, Fraction(1, 2)) else None
+        case Negative():
+            return bare_factor(node.operand)
+        case Binary(operator="*" | "/"):
+            return bare_factor(node.left) or bare_factor(node.right)
+        case _:
+            return None
 
 
 def _plain(known: Known) -> Dimension:
@@ -308,7 +321,7 @@ def _of_moving(left: Known, right: Known, power: int) -> Known:
     """Return what is known of a product with something that moves: all, if the other one has a declared unit."""
     if LITERAL in (left, right):
         return UNKNOWN
-    found = _times(_plain(left), _plain(right), power)
+    found = times(_plain(left), _plain(right), power)
     return Moving(found) if isinstance(left, Moving) and isinstance(right, Moving) else found
 
 
@@ -334,7 +347,7 @@ def _raise(base: Known, exponent: Known, node: Binary) -> Known:
     value = _fraction(node.right)
     if value is None:
         return UNKNOWN
-    found = _times(NONE, _plain(base), value)
+    found = times(NONE, _plain(base), value)
     return Moving(found) if isinstance(base, Moving) else found
 
 
@@ -366,7 +379,7 @@ def _infer_call(node: Call, names: Mapping[str, Known]) -> Known:
     if rule == "root":
         if isinstance(arguments[0], str):
             return arguments[0]
-        found = _times(NONE, _plain(arguments[0]), Fraction(1, 2))
+        found = times(NONE, _plain(arguments[0]), Fraction(1, 2))
         return Moving(found) if isinstance(arguments[0], Moving) else found
     if rule != "plain":
         common = reduce(partial(_same, position=node.position), arguments)

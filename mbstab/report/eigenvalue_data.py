@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from mbstab.model.schema import Model, unit_of
+from mbstab.model.schema import Model
 from mbstab.report.export import parameters_data, polar
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
             }
             for e in result.eigenvalues
         ],
-        "coordinates": [{"name": name, "unit": unit_of(name)} for name in result.coordinates],
+        "coordinates": [{"name": name, "unit": x} for name, x in zip(result.coordinates, result.units, strict=True)],
         "counts": {**asdict(result.counts), "degrees_of_freedom": result.counts.degrees_of_freedom},
         "neutral_directions": result.neutral_directions,
         "warnings": result.warnings,
@@ -137,8 +137,8 @@ def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
         "whirl",
         "mode",
     ]
-    for name in result.coordinates:
-        heads += [f"magnitude of {name} ({unit_of(name)}; largest coordinate 1)", f"phase of {name} (rad)"]
+    for name, unit in zip(result.coordinates, result.units, strict=True):
+        heads += [f"magnitude of {name} ({unit}; largest coordinate 1)", f"phase of {name} (rad)"]
     rows = []
     for e in result.eigenvalues:
         shape: list[Any] = [""] * (2 * len(result.coordinates))

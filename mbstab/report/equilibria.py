@@ -7,7 +7,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from mbstab.errors import counted
-from mbstab.model.schema import is_state, unit_of
+from mbstab.model.schema import Model
 from mbstab.report import WIDTH
 from mbstab.report.tables import number, table
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from mbstab.analysis.reference.equilibrium import Equilibrium
 
 
-def equilibrium_text(found: Sequence[Equilibrium], names: Sequence[str], title: str) -> str:
+def equilibrium_text(found: Sequence[Equilibrium], model: Model) -> str:
     """Return the answer of ``mbstab equilibrium`` as text."""
-    lines = [title, ""] if title else []
+    lines = [model.title, ""] if model.title else []
     if len(found) > 1:
         lines += [f"{len(found)} distinct solutions", ""]
     for place, item in enumerate(found, 1):
         kind = "Equilibrium" if str(item.steady) == "rest" else f"Steady motion ({item.steady})"
         lines += wrap(kind + (f" {place} of {len(found)}" if len(found) > 1 else ""), width=WIDTH)
-        lines += [text for text in (_state_table(item, names), _reaction_table(item), _effort_table(item)) if text]
+        lines += [text for text in (_state_table(item, model), _reaction_table(item), _effort_table(item)) if text]
         lines += wrap(
             f"found by {item.strategy} in {counted(item.iterations, 'step')}; largest imbalance {item.residual:.1e} of "
             f"what balances ({item.unbalanced[0]:.1e} N, {item.unbalanced[1]:.1e} N*m)",
@@ -39,13 +39,13 @@ def equilibrium_text(found: Sequence[Equilibrium], names: Sequence[str], title: 
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def _state_table(item: Equilibrium, names: Sequence[str]) -> str:
+def _state_table(item: Equilibrium, model: Model) -> str:
     moving, fastest = bool(item.motion.u.any()), float(abs(item.motion.u).max())
     rows = []
-    for name, q, u in zip(names, item.motion.q, item.motion.u, strict=True):
-        unit = "" if is_state(name) else unit_of(name)  # its equation decides
+    for name, q, u in zip(model.coordinates(), item.motion.q, item.motion.u, strict=True):
+        unit = "" if (own := model.unit_of(name)) == "1" else own
         rate = u if abs(u) > 1e-14 * fastest else 0.0
-        rows.append([name, number(q, 10), unit, *([number(rate, 6), f"{unit or 1}/s"] if moving else [])])
+        rows.append([name, number(q, 10), unit, *([number(rate, 6), model.unit_of(name, 1)] if moving else [])])
     heads = ["coordinate", "value", "", *(["rate", ""] if moving else [])]
     return table(heads, rows, left=(0, 2, 4))
 

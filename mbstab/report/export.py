@@ -9,7 +9,7 @@ from dataclasses import asdict
 from io import BytesIO, StringIO
 from typing import TYPE_CHECKING, Any
 
-from mbstab.model.schema import Model, unit_of, unit_of_solved
+from mbstab.model.schema import Model
 from mbstab.model.words import UNDECIDED
 from mbstab.report.tables import decimals
 
@@ -140,13 +140,13 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
     }
 
 
-def equilibrium_csv(found: Sequence[Equilibrium], names: Sequence[str]) -> str:
+def equilibrium_csv(found: Sequence[Equilibrium], model: Model) -> str:
     """Return coordinates, reactions and efforts of all solutions as CSV, one number per line."""
     rows: list[list[Any]] = []
     for number, item in enumerate(found, 1):
-        for name, q, u in zip(names, item.motion.q, item.motion.u, strict=True):
-            length = unit_of(name)
-            rows += [[number, "coordinate", name, float(q), length], [number, "rate", name, float(u), f"{length}/s"]]
+        for name, q, u in zip(model.coordinates(), item.motion.q, item.motion.u, strict=True):
+            rows.append([number, "coordinate", name, float(q), model.unit_of(name)])
+            rows.append([number, "rate", name, float(u), model.unit_of(name, 1)])
         for r in item.reactions:
             axes = "xyz" if len(r.torque) != 1 else "z"
             for what, letters, vector, unit in (("force", "xyz", r.force, "N"), ("torque", axes, r.torque, "N*m")):
@@ -249,13 +249,14 @@ def sweep_csv(result: Sweep, unit: str, factor: float) -> str:
     count = max(path.branches.shape[1] for path in paths)
     names = [f" ({name})" if name else "" for name in result.names] + [""] * count
     parts = [f"{part} {b + 1}{names[b]} (1/s)" for b in range(count) for part in ("real", "imag")]
-    followed = list(dict.fromkeys(name for path in paths for name in path.reference))
+    units = {name: unit for path in paths for name, unit in path.units.items()}
+    followed = list(units)
     heads = [
         _headed(result.parameter, unit),
         "unstable",
         "verdict",
         *parts,
-        *(f"{x} ({unit_of_solved(x)})" for x in followed),
+        *(f"{x} ({units[x]})" for x in followed),
         "path",
         "status",
     ]

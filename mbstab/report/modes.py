@@ -8,7 +8,6 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from mbstab.analysis.verdict.wording import show
-from mbstab.model.schema import unit_of
 from mbstab.report import WIDTH
 from mbstab.report.tables import number, table
 
@@ -62,8 +61,8 @@ def shapes_text(result: EigenResult) -> str:
         if e.motions:
             lines += [*wrap(told_text(e), WIDTH, initial_indent="  ", subsequent_indent="  "), ""]
         rows = [
-            [name, number(abs(x), 6), unit_of(name), number(round(math.degrees(math.atan2(x.imag, x.real)), 3), 6)]
-            for name, x in zip(result.coordinates, e.vector.tolist(), strict=True)
+            [name, number(abs(x), 6), unit, number(round(math.degrees(math.atan2(x.imag, x.real)), 3), 6)]
+            for name, unit, x in zip(result.coordinates, result.units, e.vector.tolist(), strict=True)
             if abs(x) > FAINT
         ]
         lines.append(table(["coordinate", "magnitude", "", "phase (deg)"], rows, left=(0, 2)))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from mbstab.analysis.simulate.result import Simulation
 from mbstab.analysis.simulate.tolerances import TOLERANCES as SIMULATE
 from mbstab.errors import counted
-from mbstab.model.schema import unit_of
+from mbstab.model.units import per_second
 from mbstab.records import dataclass
 from mbstab.report import WIDTH
 from mbstab.report.export import npz_bytes, to_csv, to_json
@@ -39,12 +39,8 @@ class Output:
     values: Callable[[Simulation], Array]
 
 
-def _units(sim: Simulation, per: str = "") -> list[str]:
-    return [unit_of(name) + per for name in sim.names]
-
-
-def _named(sim: Simulation, form: str, per: str = "") -> list[str]:
-    return [form.format(name) + f" ({unit})" for name, unit in zip(sim.names, _units(sim, per), strict=True)]
+def _named(sim: Simulation, form: str, order: int = 0) -> list[str]:
+    return [f"{form.format(name)} ({per_second(unit, order)})" for name, unit in zip(sim.names, sim.units, strict=True)]
 
 
 def _load_heads(sim: Simulation) -> list[str]:
@@ -65,8 +61,8 @@ def _motion_heads(sim: Simulation, form: str, per: str = "") -> list[str]:
 OUTPUTS = (
     Output("time", lambda sim: ["time (s)"], lambda sim: sim.times),
     Output("q", lambda sim: _named(sim, "{}"), lambda sim: sim.q),
-    Output("u", lambda sim: _named(sim, "rate({})", "/s"), lambda sim: sim.u),
-    Output("a", lambda sim: _named(sim, "acceleration({})", "/s^2"), lambda sim: sim.a),
+    Output("u", lambda sim: _named(sim, "rate({})", 1), lambda sim: sim.u),
+    Output("a", lambda sim: _named(sim, "acceleration({})", 2), lambda sim: sim.a),
     Output("reactions", _load_heads, lambda sim: sim.loads),
     Output("efforts", _effort_heads, lambda sim: sim.efforts),
     Output("motions", lambda sim: _motion_heads(sim, "{}"), lambda sim: sim.motions),
@@ -161,7 +157,7 @@ def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
 
     lines = [title, ""] if title else []
     rows = []
-    for i, (name, unit) in enumerate(zip(sim.names, _units(sim), strict=True)):
+    for i, (name, unit) in enumerate(zip(sim.names, sim.units, strict=True)):
         q, u, size = sim.q[:, i], sim.u[:, i], float(sim.sizes[i])
         rate = max(float(np.max(np.abs(u))), size / float(sim.times[-1] - sim.times[0] or 1.0))
         values = [_shown(x, size) for x in (q[0], q[-1], q.min(), q.max())] + [_shown(u[-1], rate)]

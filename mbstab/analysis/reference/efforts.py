@@ -17,7 +17,7 @@ from mbstab.model.arithmetic import array_arithmetic
 from mbstab.model.expressions import Expression
 from mbstab.model.measures import Measurement, effort_unit
 from mbstab.model.scene import ItemValues, Scene
-from mbstab.model.schema import unit_of
+from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
 
@@ -192,11 +192,14 @@ def efforts(at: Placement, nu: Array, times: Any) -> list[Acted]:
         if item.kind.effort is None:
             assert item.entry.load is not None
             along, expression = item.entry.load
-            size, where = at.value(expression, times), (in_words(along), effort_unit(Measurement.of(along).unit))
+            size, where = (
+                at.value(expression, times),
+                (in_words(along), effort_unit(Measurement.of(along).unit_in(at.system.scene.model))),
+            )
         else:
             effort = item.kind.effort(item)
             size = _of_row(at, item, effort, nu, times) if effort.driven else _of_law(at, effort, times)
-            where = _along(item.entry.values, effort)
+            where = _along(at.system.scene.model, item.entry.values, effort)
         found.append(Acted(item.entry.called, *where, np.array(np.broadcast_to(size, at.q.shape[:-1]))))
     return found
 
@@ -207,11 +210,11 @@ def in_words(measure: str) -> str:
     return f"{kind} of {name!r}" if kind in MOTION_UNITS else measure
 
 
-def _along(given: Mapping[str, Any], effort: Effort) -> tuple[str, str]:
+def _along(model: Model, given: Mapping[str, Any], effort: Effort) -> tuple[str, str]:
     """Return a motion in words, and the unit of an effort along it."""
     if effort.motion == "coordinate":
         name = str(given["coordinate"])
-        return name, effort_unit(unit_of(name))
+        return name, effort_unit(model.unit_of(name))
     if effort.motion == "point":
         return f"place of {given['at'].body!r}", "N"
     if effort.motion == "distance":

@@ -20,7 +20,7 @@ from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, counted
 from mbstab.model.scene import Scene
-from mbstab.model.schema import is_length, unit_of
+from mbstab.model.schema import is_length
 
 STRATEGIES = ("Newton", "relaxation", "spin-up")
 """What leads to a solution, in the order in which it is tried."""
@@ -133,7 +133,7 @@ class Failure:
         ways = np.abs(state.q - self.start) / self.finder.sizes
         far = int(np.argmax(ways))
         if ways[far] > TOLERANCES.search_ran_off:
-            there = f"{self.system.names[far]} = {state.q[far]:.6g} {unit_of(self.system.names[far])}"
+            there = f"{self.system.names[far]} = {state.q[far]:.6g} {self.system.units[far]}"
             said = f"the search ran off to {there} without a balance of forces: {left} unbalanced on {name}"
         else:
             said = f"no balance of forces was found: at best, {left} unbalanced on {name}"

@@ -32,7 +32,8 @@ from mbstab.analysis.reference.steady import Family, Generator, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
-from mbstab.model.schema import is_length, is_state, unit_of_rate
+from mbstab.model.schema import is_length, is_state
+from mbstab.model.units import per_second
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -322,7 +323,7 @@ class Finder:
         problems = []
         for i, rate in zip(given, rates, strict=True):
             if abs(u[i] - rate) > TOLERANCES.residual * self.sizes[i] * max(fastest, abs(rate) / self.sizes[i]):
-                unit = unit_of_rate(self.system.names[i])
+                unit = per_second(self.system.units[i])
                 message = f"the rate of {system.names[i]} is given as {rate:.6g} {unit}, "
                 message += f"the steady motion ({generator}) has {u[i]:.6g} {unit}"
                 hint = not_round(system, i) or "leave it out, or correct reference.steady"
@@ -468,7 +469,7 @@ class Finder:
             load = -spaces.projected(force * scale)[worst] / scale[worst]
             self.refuse_unbalanced(worst, float(excess[worst]), float(load), "" if motion.at_rest else str(steady))
         what = "is at rest at this time only" if motion.at_rest else "is steady at this time only"
-        unit = unit_of_rate(name, 2)
+        unit = per_second(self.system.units[worst], 2)
         message = f"the reference {what}: a drive accelerates {name} with {excess[worst]:.6g} {unit}"
         self._fail([self._at_reference(message, "choose a time at which the drive is steady")])
 
@@ -484,7 +485,7 @@ class Finder:
         steady : str
             The steady motion that is expected, in words; empty: rest.
         """
-        unit, push = unit_of_rate(self.system.names[worst], 2), "N" if self.is_length[worst] else "N*m"
+        unit, push = per_second(self.system.units[worst], 2), "N" if self.is_length[worst] else "N*m"
         where = f"no steady motion ({steady})" if steady else "at rest but not in equilibrium"
         name, moves = self.system.names[worst], f"would accelerate with {acceleration:.6g} {unit}"
         if math.isinf(acceleration):

@@ -30,7 +30,7 @@ from mbstab.analysis.reference.rotation import (
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.scene import BodyValues
-from mbstab.model.schema import unit_of_rate
+from mbstab.model.units import per_second
 from mbstab.records import dataclass
 
 
@@ -97,9 +97,9 @@ class Generator:
                 spins[part.start : part.start + d] = 0.0
         if np.any(self.velocity + common):
             words.append(f"translation with {vector_text(self.velocity + common)} m/s")
-        for name, spin in zip(self.system.names, spins, strict=True):
+        for name, unit, spin in zip(self.system.names, self.system.units, spins, strict=True):
             if spin:
-                words.append(f"{name} at {spin:.6g} {unit_of_rate(name)}")
+                words.append(f"{name} at {spin:.6g} {per_second(unit)}")
         return ", ".join(words) or "rest"
 
     def field(self, q: Array) -> Array:

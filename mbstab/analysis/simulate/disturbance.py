@@ -20,7 +20,7 @@ from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.scene import ItemValues
-from mbstab.model.schema import unit_of
+from mbstab.model.schema import is_length
 from mbstab.records import dataclass
 
 _RATE = re.compile(r"rate\(\s*(.*?)\s*\)")
@@ -68,14 +68,14 @@ class Quantity:
 def coordinates(system: System, sizes: Array) -> list[Quantity]:
     """Return the coordinates of a scene, in the order of q."""
     return [
-        Quantity(name, unit_of(name), float(size), i)
+        Quantity(name, system.units[i], float(size), i)
         for i, (name, size) in enumerate(zip(system.names, sizes, strict=True))
     ]
 
 
 def joint_motions(system: System, sizes: Array) -> list[Quantity]:
     """Return the angles and displacements of all joints."""
-    length = max((float(x) for x, name in zip(sizes, system.names, strict=True) if unit_of(name) == "m"), default=1.0)
+    length = max((float(x) for x, name in zip(sizes, system.names, strict=True) if is_length(name)), default=1.0)
     return [
         Quantity(
             motion_name(kind, item.name), MOTION_UNITS[kind], 1.0 if kind == "angle" else length, kind=kind, joint=item

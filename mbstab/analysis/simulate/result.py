@@ -14,8 +14,8 @@ class Simulation:
 
     Attributes
     ----------
-    names, bodies, rows : tuple of str
-        Coordinates in the order of q, bodies, constraint rows.
+    names, units, bodies, rows : tuple of str
+        Coordinates in the order of q and their units, bodies, constraint rows.
     times : ndarray, shape (n_t,)
         Output times (s).
     q, u, a : ndarray, shape (n_t, n_q)
@@ -76,6 +76,7 @@ class Simulation:
     """
 
     names: tuple[str, ...]
+    units: tuple[str, ...]
     bodies: tuple[str, ...]
     rows: tuple[str, ...]
     times: Array

@@ -29,7 +29,7 @@ from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError
-from mbstab.model.schema import unit_of_rate
+from mbstab.model.units import per_second
 from mbstab.records import dataclass
 
 RUNAWAY_HINT = (
@@ -445,8 +445,9 @@ class _Leg:
             return reason
         (t, u), names = self.last, self.system.names
         k = int(np.argmax(np.abs(u / self.equations.sizes)))
+        speed = f"{u[k]:.3g} {per_second(self.system.units[k])}"
         return (
-            f"the motion runs away: at t = {t:.9g} s {names[k]} has {u[k]:.3g} {unit_of_rate(names[k])}, and rates are "
+            f"the motion runs away: at t = {t:.9g} s {names[k]} has {speed}, and rates are "
             f"{self._growth:.1e} times those at the start\nthere {reason.removesuffix(HINT).rstrip()}\n{RUNAWAY_HINT}"
         )
 

@@ -119,6 +119,7 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: Si
     moving = moving_joints(system.scene)
     return Simulation(
         names=tuple(system.names),
+        units=system.units,
         bodies=tuple(body.name for body in system.scene.bodies),
         rows=tuple(str(row) for row in system.rows),
         times=np.array([s.t for s in samples]),

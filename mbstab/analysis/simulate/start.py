@@ -28,8 +28,8 @@ from mbstab.errors import MbstabError, ModelFileError, UsageError, amount, sugge
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.parameters import with_unit
-from mbstab.model.schema import parse_finite, unit_of
-from mbstab.model.units import parse_unit
+from mbstab.model.schema import parse_finite
+from mbstab.model.units import parse_unit, per_second
 from mbstab.records import dataclass
 
 _MODE = re.compile(r"mode:\s*([0-9]{1,6})")
@@ -429,7 +429,7 @@ def _check_positions(
     system, sizes, found = finder.system, finder.sizes, []
     for i in np.flatnonzero(np.abs(moved) > TOLERANCES.change_told * sizes):
         alone = np.arange(len(moved)) == i
-        name, unit = system.names[i], unit_of(system.names[i])
+        name, unit = system.names[i], system.units[i]
         near = f"{starts[0][i]:.6g} {unit}, {abs(moved[i]):.6g} {unit} away"
         goals = (np.where(alone, wanted.q, start) for start in starts)
         pairs = zip(starts, goals, strict=True)
@@ -458,7 +458,7 @@ def _check_speeds(
             <= TOLERANCES.projection_residual_failed
         ):
             continue
-        name, unit = system.names[i], f"{unit_of(system.names[i])}/s"
+        name, unit = system.names[i], per_second(system.units[i])
         allowed = u[i] if abs(u[i]) > TOLERANCES.change_told * abs(wanted.u[i]) else 0.0
         text = f"the constraints allow no rate({name}) = {wanted.u[i]:.6g} {unit} here, but {allowed:.6g} {unit}"
         found.append((f"rate({name})", text))
@@ -488,7 +488,7 @@ def _report(system: System, finder: Finder, moved: Array, per: str, strict: bool
         return
     texts = []
     for i in changed[:6]:
-        name, unit = system.names[i], unit_of(system.names[i])
+        name, unit = system.names[i], system.units[i]
         what = f"rate({name})" if per else name
         texts.append(f"{what} by {moved[i]:.6g} {unit}{per}")
     text = "the initial values do not satisfy the constraints; moved onto them: " + ", ".join(texts)

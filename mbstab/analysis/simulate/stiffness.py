@@ -23,7 +23,7 @@ from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
-from mbstab.model.schema import unit_of
+from mbstab.model.units import per_second
 from mbstab.records import dataclass
 
 BOUNDARIES = {"DOP853": 6.1, "RK45": 3.3}
@@ -172,7 +172,7 @@ class Pace:
         name = equations.system.names[k]
         possible = self._fastest(stepper, equations)
         text = f"for errors of {options.tol:.0e} in a step; at t = {stepper.t:.6g} s the fastest coordinate is {name}"
-        text += f" with {stepper.u[k]:.3g} {unit_of(name)}/s"
+        text += f" with {stepper.u[k]:.3g} {per_second(equations.system.units[k])}"
         if possible is not None:
             text += f", and the fastest motion that is possible has a rate of {possible:.1e} 1/s"
         return text, [*machine, "a larger --tol"]

@@ -131,7 +131,7 @@ def _result(
     shifts = tuple(s.imag for s in grounds.separated.frequencies() if s.imag > 0.0)
     return EigenResult(
         listed, verdict, counts, method, (*linear.motion.warnings, *inexact(listed), *verdict.warnings), frame,
-        not linear.constant or linear.frozen, shifts, coordinates=tuple(linear.names),
+        not linear.constant or linear.frozen, shifts, coordinates=tuple(linear.names), units=linear.system.units,
         neutral_directions=verdict.modulo.names or (wider or facts.neutral).names,
     )  # fmt: skip
 

@@ -41,7 +41,8 @@ from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError, amount
-from mbstab.model.schema import is_angle, unit_of
+from mbstab.model.schema import is_angle
+from mbstab.model.units import per_second
 from mbstab.records import dataclass
 
 FIX = (
@@ -330,19 +331,19 @@ def _check_periodic(flow: _Flow, end: Array, fastest: float, rounding: float) ->
     speeds = (end - flow.begin)[1, :, 0]
     allowed = TOLERANCES.periodicity * max(fastest, TOLERANCES.motion_in_period) + rounding
     if np.max(np.abs(speeds)) > allowed:
-        raise _not_periodic(flow, speeds * sizes / period, "rate", "/s")
+        raise _not_periodic(flow, speeds * sizes / period, "rate", 1)
     now, then = flow.at(flow.begin[:, :, 0], 0.0), flow.at(end[:, :, 0], 1.0)
     accelerations = (then.a - now.a) * period**2 / sizes
     largest = float(np.max(np.abs(now.a) * period**2 / sizes))
     if np.max(np.abs(accelerations)) > allowed + (TOLERANCES.periodicity + rounding) * largest:
-        raise _not_periodic(flow, then.a - now.a, "acceleration", "/s^2")
+        raise _not_periodic(flow, then.a - now.a, "acceleration", 2)
     if (worst := _change(flow, now, then)) > TOLERANCES.periodicity + rounding:
         advance = (end - flow.begin)[0, :, 0] * sizes
         angular = np.array([is_angle(name) for name in flow.system.names])
         advance[angular] -= 2.0 * math.pi * np.round(advance[angular] / (2.0 * math.pi))
         i = int(np.argmax(np.abs(advance / sizes)))
         moved = abs(advance[i] / sizes[i]) > TOLERANCES.periodicity + rounding
-        reason = f"{flow.system.names[i]} differs by {advance[i]:.6g} {unit_of(flow.system.names[i])}"
+        reason = f"{flow.system.names[i]} differs by {advance[i]:.6g} {flow.system.units[i]}"
         message = f"small motions have other coefficients after {period:.6g} s, by {worst:.2g} of their size: "
         raise _problem(flow, message + (reason if moved else "given functions of time do not have this period"))
     return max(float(np.max(np.abs(speeds), initial=0.0)) / max(fastest, TOLERANCES.motion_in_period), worst)
@@ -360,10 +361,10 @@ def _change(flow: _Flow, now: _Instant, then: _Instant) -> float:
     return worst
 
 
-def _not_periodic(flow: _Flow, difference: Array, what: str, per: str) -> ModelFileError:
+def _not_periodic(flow: _Flow, difference: Array, what: str, order: int) -> ModelFileError:
     i = int(np.argmax(np.abs(difference) / flow.sizes))
     name = flow.system.names[i]
-    unit = unit_of(name) + per
+    unit = per_second(flow.system.units[i], order)
     message = f"the motion does not repeat after {flow.period:.6g} s: the {what} of {name} differs by"
     return _problem(flow, f"{message} {difference[i]:.6g} {unit}")
 

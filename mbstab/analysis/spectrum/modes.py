@@ -230,7 +230,7 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
     )  # fmt: skip
     return EigenResult(
         listed, verdict, counts, METHOD, (*subject.warnings, *inexact(listed, ""), *warnings, *verdict.warnings),
-        subject.frame, coordinates=subject.names,
+        subject.frame, coordinates=subject.names, units=subject.system.units,
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.mechanics.measures import is_measure
-from mbstab.model.schema import is_length, is_state, unit_of
+from mbstab.model.schema import is_length, is_state
 from mbstab.records import dataclass
 
 Told = tuple[tuple[str, complex], ...]
@@ -61,7 +61,7 @@ class NamedMotions:
         joints = moving_joints(system.scene)
         found = [np.broadcast_to(place.rate(kind, item), (n,)) for kind, item in joints]
         lengths = [float(size) for name, size in zip(system.names, scales, strict=True) if is_length(name)]
-        units = (*(MOTION_UNITS[kind] for kind, _ in joints), *map(unit_of, system.names))
+        units = (*(MOTION_UNITS[kind] for kind, _ in joints), *system.units)
         length = max(lengths, default=1.0)
         return cls(
             (*(motion_name(kind, item.name) for kind, item in joints), *system.names),

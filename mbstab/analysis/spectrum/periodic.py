@@ -42,7 +42,7 @@ from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.analysis.verdict.wording import show
 from mbstab.analysis.verdict.work import Work
 from mbstab.compiler.system import Array, System
-from mbstab.model.schema import is_angle, unit_of
+from mbstab.model.schema import is_angle
 from mbstab.records import dataclass
 
 INSTANTS = (0.0, 0.2360679775, 0.5278640450, 0.8196601125)
@@ -184,7 +184,7 @@ class Cycle:
         if not np.any(advance) or all(self._carried(invariance, advance) for invariance in self.invariances):
             return ""
         worst = int(np.argmax(np.abs(advance / sizes)))
-        there = f"{names[worst]} by {advance[worst]:.6g} {unit_of(names[worst])}"
+        there = f"{names[worst]} by {advance[worst]:.6g} {self.system.units[worst]}"
         return f"after the period the motion is elsewhere ({there}), and what acts there is not known to be the same"
 
     def _carried(self, invariance: Invariance, advance: Array) -> bool:

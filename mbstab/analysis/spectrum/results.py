@@ -186,8 +186,8 @@ class EigenResult(Judged):
         Period of a motion that is judged by its Floquet multipliers (s).
     frozen : bool
         Whether these are frozen-time eigenvalues, which say nothing about stability.
-    coordinates : tuple of str
-        Names of the entries of the vectors.
+    coordinates, units : tuple of str
+        Names and units of the entries of the vectors.
     neutral_directions : tuple of str
         What the neutral eigenvalues belong to, in words, whatever the verdict.
     """
@@ -202,6 +202,7 @@ class EigenResult(Judged):
     shifts: tuple[float, ...] = ()
     period: float | None = None
     coordinates: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
     neutral_directions: tuple[str, ...] = ()
 
     def values(self) -> Complex:

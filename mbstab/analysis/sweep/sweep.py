@@ -115,6 +115,8 @@ class Sweep:
     reference : dict of ndarray, shape (points,)
         If the file asks to find the reference: its coordinates by name (m, rad), and as ``rate(…)`` those rates that
         are not zero everywhere; nan where there is no answer.
+    units : dict
+        Units of the columns of `reference`.
     turning : bool
         Whether the eigenvalues are those of disturbances in a frame that turns with the motion.
     detail : Detail or None
@@ -139,6 +141,7 @@ class Sweep:
     crossings: tuple[OrderCrossing, ...] = ()
     whirls: tuple[str, ...] = ()
     reference: dict[str, Array] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
     turning: bool = False
     detail: Detail | None = None
 
@@ -232,12 +235,13 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
     # What is said of the speeds of one point holds for the others.
     points = [(pattern.linear.system, pattern.linear.motion) for pattern in evaluator.patterns[:1]]
     warnings += tuple(text for system, motion in points for text in misread(system, motion.q, motion.u))
+    reference = _named(model, raw.motion)
     return Sweep(
         parameter, x, branches, unstable_counts(raw.sides, words), raw.neutral, tuple(critical),
         tuple(sorted(tracker.meetings)), raw.problems, None if path is None else path.start,
         "" if path is None else path.moved, (), words,
-        warnings, reference=_named(model, raw.motion), turning=_turns(evaluator),
-        detail=detailed(tracker, branches),
+        warnings, reference=reference, units={name: model.unit_of_solved(name) for name in reference},
+        turning=_turns(evaluator), detail=detailed(tracker, branches),
     )  # fmt: skip
 
 

@@ -31,7 +31,7 @@ from mbstab.analysis.verdict.written import with_state, with_time
 from mbstab.compiler.system import Array
 from mbstab.errors import percent
 from mbstab.model.expressions import Number
-from mbstab.model.schema import unit_of_rate
+from mbstab.model.units import per_second
 
 if TYPE_CHECKING:
     from mbstab.analysis.verdict.reversor import Reversor
@@ -177,7 +177,7 @@ class Grounds:
             return ""
         worst = int(np.argmax(size))
         name = self.linear.names[worst]
-        return f" ({name} accelerates with {motion.a[worst]:.4g} {unit_of_rate(name, 2)})"
+        return f" ({name} accelerates with {motion.a[worst]:.4g} {per_second(self.system.units[worst], 2)})"
 
     def kink(self, order: int, resisting: frozenset[str] = frozenset()) -> str:
         """Return why the equations are not known to have `order` derivatives at the reference; empty: they have.

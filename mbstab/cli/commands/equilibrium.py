@@ -34,8 +34,8 @@ def equilibrium(file: str, settings: tuple[str, ...], starts: int, seed: int, ou
 
     output.write(
         {
-            "table": lambda: equilibria.equilibrium_text(found, names, model.title),
+            "table": lambda: equilibria.equilibrium_text(found, model),
             "json": lambda: export.to_json(export.equilibrium_data(found, names, model.name, model.title)),
-            "csv": lambda: export.equilibrium_csv(found, names),
+            "csv": lambda: export.equilibrium_csv(found, model),
         }
     )

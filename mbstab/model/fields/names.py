@@ -200,9 +200,9 @@ class LoadsField(FieldKind):
             return None
         loads = {}
         for key, item in mapping.pairs():
-            # Of what is made, the gains have been checked.
-            unit = "" if field.made else effort_unit(reading.quantities.unit_of(key.text))
-            expression = reading.quantities.expression(item, f"{path}.{key.text}", unit, time=True, state=True)
+            unit = effort_unit(reading.quantities.unit_of(key.text))
+            here = f"{path}.{key.text}"
+            expression = reading.quantities.expression(item, here, unit, time=True, state=True, made=field.made)
             name = self._along(reading, key, path)
             if name is not None:
                 loads[name] = expression

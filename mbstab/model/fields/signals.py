@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, ClassVar
 
 from mbstab.mechanics.catalogue import Field, Moved, Number
-from mbstab.model.expressions import Binary, ExpressionError, Rate, moves
+from mbstab.model.expressions import Binary, Rate, moves
 from mbstab.model.fields.base import BY_NAME, NUMBER, NUMBERS, TEXT, FieldKind, Owner, Reading
 from mbstab.model.schema import Quantity
+from mbstab.model.units import per_second
 from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
 
 
@@ -20,7 +21,7 @@ class SignalField(FieldKind):
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
         """Return the expression."""
-        return reading.quantities.quantity(node, path, time=True, state=True)
+        return reading.quantities.quantity(node, path, field.unit, time=True, state=True)
 
     def check(self, owner: Owner, field: Field, numbers: Quantity, time: Number) -> None:
         """Require positive widths of smoothing."""
@@ -83,24 +84,28 @@ class RateField(SignalField):
     """The rate of a first-order state: an expression of coordinates, rates, states and time."""
 
     name = "rate"
+    made: ClassVar[bool] = False
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
         """Return the expression that must be zero: rate(state) minus the given one."""
-        given = reading.quantities.quantity(node, path, time=True, state=True)
-        if given is None:
-            return None
         state = reading.path.partition(".")[2]
         unit = reading.names.state_units.get(state)
-        try:
-            reading.quantities.check_unit(given, f"{unit}/s" if unit else "")
-        except ExpressionError as error:
-            reading.nodes.complain(node, path, error.message, error.hint)
+        given = reading.quantities.quantity(node, path, per_second(unit) if unit else "", True, True, made=self.made)
+        if given is None:
+            return None
         if state in given.rates():
             message = f"the rate of {state!r} depends on itself"
             reading.nodes.complain(node, path, message, "solve the equation for the rate")
             return None
         root = Binary("-", Rate(state, 0), given.root, 0)
         return Quantity(f"rate({state}) - ({given.text})", root, given.location, path)
+
+
+class MadeRateField(RateField):
+    """The rate of a state of a controller or a motor, as the program wrote it."""
+
+    name = "made rate"
+    made = True
 
 
 class MovingNumberField(SignalField):
@@ -214,6 +219,7 @@ KINDS = (
     HolonomicField(),
     NonholonomicField(),
     RateField(),
+    MadeRateField(),
     MovingNumberField(),
     NumbersField(),
     MatrixField(),

@@ -57,6 +57,9 @@ STATE_KIND = Kind(
 )
 """A state z is a coordinate without mass; its rate is a row of the speeds, rate(z) - g = 0, that takes no force."""
 
+MADE_STATE_KIND = replace(STATE_KIND, fields=(Field("rate", "made rate", STATE_FIELDS["rate"], required=True),))
+"""A state of a controller or a motor."""
+
 Found = dict[str, tuple[Kind, Mapping]]
 """Entries by name whose types are known, but whose fields have not been read yet."""
 
@@ -77,6 +80,7 @@ class EntryReader:
             for section in NAMING
         }
         self.names.joints = {name: kind for name, (kind, _) in found["joints"].items()}
+        self._note_units_of_parts(found["forces"])
         definitions.check()
         self.names.contacts = found["contacts"]
         entries = {
@@ -84,18 +88,16 @@ class EntryReader:
             for section in NAMING
         }
         self._refuse_circles(entries["joints"])
-        states = {
-            **self.nodes.optional_pairs(sections.get("states"), "states"),
-            **{
-                state: Mapping({"rate": Scalar(rate, at)}, {"rate": Scalar("rate", at)}, at)
-                for name, part in self.parts.items()
-                for state, rate in part.states.items()
-                for at in [self.places[name]]
-            },
+        written = self.nodes.optional_pairs(sections.get("states"), "states")
+        made = {
+            state: Mapping({"rate": Scalar(rate, at)}, {"rate": Scalar("rate", at)}, at)
+            for name, part in self.parts.items()
+            for state, rate in part.states.items()
+            for at in [self.places[name]]
         }
         found_states = {
-            name: self._entry("states", name, STATE_KIND, item)
-            for name, node in states.items()
+            name: self._entry("states", name, MADE_STATE_KIND if name in made else STATE_KIND, item)
+            for name, node in {**written, **made}.items()
             if name in self.names.coordinates
             and (item := self.nodes.mapping(node, f"states.{name}", "{rate: expression}")) is not None
         }
@@ -140,17 +142,18 @@ class EntryReader:
             kind = KINDS["forces"].get((type_node.text if isinstance(type_node, Scalar) else "", names.dimension))
             if not isinstance(node, Mapping) or kind is None:
                 continue
-            for state, unit in self._states_of(kind, key, node):
+            for state in self._states_of(kind, key, node):
                 if state in taken or state in names.coordinates:
                     message = f"its state would be called {state!r}, and that name is taken"
                     self.nodes.complain(key, f"forces.{key.text}", message, "give one of them another name")
                 names.coordinates[state] = None
-                self._note_unit(state, None if unit is None else Scalar(unit, key.location))
 
-    def _states_of(self, kind: Kind, key: Scalar, node: Mapping) -> list[tuple[str, str | None]]:
-        """Return the names and units of the states of a force; a part that they belong to is noted."""
+    def _states_of(self, kind: Kind, key: Scalar, node: Mapping) -> list[str]:
+        """Return the names of the states of a force; a part that they belong to is noted."""
         if kind.state is not None and kind.state.field in node.entries:
-            return [(f"{key.text}_{kind.state.suffix}", None)]
+            state = f"{key.text}_{kind.state.suffix}"
+            self.names.state_units[state] = kind.state.unit
+            return [state]
         if kind.part is None:
             return []
         from mbstab.model.sections.parts import part_of
@@ -164,7 +167,15 @@ class EntryReader:
         except (AttributeError, KeyError, TypeError, ValueError):  # a key that is missing, or no list: told where read
             return []
         self.parts[key.text], self.places[key.text] = part, key.location
-        return [(state, part.units.get(state)) for state in part.states]
+        return list(part.states)
+
+    def _note_units_of_parts(self, forces: Found) -> None:
+        """Note the units of the states of controllers and motors; the joints are known."""
+        if self.parts:
+            from mbstab.model.sections.parts import motion_of, note_units
+
+            along = {name: motion_of(forces[name][1], self.names.joints) for name in self.parts if name in forces}
+            note_units(self.quantities, {name: (self.parts[name], x) for name, x in along.items()})
 
     def _note_unit(self, state: str, node: YamlNode | None) -> None:
         """Note the unit of a state; one with a problem is refused when the state is read."""

@@ -16,7 +16,6 @@ from mbstab.analysis.algebra.arrays import Index
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
-from mbstab.model.schema import unit_of_solved
 from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated
 from mbstab.report.pictures.dense_curves import slopes
@@ -68,6 +67,7 @@ def shown_names(result: Sweep, asked: Sequence[str]) -> tuple[list[str], int]:
         If one that is asked for does not exist.
     """
     paths = (result, *result.beyond)
+    units = _units(result)
     columns = {name: np.concatenate([path.reference.get(name, 0.0 * path.values) for path in paths])
                for path in paths for name in path.reference}  # fmt: skip
     for name in asked:
@@ -78,8 +78,8 @@ def shown_names(result: Sweep, asked: Sequence[str]) -> tuple[list[str], int]:
         return list(dict.fromkeys(asked)), 0
     chosen: list[str] = []
     left = 0
-    for unit in PANELS:
-        own = {name: x[np.isfinite(x)] for name, x in columns.items() if unit_of_solved(name) == unit}
+    for unit in _panels(result):
+        own = {name: x[np.isfinite(x)] for name, x in columns.items() if units[name] == unit}
         size = max((float(np.max(np.abs(x), initial=0.0)) for x in own.values()), default=0.0)
         varying = {name: x for name, x in own.items() if len(x) and float(np.ptp(x)) > CONSTANT * size}
         distinct: list[str] = []
@@ -89,6 +89,16 @@ def shown_names(result: Sweep, asked: Sequence[str]) -> tuple[list[str], int]:
         chosen += distinct[:MOST]
         left += len(varying) - len(distinct[:MOST])
     return chosen, left
+
+
+def _units(result: Sweep) -> dict[str, str]:
+    """Return the units of what was found, by name."""
+    return {name: unit for path in (result, *result.beyond) for name, unit in path.units.items()}
+
+
+def _panels(result: Sweep) -> list[str]:
+    """Return the units of the panels: those of positions and speeds first, then those of further states."""
+    return list(dict.fromkeys([*PANELS, *_units(result).values()]))
 
 
 def bifurcation(result: Sweep, label: Axis | str, title: str, asked: Sequence[str] = ()) -> Figure:
@@ -106,10 +116,11 @@ def bifurcation(result: Sweep, label: Axis | str, title: str, asked: Sequence[st
     """
     label = Axis.read(label)
     names, left = shown_names(result, asked)
-    units = [unit for unit in PANELS if any(unit_of_solved(name) == unit for name in names)]
+    of = _units(result)
+    units = [unit for unit in _panels(result) if any(of[name] == unit for name in names)]
     with house_style():
         curves = SweepCurves(result, label)
-        groups = [[name for name in names if unit_of_solved(name) == unit] for unit in units]
+        groups = [[name for name in names if of[name] == unit] for unit in units]
         heads = [_head(group, unit) for group, unit in zip(groups, units, strict=True)]
         figure, panels, unlabelled = panels_over_parameter(curves, title, heads or ["coordinates"], shaded=False)
         if not names:
@@ -127,7 +138,7 @@ def bifurcation(result: Sweep, label: Axis | str, title: str, asked: Sequence[st
 def _head(group: Sequence[str], unit: str) -> str:
     """Return what the axis of a panel is called: the names of its curves if they are short, or their kind."""
     text = ", ".join(group)
-    return f"{text if len(text) <= LONGEST else PANELS[unit]} ({typeset(unit)})".removesuffix(" ()")
+    return f"{text if len(text) <= LONGEST else PANELS.get(unit, 'states')} ({typeset(unit)})".removesuffix(" ()")
 
 
 def _draw(axes: Axes, pieces: Sequence[_Piece], inks: dict[str, str], curves: SweepCurves) -> None:

@@ -25,11 +25,11 @@ from mbstab.analysis.simulate.result import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.measures import Measurement, effort_unit
-from mbstab.model.schema import Entry, Model, unit_of
+from mbstab.model.schema import Entry, Model
 from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated, thinned
 from mbstab.report.pictures.drawing import EXACT, draw_legend, house_style, legend_marker, panel_width, titled_figure
-from mbstab.report.pictures.scales import with_minus_sign
+from mbstab.report.pictures.scales import typeset, with_minus_sign
 
 MOST = 12
 """Maximum number of curves in a picture: more could not be distinguished."""
@@ -149,7 +149,7 @@ Reader = Callable[[Model, str], list[Quantity]]
 """Reads the text inside the parentheses of a function."""
 
 
-def _of_coordinate(form: str, array: str, per: str) -> Reader:
+def _of_coordinate(form: str, array: str, order: int) -> Reader:
     """Return a reader of the name of a coordinate as a column of an array of the simulation."""
 
     def read(model: Model, name: str) -> list[Quantity]:
@@ -161,7 +161,7 @@ def _of_coordinate(form: str, array: str, per: str) -> Reader:
             if name in bodies:
                 hint = "coordinates: " + ", ".join(x for x in known if x.startswith(f"{name}."))
             raise UsageError(f"there is no coordinate {name!r}{text}\nhint: {hint}")
-        i, unit = known.index(name), unit_of(name) + per
+        i, unit = known.index(name), typeset(model.unit_of(name, order))
         return [Quantity(form.format(name), unit, lambda sim: np.asarray(getattr(sim, array)[:, i]))]
 
     return read
@@ -234,11 +234,11 @@ def _effort_unit(model: Model, entry: Entry) -> str:
     """Return the unit of an effort: that of a torque along angles, else of a force."""
     values, along = entry.values, "m"
     if entry.load is not None:
-        along = Measurement.of(entry.load[0]).unit
+        along = Measurement.of(entry.load[0]).unit_in(model)
     elif "joint" in values:
         along = MOTION_UNITS[str(values.get("motion") or model.entries["joints"][str(values["joint"])].kind.motions[0])]
     elif "coordinate" in values:
-        along = unit_of(str(values["coordinate"]))
+        along = model.unit_of(str(values["coordinate"]))
     return effort_unit(along).replace("*", "·")
 
 
@@ -271,13 +271,13 @@ def _rate(model: Model, name: str) -> list[Quantity]:
     call = _CALL.fullmatch(name)
     if call is not None and call[1] in MOTION_UNITS:
         return _of_motion(call[1], "motion_rates", "rate({})", "/s")(model, call[2])
-    return _of_coordinate("rate({})", "u", "/s")(model, name)
+    return _of_coordinate("rate({})", "u", 1)(model, name)
 
 
 FUNCTIONS: dict[str, Reader] = {
-    "": _of_coordinate("{}", "q", ""),
+    "": _of_coordinate("{}", "q", 0),
     "rate": _rate,
-    "acceleration": _of_coordinate("acceleration({})", "a", "/s²"),
+    "acceleration": _of_coordinate("acceleration({})", "a", 2),
     **{motion: _of_motion(motion) for motion in MOTION_UNITS},
     "force": _of_reaction("force", "N"),
     "torque": _of_reaction("torque", "N·m"),
@@ -356,7 +356,8 @@ def read_picture(model: Model, text: str) -> Picture:
         raise UsageError(f"--plot {text}: {error}") from None
     units = {(x.unit, y.unit) for x, y in picture.phases}
     if len(units) > 1:
-        raise UsageError(f"--plot {text}: lengths and angles cannot share the axis of a phase plane")
+        both = " and ".join(sorted({x for x, _ in units}))
+        raise UsageError(f"--plot {text}: quantities in {both} cannot share the axes of a phase plane")
     count = sum(len(panel.curves) for panel in picture.panels) + len(picture.phases)
     if count > MOST:
         raise UsageError(f"--plot {text}: {count} curves, and no more than {MOST} can be told apart in a picture")
