@@ -12,6 +12,8 @@ from scipy.optimize import linear_sum_assignment
 import mbstab
 from mbstab.cli.main import main
 from mbstab.errors import ModelFileError
+from mbstab.model.units import per_second
+from mbstab.report.simulation import simulation_csv
 
 
 def close(found, expected, part):
@@ -336,3 +338,112 @@ outputs: {u: effort(pid1), v: 2*pid1_effort, w: effort(pid2), x: pid1_filtered +
     assert [problem.path.split(".")[:2] for problem in caught.value.problems] == [["forces", "pid1"]]
     if new in ("Kp: k", "type: PID"):
         assert caught.value.problems[0].hint == f"did you mean {'P' if new == 'Kp: k' else 'pid'!r}?"
+
+
+UNITS_OF_PARTS = """mbstab: 1
+parameters:
+  T: {value: 0.1, unit: s}
+  K: {value: 2, unit: N*m/rad}
+  Ki: {value: 2, unit: N*m/(rad*s)}
+  Kd: {value: 2, unit: N*m*s/rad}
+  w: {value: 3, unit: 1/s}
+  m: {value: 3, unit: kg}
+  k: {value: 3, unit: N*m/A}
+  kt: {value: 3, unit: N/A}
+  R: {value: 3, unit: ohm}
+  L: {value: 3, unit: H}
+  V: {value: 3, unit: V/rad}
+  d: {value: 0.2, unit: rad}
+  ky: {value: 3, unit: N/m}
+  e: {value: 3, unit: 1/m}
+bodies: {b: {type: planar, mass: 1, inertia: 1}, c: {type: planar, mass: 1, inertia: 1}}
+joints: {axle: {type: revolute, between: [b, ground]}, slide: {type: prismatic, between: [c, ground], axis: x}}
+forces: {FORCES}
+reference: {coordinates: {b: {theta: 0}, c: {x: 0}}}
+"""
+TRANSFER = "u: {type: transfer_function, joint: axle, signal: -angle(axle), %s}"
+SPACE = "u: {type: state_space, joint: axle, signal: angle(axle), %s}"
+LAGGED = "a: {type: pid, joint: axle, of: angle(axle), P: K, lag: T}, "
+MOTORED = "u: {type: motor, joint: axle, resistance: R, inductance: L, %s}"
+SLIDING = "u: {type: motor, joint: slide, resistance: R, inductance: L, %s}"
+
+
+@pytest.mark.parametrize(
+    ("forces", "units"),
+    [
+        (TRANSFER % "numerator: [K], denominator: [T, 1]", {"u_1": "rad*s"}),
+        (TRANSFER % "numerator: [Kd, K, Ki], denominator: [T, 1, 0]", {"u_1": "rad*s^2", "u_2": "rad*s"}),
+        (TRANSFER % "numerator: [K*T, K], denominator: [T**2, 0.7*T, 1], lag: T", {"u_2": "rad*s", "u_effort": "N*m"}),
+        (TRANSFER % "numerator: [4, 3], denominator: [0.1, 1]", {"u_1": "rad*s"}),
+        (TRANSFER % "numerator: [K*w], denominator: [1, w]", {"u_1": "rad*s"}),
+        (
+            "u: {type: pid, joint: axle, of: angle(axle), target: d, P: K, I: Ki, D: Kd, filter: T, lag: T}",
+            {"u_integral": "rad*s", "u_filtered": "rad", "u_effort": "N*m"},
+        ),
+        (
+            "u: {type: pid, coordinate: c.x, of: rate(c.x), I: 3, D: 1, filter: 1, lag: 1}",
+            {"u_integral": "m", "u_filtered": "m/s", "u_effort": "N"},
+        ),
+        (SPACE % "A: [[-w, 1], [0, -w]], B: [1, w], C: [K, K], D: K", {"u_2": "rad"}),
+        (SPACE % "A: [[-w, 1], [0, -w]], B: [1, 2], C: [Ki, 3]", {"u_1": "rad*s"}),
+        (SPACE % "A: [[-1]], B: [1], C: [1]", {}),
+        (LAGGED + "u: {type: pid, joint: axle, of: a_effort, I: 2}", {"a_effort": "N*m", "u_integral": "N*m*s"}),
+        (LAGGED + "u: {type: state_feedback, joint: axle, gains: {a_effort: 2}}", {}),
+        (MOTORED % "constant: k, voltage: -V*angle(axle)", {"u_current": "A"}),
+        (MOTORED % "constant: k, voltage: -3*angle(axle), ratio: 10", {"u_current": "A"}),
+        (SLIDING % "constant: k, ratio: e", {"u_current": "A"}),
+        (SLIDING % "constant: kt", {"u_current": "A"}),
+    ],
+)
+def test_states_of_controllers_have_the_units_that_signals_gains_and_time_give(forces, units):
+    model = mbstab.loads(UNITS_OF_PARTS.replace("FORCES", forces)).model
+    assert units.items() <= model.state_units.items()
+    for state in units:
+        assert model.unit_of(state, 1) == per_second(units[state])
+
+
+@pytest.mark.parametrize(
+    ("forces", "place", "message", "hint"),
+    [
+        (TRANSFER % "numerator: [ky], denominator: [T, 1]", "numerator[0]", "expected N*m/rad", "it multiplies -angle"),
+        (TRANSFER % "numerator: [K], denominator: [T, m]", "denominator[1]", "expected a plain number", "power of s"),
+        (TRANSFER % "numerator: [K, K], denominator: [T, 1]", "numerator[0]", "expected N*m*s", "it multiplies"),
+        (SPACE % "A: [[-T]], B: [1], C: [K]", "A[0][0]", "expected 1/s", "u_1 in the rate of u_1"),
+        (SPACE % "A: [[-w]], B: [w], C: [ky]", "C[0]", "expected N*m/rad", "u_1"),
+        (SPACE % "A: [[-w, 1], [0, m]], B: [w, w], C: [K, K]", "A[1][1]", "expected 1/s", "u_2 in the rate of u_2"),
+        (SPACE % "A: [[-w, e], [0, -w]], B: [w, w], C: [K, K]", "A[0][1]", "expected 1/s", "u_2 in the rate of u_1"),
+        (SPACE % "A: [[-1]], B: [1], C: [1], D: ky", "D", "expected N*m/rad", "it multiplies angle(axle)"),
+        (LAGGED + "u: {type: state_feedback, joint: axle, gains: {a_effort: K}}", "gains.a_effort", "plain number", ""),
+        (LAGGED + MOTORED % "constant: k, voltage: a_effort", "voltage", "has the unit N*m, expected V", ""),
+        (MOTORED % "constant: kt", "constant", "has the unit N/A, expected N*m/A", "u_current"),
+        (MOTORED % "constant: m, ratio: 3", "constant", "has the unit kg, expected N*m/A", "3 is a plain number"),
+        (SLIDING % "constant: k, ratio: 50", "constant", "expected N/A", "50 is a plain number; if it stands for 1/m"),
+        (
+            "u: {type: expression, on: {b.theta: -0.13*ky*c.x}}",
+            "on.b.theta",
+            "has the unit N, expected N*m",
+            "0.13 is a plain number; if it stands for m, make it a parameter",
+        ),
+        ("u: {type: actuator, joint: axle, effort: -ky*angle(axle)}", "effort", "expected N*m", ""),
+        ("u: {type: pid, joint: axle, of: angle(axle), P: K, target: ky}", "target", "expected rad", "compared with"),
+    ],
+)
+def test_a_coefficient_in_a_wrong_unit_is_told_at_its_key(forces, place, message, hint):
+    with pytest.raises(ModelFileError) as caught:
+        mbstab.loads(UNITS_OF_PARTS.replace("FORCES", forces))
+    (problem,) = caught.value.problems
+    assert problem.path == f"forces.u.{place}"
+    assert message in problem.message
+    assert hint in problem.hint
+
+
+def test_plots_and_tables_tell_the_units_of_states():
+    forces = "u: {type: pid, joint: axle, of: angle(axle), P: K, I: Ki, lag: T}"
+    model = mbstab.loads(UNITS_OF_PARTS.replace("FORCES", forces))
+    heads = simulation_csv(model.simulate(to=0.1, points=2)).splitlines()[0]
+    for head in ("u_integral (rad*s)", "rate(u_integral) (rad)", "acceleration(u_effort) (N*m/s^2)"):
+        assert head in heads
+    with pytest.raises(ModelFileError, match="'ky' has the unit N/m, expected N\\*m"):
+        mbstab.loads(UNITS_OF_PARTS.replace("FORCES", forces).replace("c: {x: 0}", "c: {x: 0}, u_effort: ky"))
+    state = [x for x in model.eig().units if x not in ("m", "rad")]
+    assert state == ["rad*s", "N*m"]
