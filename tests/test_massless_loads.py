@@ -53,3 +53,20 @@ def test_loads_on_nets_with_massless_points_are_no_functions_of_time(seed):
     assert np.max(np.min(np.abs(values[:, None] - expected), axis=1)) <= 1e-9 * np.max(np.abs(values))
     stable = np.max(expected.real) < 0
     assert found.verdict == ("asymptotically stable" if stable else "unstable")
+
+
+def test_eigenvalues_that_pass_through_infinity_are_no_divergence():
+    """A node without mass on a damper that changes its sign: (s² + 3)(c s + 2) = 4, whose product is 2/c."""
+    scene = mbstab.loads("""
+mbstab: 1
+parameters: {c: 1}
+bodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 0}}
+constraints: {r: {holonomic: a.y}, s: {holonomic: b.y}}
+forces:
+  f: {type: expression, on: {a.x: -a.x - 2*(a.x - b.x), b.x: 2*(a.x - b.x) - c*rate(b.x)}}
+reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}}
+""")
+    found = scene.sweep("c", np.linspace(-1.0, 1.1, 4))
+    assert [x.kind for x in found.critical] == ["unresolved"]
+    assert abs(found.critical[0].value) < 1e-9
+    assert found.critical[0].unstable == (3, 0)

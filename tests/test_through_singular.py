@@ -216,20 +216,3 @@ def test_a_passage_under_a_given_function_of_time():
     assert sim.q[:, 5] == pytest.approx(0.5 * math.pi - 2.0 * np.sin(sim.times), abs=1e-7)
     assert sim.energy_drift <= 1e-6
     assert re.search(r"at t = 0\.903339, 2\.23825 s", sim.warnings[0])
-
-
-def test_eigenvalues_that_pass_through_infinity_are_no_divergence():
-    """A node without mass on a damper that changes its sign: (s² + 3)(c s + 2) = 4, whose product is 2/c."""
-    scene = mbstab.loads("""
-mbstab: 1
-parameters: {c: 1}
-bodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 0}}
-constraints: {r: {holonomic: a.y}, s: {holonomic: b.y}}
-forces:
-  f: {type: expression, on: {a.x: -a.x - 2*(a.x - b.x), b.x: 2*(a.x - b.x) - c*rate(b.x)}}
-reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}}
-""")
-    found = scene.sweep("c", np.linspace(-1.0, 1.1, 4))
-    assert [x.kind for x in found.critical] == ["unresolved"]
-    assert abs(found.critical[0].value) < 1e-9
-    assert found.critical[0].unstable == (3, 0)
