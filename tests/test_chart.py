@@ -342,6 +342,19 @@ def test_a_parameter_of_the_guess_alone_changes_nothing_and_that_is_said():
     assert mbstab.load("bead_on_hoop.yaml").sweep("Omega", np.linspace(1.0, 5.0, 3)).warnings == ()
 
 
+def test_a_parameter_that_nothing_uses_is_told():
+    free = mbstab.loads("""
+mbstab: 1
+parameters: {m: 2, c: {value: 1, unit: N/m}, d: 3, e: 2*d, f: 1, g: f}
+bodies: {p: {type: planar_point, mass: m}}
+forces: {s: {type: expression, on: {p.x: -c*p.x, p.y: -g*p.y}}}
+""")
+    said = "neither the equations of motion nor the reference use {}: it changes no eigenvalue"
+    assert free.sweep("e", np.linspace(1.0, 2.0, 3)).warnings == (said.format("e"),)
+    assert free.chart({"d": np.linspace(1.0, 2.0, 3), "m": np.linspace(1.0, 2.0, 3)}).warnings == (said.format("d"),)
+    assert free.sweep("f", np.linspace(1.0, 2.0, 3)).warnings == ()
+
+
 def damped(**settings):
     """Return Ziegler's column with the same damping in both hinges."""
     text = next(path for path in installed_models() if path.name == "ziegler_column.yaml").read_text(encoding="utf-8")

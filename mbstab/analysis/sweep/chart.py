@@ -115,9 +115,10 @@ def chart(
         blocks = run(all_tasks, store, settings, progress)
         found = _charted(model, (one, other), (x, y), points, sheet, blocks)
     if sheet is None:
-        return found
+        return replace(found, warnings=idle(model, (one, other), None))
     begin = sheet.start if isinstance(sheet, Sheet) else (float(x[0]), float(y[0]))
-    return replace(found, start=begin, warnings=idle(model, dict(zip((one, other), begin, strict=True))))
+    warnings = idle(model, (one, other), dict(zip((one, other), begin, strict=True)))
+    return replace(found, start=begin, warnings=warnings)
 
 
 def _charted(

@@ -231,7 +231,7 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
         # The fold from which a further path starts is reported with the path that leads to it.
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
     critical.sort(key=lambda c: c.value)
-    warnings = tracker.warnings if path is None else (*tracker.warnings, *idle(model, {parameter: path.start}))
+    warnings = (*tracker.warnings, *idle(model, [parameter], None if path is None else {parameter: path.start}))
     # What is said of the speeds of one point holds for the others.
     points = [(pattern.linear.system, pattern.linear.motion) for pattern in evaluator.patterns[:1]]
     warnings += tuple(text for system, motion in points for text in misread(system, motion.q, motion.u))
