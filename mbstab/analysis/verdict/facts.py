@@ -300,14 +300,6 @@ class Grounds:
 
         return critical_zero(self.structure, separated, count, others_decay, self.digits)
 
-    def growth(self) -> str:
-        """Return why disturbances grow like a power of t, where zeros form a chain; empty: not known."""
-        if self.system.sparse or self.linear.massless is not None or self.digits is None:
-            return ""
-        from mbstab.analysis.verdict.growth import growing_zeros
-
-        return growing_zeros(self.structure, self.separated, self.digits)
-
     def family(self, count: int) -> Neutral | None:
         """Return the neutral directions with a family of motions that was followed, unless many digits refute it."""
         if self.system.sparse or self.linear.massless is not None:
@@ -344,7 +336,6 @@ class Grounds:
             doubts=doubts,
             minimum=self.minimum,
             reversible=self.reversible,
-            growth=self.growth,
             critical=self.critical,
             family=self.family,
             warnings=() if self.linear.massless is None else self.linear.massless.warnings,
