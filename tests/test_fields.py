@@ -18,7 +18,7 @@ from mbstab.model.fields.catalogue import FIELD_KINDS
 from mbstab.model.json_schema import json_schema
 from mbstab.model.reader import read_model_text
 from mbstab.model.scene import Scene
-from mbstab.model.sections.entries import CONSTRAINT_KINDS, STATE_KIND
+from mbstab.model.sections.entries import CONSTRAINT_KINDS, MADE_STATE_KIND, STATE_KIND
 from mbstab.model.values import evaluate
 from mbstab.model.yamlfile import YamlNode
 
@@ -29,6 +29,7 @@ FIELDS = [
         *SHAPES.values(),
         *CONSTRAINT_KINDS.values(),
         STATE_KIND,
+        MADE_STATE_KIND,
     )
     for field in kind.fields
 ]

@@ -22,6 +22,7 @@ NUMBERS_BESIDE_TOLERANCES = {
     "mbstab/analysis/verdict/wording.py:MOST",
     "mbstab/analysis/reference/symmetry_candidates.py:UNEVEN",
     "mbstab/analysis/simulate/run.py:LISTED",
+    "mbstab/analysis/algebra/rounded.py:WHOLE",
     "mbstab/analysis/simulate/singular_passage.py:NODES",
     "mbstab/analysis/simulate/steppers/implicit.py:RADAU_GAMMA",
     "mbstab/analysis/simulate/steppers/implicit.py:RHO",

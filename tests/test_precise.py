@@ -175,7 +175,7 @@ reference: {{coordinates: {{p: {{x: 0, y: 0}}}}}}
     [
         # On the axis to all digits, and nothing holds it there.
         ("-p.x + p.x**2*rate(p.x)", "-p.y - rate(p.y)", "undecided"),
-        ("-p.x - p.x**2*rate(p.x)", "-p.y - rate(p.y)", "undecided"),
+        ("-p.x - p.x**2*rate(p.x)", "-p.y - rate(p.y)", "stable"),
         ("-p.x + 1e-38*rate(p.x)", "-p.y - rate(p.y)", "unstable"),
         ("-p.x - 1e-38*rate(p.x)", "-p.y - rate(p.y)", "asymptotically stable"),
         # A double pair: one vector, which grows with t; two, in a minimum of the energy.

@@ -18,6 +18,9 @@ UNIT = 0.5 * EPS
 FUNCTION = 2.0 * EPS
 """Rounding of sines and the like."""
 
+WHOLE = 1 << 53
+"""Whole numbers below it are exact."""
+
 PLAIN = (float, int)
 """Numbers that are exact, and what is done with them alone is taken as exact, too."""
 
@@ -32,47 +35,47 @@ class Rounded:
 
     def __add__(self, other: Any) -> Rounded:
         if other.__class__ is Rounded:
-            v = self.v + other.v
-            return Rounded(v, self.e + other.e + UNIT * abs(v))
+            v, e = self.v + other.v, self.e + other.e
+            return Rounded(v, e + UNIT * abs(v) if e else _of_sum(self.v, other.v, v))
         if not isinstance(other, PLAIN):
             return NotImplemented
         if not other:
             return self
-        v = self.v + other
-        return Rounded(v, self.e + UNIT * abs(v))
+        v, e = self.v + other, self.e
+        return Rounded(v, e + UNIT * abs(v) if e else _of_sum(self.v, other, v))
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Rounded:
         if other.__class__ is Rounded:
-            v = self.v - other.v
-            return Rounded(v, self.e + other.e + UNIT * abs(v))
+            v, e = self.v - other.v, self.e + other.e
+            return Rounded(v, e + UNIT * abs(v) if e else _of_sum(self.v, -other.v, v))
         if not isinstance(other, PLAIN):
             return NotImplemented
         if not other:
             return self
-        v = self.v - other
-        return Rounded(v, self.e + UNIT * abs(v))
+        v, e = self.v - other, self.e
+        return Rounded(v, e + UNIT * abs(v) if e else _of_sum(self.v, -other, v))
 
     def __rsub__(self, other: Any) -> Rounded:
         if not isinstance(other, PLAIN):
             return NotImplemented
-        v = other - self.v
-        return Rounded(v, self.e + UNIT * abs(v) if other else self.e)
+        v, e = other - self.v, self.e
+        return Rounded(v, (e + UNIT * abs(v) if e else _of_sum(other, -self.v, v)) if other else e)
 
     def __mul__(self, other: Any) -> Any:
         if other.__class__ is Rounded:
             a, b, d, e = self.v, other.v, self.e, other.e
             v = a * b
-            return Rounded(v, abs(a) * e + (abs(b) + e) * d + UNIT * abs(v))
+            return Rounded(v, abs(a) * e + (abs(b) + e) * d + UNIT * abs(v) if d or e else _of_product(a, b, v))
         if not isinstance(other, PLAIN):
             return NotImplemented
         if not other:
             return 0.0
         if other == 1.0:
             return self
-        v = self.v * other
-        return Rounded(v, self.e * abs(other) + UNIT * abs(v))
+        v, e = self.v * other, self.e
+        return Rounded(v, e * abs(other) + UNIT * abs(v) if e else _of_product(self.v, other, v))
 
     __rmul__ = __mul__
 
@@ -133,6 +136,16 @@ def value_and_error(x: Any) -> tuple[float, float]:
     return (x.v, x.e) if x.__class__ is Rounded else (x, 0.0)
 
 
+def _of_sum(a: float, b: float, v: float) -> float:
+    """Return the rounding of the sum v of exact numbers, none where it is exact (Dekker 1971, Numer. Math. 18)."""
+    return 0.0 if (v - a == b if abs(a) >= abs(b) else v - b == a) else UNIT * abs(v)
+
+
+def _of_product(a: float, b: float, v: float) -> float:
+    """Return the rounding of the product v of exact numbers, none of whole ones."""
+    return 0.0 if abs(v) < WHOLE and a == int(a) and b == int(b) else UNIT * abs(v)
+
+
 def _quotient(a: float, d: float, b: float, e: float) -> Rounded:
     v = a / b
     left = abs(b) - e
@@ -140,9 +153,10 @@ def _quotient(a: float, d: float, b: float, e: float) -> Rounded:
 
 
 def _power(x: Any, n: Any) -> Rounded:
-    (a, d), (p, e) = value_and_error(x), value_and_error(n)
+    (a, d), (p, e) = map(float, value_and_error(x)), map(float, value_and_error(n))
     v = math.pow(a, p)
-    error = FUNCTION * abs(v) if p not in (1.0, 0.0) else 0.0
+    whole = a.is_integer() and p.is_integer() and p > 0.0 and abs(v) < WHOLE and not d and not e
+    error = FUNCTION * abs(v) if p not in (1.0, 0.0) and not whole else 0.0
     if d and p:
         # By the mean value theorem, with the largest slope.
         ends = [abs(y) ** (p - 1.0) for y in (abs(a) - d, abs(a) + d) if y > 0.0 or p >= 1.0]

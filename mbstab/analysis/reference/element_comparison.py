@@ -286,9 +286,8 @@ class ElementComparison:
                 change = sizes * shortest(-state.V)
                 u = u + change
                 if np.all(np.abs(change) <= 1e-13 * np.max(np.abs(u / sizes)) * sizes):
-                    break  # the matrices stay those before this change, which is rounding
-            else:
-                state = system.dynamics(q, u, time)
+                    break
+            state = system.dynamics(q, u, time)
         except (MbstabError, ValueError, RuntimeError, np.linalg.LinAlgError):
             return None
         return OnRows(q, u, 0.0 * u, state) if self._holds(state, u, within) else None
