@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from linear_ports import GUISES, ports
 from random_mechanisms import random_mechanism
 from sampling import sample
 
@@ -328,3 +329,86 @@ def test_equal_eigenvalues_with_shapes_of_their_own_keep_them():
     result = mbstab.loads(DOUBLE).eig(c=0)
     assert len(modes(result)) == 2
     assert sorted(max(e.participation, key=e.participation.get) for e in modes(result)) == ["p", "q"]
+
+
+# --- modes of states alone ------------------------------------------------------------------------------------------
+
+FILTERS = """\
+mbstab: 1
+parameters: {k: 0}
+bodies:
+  a: {type: spatial, mass: 2, inertia: [0.3, 0.4, 0.5], points: {tip: [0.3, 0.1, 0.2]}}
+  b: {type: spatial, mass: 1.7, inertia: [0.2, 0.25, 0.15], points: {foot: [-0.2, 0.1, 0]}}
+joints:
+  hip: {type: revolute, between: [a, ground], axis: [1, 2, 3]}
+  knee: {type: revolute, between: [b.foot, a.tip], axis: [3, -1, 1]}
+forces:
+  s: {type: joint_spring, joint: hip, stiffness: 7, damping: 0.3}
+  t: {type: joint_spring, joint: knee, stiffness: 3, damping: 0.1}
+  push: {type: actuator, joint: knee, effort: k*seen + 2*(fast + slow)}
+states:
+  seen: {rate: 0.2*angle(knee) - 3*seen}
+  later: {rate: seen - 5*later}
+  fast: {rate: -7*fast}
+  slow: {rate: -7.3*slow + 1e-7*fast}
+reference: {coordinates: {a: {phi: 0, theta: 0, psi: 0}, b: {phi: 0, theta: 0, psi: 0}}}
+"""
+
+
+def alone(result):
+    """Return the modes of states alone by eigenvalue, each with what moves in it."""
+    return {
+        round(e.value.real, 9): {n for n, x in zip(result.coordinates, e.vector, strict=True) if x}
+        for e in modes(result)
+        if not result.moves_bodies(e)
+    }
+
+
+@pytest.mark.parametrize("few", [False, True])
+def test_what_moves_by_rounding_only_is_at_rest_in_a_mode_of_states(few):
+    """Filters that nothing feels; a force that pivots hold, and what is felt however little, are told from rounding."""
+    model = mbstab.loads(FILTERS.replace("2*(fast + slow)", "0"))
+    found = model.modes(7, energies=True) if few else model.eig(energies=True)
+    assert alone(found) == {-3: {"seen", "later"}, -5: {"later"}, -7: {"fast", "slow"}, -7.3: {"slow"}}
+    for e in modes(found):
+        assert (e.energy is not None) == (sum(e.participation.values()) > 0) == found.moves_bodies(e)
+        assert all(name.startswith("angle") for name, _ in e.motions) == found.moves_bodies(e)
+    felt = model.modes(7, k=1e-14) if few else model.eig(k=1e-14)
+    assert set(alone(felt)) == {-5, -7, -7.3}
+
+
+@pytest.mark.parametrize("guise", GUISES)
+def test_filters_that_follow_move_alone_in_every_guise(guise):
+    system = ports(503, 1)
+    assert alone(mbstab.loads(system.text(guise)).eig()) == {-0.692: {"z1"}, -0.844: {"z0"}}
+
+
+def test_states_that_push_against_what_holds_a_body_move_alone():
+    """Their force is taken up by the guide of the mass; along it, it is felt."""
+    text = """
+mbstab: 1
+bodies: {p: {type: planar, mass: 3, inertia: 1}}
+joints: {guide: {type: prismatic, between: [p, ground], axis: [0.6, 0.8]}}
+forces:
+  s: {type: joint_spring, joint: guide, stiffness: 10}
+  f: {type: expression, on: {p.x: -0.8*F, p.y: 0.6*F}}
+states: {F: {rate: -2*F}}
+reference: {}
+"""
+    assert alone(mbstab.loads(text).eig()) == {-2: {"F"}}
+    assert alone(mbstab.loads(text.replace("-0.8*F", "-0.7*F")).eig()) == {}
+
+
+def test_a_mode_of_states_has_no_picture(tmp_path, capsys):
+    file = tmp_path / "filters.yaml"
+    file.write_text(FILTERS)
+    with pytest.raises(SystemExit) as stop:
+        main(["eig", str(file), "--plot", "modes", "--pictures", str(tmp_path / "a.svg")])
+    shown = capsys.readouterr()
+    assert not stop.value.code
+    assert "are not drawn: states move, and no body" in shown.err
+    assert "no mass moves" in shown.out
+    found = mbstab.loads(FILTERS).eig()
+    number = next(n for n, e in enumerate(modes(found), 1) if not found.moves_bodies(e))
+    with pytest.raises(MbstabError, match=rf"mode {number} moves no body: only \w+"):
+        mbstab.loads(FILTERS).swing(number)

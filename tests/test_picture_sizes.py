@@ -92,8 +92,9 @@ TITLE = "A system whose title is so long that it needs more than a single line i
 def drawings():
     bicycle = mbstab.load("whipple_bicycle.yaml")
     result, linear, slopes = bicycle.eig(), bicycle.linearize(), mbstab.load("car.yaml").sensitivities()
-    shaped = [e for e in result.eigenvalues if e.vector is not None and e.value.imag >= 0.0][:3]
-    swings: list[Swing] = [bicycle.swing(number, 4) for number in range(1, len(shaped) + 1)]
+    upper = [e for e in result.eigenvalues if e.vector is not None and e.value.imag >= 0.0]
+    shaped = dict(enumerate(upper[:3], 1))
+    swings: list[Swing] = [bicycle.swing(number, 4) for number in shaped]
     x = np.linspace(0.0, 10.0, 5)
     counts = np.add.outer(x, x).astype(int) // 4
     return {

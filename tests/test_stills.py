@@ -22,7 +22,7 @@ def dots(axes, ink):
 def test_the_modes_of_a_double_pendulum():
     """Of two equal masses: the upper one moves (√2 - 1) as far in the first mode, and (√2 + 1) in the second."""
     model = mbstab.load("double_pendulum.yaml")
-    modes = [e for e in model.eig().eigenvalues if e.value.imag > 0.0]
+    modes = dict(enumerate((e for e in model.eig().eigenvalues if e.value.imag > 0.0), 1))
     figure = mode_stills(
         model.system(), modes, [swing(model.system(), n, 4, amplitude=1e-3) for n in (1, 2)], "Pendulum"
     )

@@ -165,7 +165,7 @@ def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str
             continue
         order = sorted(bodies, key=lambda name: -e.participation.get(name, 0.0))
         strong = [f"{name} {e.participation[name]:.1%}" for name in order if e.participation.get(name, 0.0) >= 0.0005]
-        rows.append([value_text(e), _fitting(strong, WIDTH - 28)])
+        rows.append([value_text(e), _fitting(strong, WIDTH - 28) or "no mass moves"])
     return table(["eigenvalue (1/s)", "bodies"], rows, left=(1,))
 
 

@@ -15,6 +15,7 @@ from mbstab.analysis.simulate.start import complex_mode
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
+from mbstab.model.schema import is_state
 from mbstab.records import dataclass
 
 
@@ -68,8 +69,10 @@ def swing(system: System, number: int, points: int, amplitude: float = TOLERANCE
         states[p] = False
     most = int(np.argmax(np.where(states, 0.0, moved)))
     largest = float(moved[most])
-    if largest <= TOLERANCES.swing_rounding * np.max(moved):
-        raise UsageError(f"the mode {number} moves no body")
+    if not largest:
+        states = [name for name, x in zip(system.names, moved, strict=True) if x > 0.0 and is_state(name)]
+        message = f"mode {number} moves no body: only {', '.join(states[:4])}{', …' if len(states) > 4 else ''}"
+        raise UsageError(f"{message}\nhint: mbstab simulate --perturb mode:{number}=0.1 --plot {states[0]} shows it")
     dq = dq * (np.abs(dq[most]) / dq[most])  # the coordinate that moves most is at its extreme at first
     equations, attitudes = Constrained(system, motion), Attitudes.of(system)
     d, found = system.scene.dimension, []

@@ -235,6 +235,7 @@ def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
     """Return eigenvalue (1/s; the multiplier of a periodic motion), complex Δq and Δu of a mode, as in `mode_shape`."""
     from mbstab.analysis.linear.linearize import linearize, state_space
     from mbstab.analysis.spectrum.eigenvalues import answer
+    from mbstab.analysis.spectrum.states_alone import at_rest_beside_states
 
     listed = [e for e in answer(system).eigenvalues if not e.exact and e.value.imag >= 0.0]
     if not 1 <= number <= len(listed):
@@ -246,22 +247,30 @@ def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
         from mbstab.analysis.spectrum.floquet import monodromy
 
         around = monodromy(system, motion, float(system.scene.period))
-        matrix, value = around.Phi, mode.multiplier
-        to_q, to_u = around.to_coordinates, around.to_rates
+        dq, du = _nearest(around.Phi, mode.multiplier, around.to_coordinates, around.to_rates)
     else:
         linear = linearize(system, motion)
-        space = state_space(linear)
-        matrix, value, to_q, to_u = space.A, mode.value, space.to_coordinates, space.to_rates
+        if mode.vector is not None:
+            dq, du = mode.vector, mode.value * mode.vector
+        else:
+            space, scale = state_space(linear), linear.spaces.scale[:, None]
+            dq, du = _nearest(space.A, mode.value, space.to_coordinates, space.to_rates)
+            known = np.array([mode.value]), np.array([mode.error_bound])
+            dq = (scale * at_rest_beside_states(linear, *known, dq[:, None] / scale))[:, 0]
         if linear.generator is not None and linear.generator.turns:
-            to_u = to_u + linear.generator.frame(motion.q)[0] @ to_q
-    values, vectors = np.linalg.eig(matrix)
-    y = vectors[:, int(np.argmin(np.abs(values - value)))]
-    dq, du = to_q @ y, to_u @ y
+            du = du + linear.generator.frame(motion.q)[0] @ dq
     relative = np.abs(dq / motion.sizes)
     moves, x = (relative, dq) if np.any(relative > 0.0) else (np.abs(du / motion.sizes), du)
     largest = x[int(np.argmax(moves))]
-    value = complex(value or 0.0) if system.scene.period is not None else mode.significant
-    return value, dq / largest, du / largest
+    value = mode.significant if system.scene.period is None else mode.multiplier
+    return complex(value or 0.0), dq / largest, du / largest
+
+
+def _nearest(matrix: Array, value: complex | None, to_q: Array, to_u: Array) -> tuple[Array, Array]:
+    """Return Δq and Δu of the eigenvector of a matrix whose eigenvalue is nearest."""
+    values, vectors = np.linalg.eig(matrix)
+    y = vectors[:, int(np.argmin(np.abs(values - value)))]
+    return to_q @ y, to_u @ y
 
 
 # --- onto the constraints -------------------------------------------------------------------------------------------

@@ -84,8 +84,6 @@ class Tolerances:
     """Forces along directions without mass may be out of balance by this fraction of their sizes."""
     swing_amplitude: Final = 0.25
     """Amplitude of the coordinate that moves most, in sizes of the scene or rad."""
-    swing_rounding: Final = 1e-10
-    """Bodies that move less than this fraction of what moves most, a state, stand still."""
 
     # Accuracy of the result
     error_factor: Final = 3.0

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, Index, others
+from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.budget import Cost
 from mbstab.analysis.algebra.sparse import in_sparse, scaled
 from mbstab.analysis.bounds.discs import Placed
@@ -28,6 +28,7 @@ from mbstab.analysis.linear.sparse_pencil import product
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.analysis.spectrum.named_motions import Telling, Told, Whirl, mirrored
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
+from mbstab.analysis.spectrum.states_alone import at_rest_beside_states
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
@@ -176,15 +177,10 @@ def with_energies(result: EigenResult, linear: Linearization) -> EigenResult:
 
     Those that cannot be told from zero have none, nor have modes of first-order states in which no body moves.
     """
-    bodily, sizes = others(len(linear.names), linear.system.states[0]), linear.motion.sizes
-
-    def moves(vector: Complex) -> bool:
-        return float(np.max(np.abs(vector / sizes)[bodily], initial=0.0)) > TOLERANCES.bodies_still
-
     told = {
         i: e.vector
         for i, e in enumerate(result.eigenvalues)
-        if e.vector is not None and e.error_bound < abs(e.value) and moves(e.vector)
+        if e.vector is not None and e.error_bound < abs(e.value) and result.moves_bodies(e)
     }
     from mbstab.analysis.spectrum.mode_energy import mode_energies
 
@@ -209,8 +205,9 @@ class Modes:
         motion = linear.motion
         telling = Telling.of(linear.system, motion.q, motion.sizes, lambda: scale[:, None] * linear.spaces.N)
         self.whirl = Whirl(linear.system, linear.motion, linear.generator)
-        self._shares = participation(scaled(linear.M, scale, scale), linear.names, placed.vectors)
-        self._shapes = mode_shapes(scale[:, None] * placed.vectors, linear.motion.sizes)
+        x = at_rest_beside_states(linear, placed.values, placed.bounds, placed.vectors)
+        self._shares = participation(scaled(linear.M, scale, scale), linear.names, x)
+        self._shapes = mode_shapes(scale[:, None] * x, linear.motion.sizes)
         self._told = telling.told(self._shapes)
 
     def of(self, i: int) -> tuple[dict[str, float], Complex | None, Told]:

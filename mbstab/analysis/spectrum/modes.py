@@ -30,6 +30,7 @@ from mbstab.analysis.spectrum.eigenvalues import eigenvalues, inexact, mode_shap
 from mbstab.analysis.spectrum.few import Few, few
 from mbstab.analysis.spectrum.named_motions import Telling, mirrored
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
+from mbstab.analysis.spectrum.states_alone import states_alone
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.constancy import time_doubt
 from mbstab.analysis.verdict.facts import Grounds
@@ -208,8 +209,9 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
     )  # fmt: skip
     verdict = judge(facts)
     listed: list[Eigenvalue] = []
-    shares = participation(equations.matrices.M, subject.names, found.vectors)
-    vectors = mode_shapes(equations.scale[:, None] * found.vectors, subject.sizes)
+    x = states_alone(equations, subject.system.states[0], found.values, found.bounds, found.vectors)
+    shares = participation(equations.matrices.M, subject.names, x)
+    vectors = mode_shapes(equations.scale[:, None] * x, subject.sizes)
     telling = Telling.of(subject.system, subject.q, subject.sizes, lambda: _allowed(equations))
     motions = telling.told(vectors)
     for i, (disc, share, vector) in enumerate(zip(discs, shares, vectors, strict=True)):

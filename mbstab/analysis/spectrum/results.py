@@ -11,6 +11,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.spectrum.named_motions import Told
 from mbstab.analysis.verdict.rule import Judged, Verdict
+from mbstab.model.schema import is_state
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -33,14 +34,16 @@ class Eigenvalue:
     condition, backward_error : float
         Relative condition number κ and backward error η.
     participation : dict
-        Share of each body in the kinetic energy of the mode; sums to 1. Empty without a `vector`.
+        Share of each body in the kinetic energy of the mode; sums to 1, or is 0 where no mass moves. Empty without a
+        `vector`.
     multiplier : complex or None
         For a periodic motion: the factor of a disturbance in a period; `value` is then
         the Floquet exponent.
     vector : ndarray of complex, shape (n_q,), or None
         Mode shape (m, rad), in the order of `EigenResult.coordinates`; the coordinate that moves most,
         lengths relative to the size of the scene, is 1. None for neutral eigenvalues and multipliers, and where an
-        eigenvalue is not told from others that have fewer shapes than they are, as of a defective one.
+        eigenvalue is not told from others that have fewer shapes than they are, as of a defective one. In a mode of
+        first-order states alone (`EigenResult.moves_bodies`) bodies have exact zeros.
     motions : tuple of (str, complex)
         The mode in few words: independent motions of joints, such as ``angle(pivot)``, and coordinates that are not
         small, with amplitudes relative to the size of the scene or 1 rad; the first is the largest, and 1.
@@ -49,7 +52,8 @@ class Eigenvalue:
     name : str
         The name that the file gives the mode under ``modes``; empty if none.
     energy : EnergyBalance or None
-        Energies and powers, entry by entry, if they are asked for and the eigenvalue is known not to be zero.
+        Energies and powers, entry by entry, if they are asked for, the eigenvalue is known not to be zero, and a body
+        moves.
     together : int
         Number of eigenvalues in its disc: these are not told apart.
     """
@@ -208,3 +212,8 @@ class EigenResult(Judged):
     def values(self) -> Complex:
         """Return the eigenvalues that are neither neutral nor critical, shape (n,)."""
         return np.array([e.value for e in self.eigenvalues if not e.exact], dtype=complex)
+
+    def moves_bodies(self, e: Eigenvalue) -> bool:
+        """Return whether a mode with a shape moves bodies; else it is one of first-order states alone."""
+        bodies = [not is_state(name) for name in self.coordinates]
+        return e.vector is not None and bool(np.any(e.vector[bodies]))

@@ -158,8 +158,8 @@ class Tolerances:
     """Motions smaller than this fraction of the largest are not told …"""
     told_motions: Final = 4
     """… and at most this many."""
-    bodies_still: Final = 1e-13
-    """Beside states, bodies that move by less than this, in sizes of the scene, do not move in a mode."""
+    states_apart: Final = 15
+    """States that move by less than ten to the minus this, relative to the largest, are not told from rounding."""
     mode_near: Final = 0.5
     """An eigenvalue farther from the given one than this fraction of it is not the named mode."""
     mode_difference: Final = 0.5

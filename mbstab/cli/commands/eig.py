@@ -16,6 +16,7 @@ from mbstab.cli.output import (
     Answer,
     Output,
     check_pictures,
+    note,
     output_options,
     picture_paths,
     picture_stem,
@@ -335,9 +336,14 @@ def _drawn(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:
         from mbstab.report.animation.stills import mode_stills
 
         listed = [e for e in result.eigenvalues if not e.exact and e.value.imag >= 0.0]
-        shaped = [(k, e) for k, e in enumerate(listed, 1) if e.vector is not None][:MOST_SHAPES]
-        swings = [mechanism.swing(number, 4) for number, _ in shaped]
-        return mode_stills(mechanism.system(), [e for _, e in shaped], swings, mechanism.model.title)
+        shaped = {k: e for k, e in enumerate(listed, 1) if e.vector is not None}
+        moving = {k: e for k, e in shaped.items() if result.moves_bodies(e)}
+        if still := [str(k) for k in shaped if k not in moving]:
+            one, many = f"mode {still[0]} is", f"modes {', '.join(still)} are"
+            note(f"{many if len(still) > 1 else one} not drawn: states move, and no body")
+        drawn = dict([*moving.items()][:MOST_SHAPES])
+        swings = [mechanism.swing(number, 4) for number in drawn]
+        return mode_stills(mechanism.system(), drawn, swings, mechanism.model.title)
 
     return replace(reply, pictures={"spectrum": spectrum, "modes": modes})
 

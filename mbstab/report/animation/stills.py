@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -49,13 +49,14 @@ STYLES = (("0.78", 1.0), (INK[1], 0.7), (INK[0], 1.3))
 """Ink and width of the reference and of both extremes."""
 
 
-def mode_stills(system: System, modes: Sequence[Eigenvalue], swings: Sequence[Swing], title: str) -> Figure:
+def mode_stills(system: System, modes: Mapping[int, Eigenvalue], swings: Sequence[Swing], title: str) -> Figure:
     """Return the extremes of modes, exaggerated, in a panel each, all from the same side and of the same scale.
 
     Parameters
     ----------
     system : System
-    modes : sequence of Eigenvalue
+    modes : mapping of int to Eigenvalue
+        By their numbers.
     swings : sequence of Swing
         Of the same modes, at four instants.
 
@@ -65,7 +66,7 @@ def mode_stills(system: System, modes: Sequence[Eigenvalue], swings: Sequence[Sw
         If there are no modes with a shape.
     """
     if not modes:
-        raise UsageError("--plot modes: no mode has a shape")
+        raise UsageError("--plot modes: no mode has a shape in which a body moves")
     frames = still_frames(swings)
     view = View(Sketch.of(system), frames)
     with house_style():
@@ -78,7 +79,7 @@ def mode_stills(system: System, modes: Sequence[Eigenvalue], swings: Sequence[Sw
         figure = Figure(figsize=(scaled(width), scaled(total)))
         draw_title(figure, lines)
         view.fit(wide, tall)
-        for n, mode in enumerate(modes):
+        for n, (number, mode) in enumerate(modes.items()):
             row, column = divmod(n, columns)
             # The panels of the last row stand in the middle.
             missing = rows * columns - len(modes) if row == rows - 1 else 0
@@ -86,7 +87,7 @@ def mode_stills(system: System, modes: Sequence[Eigenvalue], swings: Sequence[Sw
             axes = figure.add_axes((left / width, low / total, wide / width, tall / total))
             _draw(axes, view, (0, 2 * n + 2, 2 * n + 1))
             name = f"{mode.name}, " if mode.name else ""
-            said = f"{n + 1}: {name}{value_text(mode)} 1/s".replace("-", "\N{MINUS SIGN}")
+            said = f"{number}: {name}{value_text(mode)} 1/s".replace("-", "\N{MINUS SIGN}")
             motions = (motions_text(mode.motions[:told]) for told in range(TOLD, 0, -1))
             fitting = next((text for text in motions if text_width(text, FONT - 0.5) < 80.0 * (wide + GAP)), "")
             axes.set_title(f"{said}\n{fitting}", fontsize=scaled(FONT - 0.5), pad=3.0)
