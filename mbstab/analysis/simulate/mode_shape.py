@@ -70,9 +70,9 @@ def swing(system: System, number: int, points: int, amplitude: float = TOLERANCE
     most = int(np.argmax(np.where(states, 0.0, moved)))
     largest = float(moved[most])
     if not largest:
-        states = [name for name, x in zip(system.names, moved, strict=True) if x > 0.0 and is_state(name)]
-        message = f"mode {number} moves no body: only {', '.join(states[:4])}{', …' if len(states) > 4 else ''}"
-        raise UsageError(f"{message}\nhint: mbstab simulate --perturb mode:{number}=0.1 --plot {states[0]} shows it")
+        alone = [name for name, x in zip(system.names, moved, strict=True) if x > 0.0 and is_state(name)]
+        message = f"mode {number} moves no body: only {', '.join(alone[:4])}{', …' if len(alone) > 4 else ''}"
+        raise UsageError(f"{message}\nhint: mbstab simulate --perturb mode:{number}=0.1 --plot {alone[0]} shows it")
     dq = dq * (np.abs(dq[most]) / dq[most])  # the coordinate that moves most is at its extreme at first
     equations, attitudes = Constrained(system, motion), Attitudes.of(system)
     d, found = system.scene.dimension, []

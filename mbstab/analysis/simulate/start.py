@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement
 from mbstab.analysis.reference.motion import Finder, Motion
@@ -231,7 +232,7 @@ def mode_shape(system: System, motion: Motion, number: int) -> tuple[Array, Arra
     return np.real(dq), np.real(du)
 
 
-def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
+def complex_mode(system: System, number: int) -> tuple[complex, Complex, Complex]:
     """Return eigenvalue (1/s; the multiplier of a periodic motion), complex Δq and Δu of a mode, as in `mode_shape`."""
     from mbstab.analysis.linear.linearize import linearize, state_space
     from mbstab.analysis.spectrum.eigenvalues import answer
@@ -266,10 +267,10 @@ def complex_mode(system: System, number: int) -> tuple[complex, Array, Array]:
     return complex(value or 0.0), dq / largest, du / largest
 
 
-def _nearest(matrix: Array, value: complex | None, to_q: Array, to_u: Array) -> tuple[Array, Array]:
+def _nearest(matrix: Array, value: complex | None, to_q: Array, to_u: Array) -> tuple[Complex, Complex]:
     """Return Δq and Δu of the eigenvector of a matrix whose eigenvalue is nearest."""
     values, vectors = np.linalg.eig(matrix)
-    y = vectors[:, int(np.argmin(np.abs(values - value)))]
+    y = vectors[:, int(np.argmin(np.abs(values - value)))].astype(complex)
     return to_q @ y, to_u @ y
 
 
