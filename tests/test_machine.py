@@ -473,6 +473,19 @@ def test_compiled_steps_need_numba(monkeypatch):
         mbstab.load("pendulum.yaml").simulate(1.0, compiled=True)
 
 
+def test_parts_of_machine_code_stand_in_what_calls_them_and_nowhere_else():
+    part = native._translated(lambda x: math.sqrt(x) + 1.0, no_cpython_wrapper=True)
+    whole = native._translated(lambda x: 2.0 * part(x))
+    assert whole(9.0) == 8.0
+    (inner,), (outer,) = (list(f.overloads.values()) for f in (part, whole))
+    # Another piece may have a part of the same name: it must not be found by it.
+    names = {f.name: f.linkage.name for f in outer.library.get_defined_functions()}
+    assert "linkonce_odr" not in names.values()
+    assert names.get(inner.fndesc.llvm_func_name, "internal") == "internal"
+    assert outer.library.get_pointer_to_function(outer.fndesc.llvm_func_name)
+    assert not inner.library.get_pointer_to_function(inner.fndesc.llvm_func_name)
+
+
 def test_compiling_is_told_step_by_step_and_that_of_others_is_not(monkeypatch):
     first, second = numba.njit(lambda x: x + 1), numba.njit(lambda x: x + 2)
     monkeypatch.setattr(native, "MADE", {first.py_func, second.py_func})

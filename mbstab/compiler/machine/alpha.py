@@ -19,12 +19,12 @@ from mbstab.compiler.machine.implicit import (
 from mbstab.compiler.machine.interpreter import evaluate
 from mbstab.compiler.machine.linear import factor
 from mbstab.compiler.machine.march import EVALUATIONS, LENGTH, TIME, Implicit, March
-from mbstab.compiler.machine.native import called, compiled, copy, fill, floats, inlined, integers
+from mbstab.compiler.machine.native import called, compiled, copy, fill, floats, integers
 from mbstab.compiler.machine.newton import decompose, differentiate, imbalance, solved, violation
 from mbstab.compiler.machine.tables import Floats, Machine
 
 
-@inlined
+@compiled
 def begin(m: Machine, s: March, p: Implicit) -> bool:
     """Start at the state of a march: its accelerations, and their rate from those nearby."""
     t, n, begun, y = s.t[TIME], m.coordinates, floats(m, at.Y), floats(m, at.TRIAL)
@@ -75,7 +75,7 @@ def correct(m: Machine, da: Floats, to_q: float, to_u: float) -> None:
             next_nu[i] += b[row_place[i]] * row_scale[i]
 
 
-@inlined
+@compiled
 def iterate(m: Machine, s: March, p: Implicit, h: float, to_q: float, to_u: float) -> bool:
     """Find accelerations and multipliers at the end of a step by Newton's method."""
     t, y, da, before = s.t[TIME] + h, floats(m, at.TRIAL), floats(m, at.CHANGE), math.inf
@@ -104,7 +104,7 @@ def iterate(m: Machine, s: March, p: Implicit, h: float, to_q: float, to_u: floa
     return found == CONVERGED
 
 
-@inlined
+@compiled
 def attempt(m: Machine, s: March, p: Implicit, h: float) -> float:
     """Make a step; return its error relative to the tolerance, nan where it fails."""
     n, begun, known, a, next_a = (
@@ -158,7 +158,7 @@ def straightened(m: Machine, s: March, h: float) -> bool:
     return balanced(m, floats(m, at.NEXT_A), floats(m, at.NEXT_NU))
 
 
-@inlined
+@compiled
 def accept(m: Machine, s: March, p: Implicit, t: float, h: float) -> bool:
     """Keep what the next step needs."""
     a, next_a, past = floats(m, at.A), floats(m, at.NEXT_A), floats(m, at.PAST)

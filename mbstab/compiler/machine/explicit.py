@@ -26,7 +26,7 @@ from mbstab.compiler.machine.march import (
     WORK,
     March,
 )
-from mbstab.compiler.machine.native import called, compiled, copy, fill, floats, inlined
+from mbstab.compiler.machine.native import called, compiled, copy, fill, floats
 from mbstab.compiler.machine.tables import Floats, Machine
 
 SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 10.0
@@ -74,7 +74,7 @@ def stages(m: Machine, tableau: Tableau, s: March, h: float, start: int, stop: i
     return True
 
 
-@inlined
+@compiled
 def error_of(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> float:
     """Return the error of a step relative to the tolerances, as SciPy estimates it."""
     begun = floats(m, at.Y)
@@ -95,7 +95,7 @@ def error_of(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> flo
     return h * first / math.sqrt((first + 0.01 * second) * len(y))
 
 
-@inlined
+@compiled
 def attempt(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> float:
     """Make a step to y; return its error relative to the tolerances."""
     last, begun = tableau.stages, floats(m, at.Y)
@@ -132,7 +132,7 @@ def interpolate(m: Machine, tableau: Tableau, s: March, h: float, x: float, y: F
     return work
 
 
-@inlined
+@compiled
 def first_step(m: Machine, tableau: Tableau, s: March) -> float:
     """Return the step to begin with, as SciPy chooses it (Hairer, Norsett and Wanner 1993, section II.4)."""
     y, inside, rates = floats(m, at.Y), floats(m, at.INSIDE), floats(m, at.RATES)
@@ -159,7 +159,7 @@ def first_step(m: Machine, tableau: Tableau, s: March) -> float:
     return float(min(100.0 * h, longer, most))
 
 
-@inlined
+@compiled
 def begin(m: Machine, tableau: Tableau, s: March) -> bool:
     """Start at the state of a march; False if nothing can be done there."""
     y = floats(m, at.Y)
@@ -174,7 +174,7 @@ def begin(m: Machine, tableau: Tableau, s: March) -> bool:
     return watched(m, s)
 
 
-@inlined
+@compiled
 def accepted(m: Machine, tableau: Tableau, s: March, y: Floats) -> tuple[float, float]:
     """Make a step to y whose error is within the tolerances; return its end, nan if none, and the next step."""
     t, rejected = s.t[TIME], False
@@ -198,7 +198,7 @@ def accepted(m: Machine, tableau: Tableau, s: March, y: Floats) -> tuple[float, 
     return following, h * ratio
 
 
-@inlined
+@compiled
 def arrived(m: Machine, s: March, t: float, y: Floats, dy: Floats) -> bool:
     """Move the end of a step onto the constraints, find its rates, and look at it; False if it is to be left."""
     if not settle(m, t, y, s.counts, WHOLE) <= m.accepted:
@@ -210,7 +210,7 @@ def arrived(m: Machine, s: March, t: float, y: Floats, dy: Floats) -> bool:
     return passed(m, s)
 
 
-@inlined
+@compiled
 def cover(m: Machine, tableau: Tableau, s: March, following: float, y: Floats) -> bool:
     """Find the work of a step to y and the states at the times of output within; False where there are none."""
     t, n, z = s.t[TIME], m.coordinates, floats(m, at.INSIDE)

@@ -30,7 +30,7 @@ from mbstab.compiler.machine.march import (
     Implicit,
     March,
 )
-from mbstab.compiler.machine.native import compiled, copy, floats, inlined, integers
+from mbstab.compiler.machine.native import compiled, copy, floats, integers
 from mbstab.compiler.machine.tables import Floats, Machine
 
 GOES_ON, CONVERGED, DIVERGES = range(3)
@@ -101,7 +101,7 @@ def interpolated(m: Machine, h: float, x: float, z: Floats) -> None:
         z[n + i] = u + x * (h * a[i] + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)) / h)
 
 
-@inlined
+@compiled
 def cover(m: Machine, s: March, p: Implicit, t: float, h: float) -> bool:
     """Find the work of a step to t and the states at the times of output within; False where there are none."""
     n, z, begin = m.coordinates, floats(m, at.INSIDE), s.t[TIME]
@@ -136,7 +136,7 @@ def cover(m: Machine, s: March, p: Implicit, t: float, h: float) -> bool:
     return True
 
 
-@inlined
+@compiled
 def arrived(m: Machine, s: March, p: Implicit, t: float) -> bool:
     """Look at the end of a step; False if it is to be left."""
     s.counts[EVALUATIONS] += 1
@@ -151,7 +151,7 @@ def arrived(m: Machine, s: March, p: Implicit, t: float) -> bool:
 def step_control(attempt: Attempt) -> Callable[[Machine, March, Implicit], tuple[float, float, float]]:
     """Return the function that makes a step of a method."""
 
-    @inlined
+    @compiled
     def controlled(m: Machine, s: March, p: Implicit) -> tuple[float, float, float]:
         """Make a step whose error is within the tolerance; return its end, nan if none, it, and the next one."""
         t, size, failures = s.t[TIME], s.t[FOLLOWING], 0
@@ -188,7 +188,7 @@ def follower(begin: Begin, attempt: Attempt, accept: Accept) -> Callable[[Machin
     """Return the function that takes the steps of a method."""
     controlled = step_control(attempt)
 
-    @inlined
+    @compiled
     def follow(m: Machine, s: March, p: Implicit, most: int, fresh: bool) -> int:
         """Take steps, at first those of a `fresh` start; return why it ended.
 

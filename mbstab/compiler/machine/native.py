@@ -14,6 +14,7 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
 from mbstab.compiler.machine.operations import REFUSED, TEXTS
+from mbstab.compiler.machine.pieces import Pieces
 from mbstab.compiler.machine.tables import ALL_INTEGERS, Floats
 from mbstab.compiler.trace import OPERATIONS
 
@@ -44,15 +45,7 @@ def compiled(function: F) -> F:
     of the time. Python must not call it.
     """
     MADE.add(function)
-    options = {"error_model": "numpy", "nogil": True, "_nrt": False}
-    result: F = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
-    return result
-
-
-def inlined(function: F) -> F:
-    """Return a function whose text stands where it is called from, once: Numba compiles one long function faster."""
-    options = {"error_model": "numpy", "nogil": True, "_nrt": False}
-    result: F = numba.njit(inline="always", no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(function)
+    result: F = _translated(function, no_cpython_wrapper=True)
     return result
 
 
@@ -60,8 +53,14 @@ def called(function: F) -> F:
     """Return a function in machine code that Python calls; Numba keeps it beside the file in which it stands."""
     MADE.add(function)
     function.__qualname__ += f"_{VERSION}"
-    result: F = numba.njit(cache=True, no_cfunc_wrapper=True, error_model="numpy", nogil=True, _nrt=False)(function)
+    result: F = _translated(function, cache=True)
     return result
+
+
+def _translated(function: F, **options: bool) -> Any:
+    return numba.njit(
+        pipeline_class=Pieces, no_cfunc_wrapper=True, error_model="numpy", nogil=True, _nrt=False, **options
+    )(function)
 
 
 class _Teller(event.Listener):  # type: ignore[misc]  # Numba has no types

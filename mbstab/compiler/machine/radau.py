@@ -21,7 +21,7 @@ from mbstab.compiler.machine.constraints import watched
 from mbstab.compiler.machine.implicit import CONVERGED, DIVERGES, GOES_ON, consistent, finished, follower
 from mbstab.compiler.machine.interpreter import evaluate
 from mbstab.compiler.machine.march import EVALUATIONS, LENGTH, TIME, Implicit, March
-from mbstab.compiler.machine.native import called, compiled, complexes, copy, fill, floats, inlined, integers
+from mbstab.compiler.machine.native import called, compiled, complexes, copy, fill, floats, integers
 from mbstab.compiler.machine.newton import decompose, differentiate, imbalance, solved, times, violation
 from mbstab.compiler.machine.tables import Floats, Machine
 
@@ -44,7 +44,7 @@ def prepare(m: Machine, p: Implicit, t: float, y: Floats, a: Floats, nu: Floats)
     return True
 
 
-@inlined
+@compiled
 def begin(m: Machine, s: March, p: Implicit) -> bool:
     """Start at the state of a march."""
     y, a, nu = floats(m, at.Y), floats(m, at.A), floats(m, at.NU)
@@ -222,7 +222,7 @@ def changed(m: Machine, p: Implicit, h: float) -> float:
     return size
 
 
-@inlined
+@compiled
 def iterate(m: Machine, s: March, p: Implicit, h: float) -> bool:
     """Find the stages of a step by Newton's method."""
     real, imaginary = p.coefficients[EIGENVALUES, 1], p.coefficients[EIGENVALUES, 2]
@@ -294,7 +294,7 @@ def error_of(m: Machine, p: Implicit, h: float) -> float:
     return size / p.tol
 
 
-@inlined
+@compiled
 def attempt(m: Machine, s: March, p: Implicit, h: float) -> float:
     """Make a step; return its error relative to the tolerance, nan where it fails."""
     n, error = m.coordinates, math.nan
@@ -305,7 +305,7 @@ def attempt(m: Machine, s: March, p: Implicit, h: float) -> float:
     return error
 
 
-@inlined
+@compiled
 def accept(m: Machine, s: March, p: Implicit, t: float, h: float) -> bool:
     """Keep what the next step needs."""
     copy(floats(m, at.LAST_A), floats(m, at.STAGE_A))
