@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from test_plots import curves, texts
+from test_plots import curves, made, texts
 from test_sweep import lagging
 
 import mbstab
@@ -116,3 +116,17 @@ def test_log_draws_logarithmic_axes(discs, tmp_path, monkeypatch):
     both = ["--param", "D", "--from", "1", "--to", "50", "--points", "5"]
     assert CliRunner().invoke(main, [*given, *both, "-o", str(tmp_path / "b.csv")]).exit_code == 0
     assert {kept[-1].axes[0].get_xscale(), kept[-1].axes[0].get_yscale()} == {"log"}
+
+
+def test_pairs_that_touch_on_the_real_axis_have_a_number_each(recwarn):
+    # Four real eigenvalues, close together, leave the axis as two pairs whose real parts never turn back.
+    x = np.linspace(0.0, 1.0, 8001)
+    columns = [
+        np.where(x < 0.3, -8.0 + x, -8.0 + x + sign * far * 1j * np.maximum(x - 0.3, 0.0))
+        for far in (9.0, 6.0)
+        for sign in (1.0, -1.0)
+    ]
+    swept = made(x, np.column_stack(columns))
+    axes = root_locus(swept, "p", "").axes[0]
+    assert [text.get_text() for text in axes.texts if text.get_text().isdigit()] == ["1", "3"]
+    assert not recwarn.list

@@ -19,6 +19,9 @@ def assigned(cost: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     a mechanism this is faster than importing the corresponding routine of SciPy.
     """
     n = len(cost)
+    nearest: npt.NDArray[np.intp] = np.argmin(cost, axis=1) if n else np.zeros(0, dtype=np.intp)
+    if len(set(nearest.tolist())) == n:  # each has its own least cost: no sum is less
+        return nearest
     u, v = np.zeros(n), np.zeros(n + 1)
     row_of = np.full(n + 1, -1)  # the last column is where paths start
     for row in range(n):

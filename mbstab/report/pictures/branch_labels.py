@@ -47,14 +47,17 @@ def add_branches(
     """
     if word is None and len(set(curves.ink)) < 2:
         return
-    shown, x, y, places = _seen(labels.axes, *points)
+    shown, x, y, places, hidden = _seen(labels.axes, *points)
     order = np.linspace(0.0, 1.0, len(places))
     named: set[int] = set()
     for n in range(len(shown)):
         apart = np.hypot(*np.moveaxis(places - places[:, n : n + 1], 2, 0))
         known = ~np.isnan(apart)
-        alike = known.any(axis=0) & ~np.any(np.where(known, apart, 0.0) >= CLOSE, axis=0)
-        if n in named or len(labels.wanted) >= LABELS:
+        close = known.any(axis=0) & ~np.any(known & (apart >= CLOSE), axis=0)
+        alike = close & np.all(hidden == hidden[:, n : n + 1], axis=0)
+        # A conjugate one is shown on the real axis only, where it often lies on its twin.
+        covered = np.any(close & ~alike & np.all(hidden <= hidden[:, n : n + 1], axis=0))
+        if n in named or covered or len(labels.wanted) >= LABELS:
             continue
         same = np.flatnonzero(alike)
         named |= set(same.tolist())
@@ -73,8 +76,11 @@ def _text(result: Sweep, numbers: Sequence[int], word: str | None) -> str:
     return ("" if all(names) else word) + ", ".join(texts)
 
 
-def _seen(axes: Axes, x: Array, y: Array) -> tuple[list[int], Array, Array, Array]:
-    """Return the branches in a panel, some points of each, and these as parts of the panel; nan outside."""
+def _seen(axes: Axes, x: Array, y: Array) -> tuple[list[int], Array, Array, Array, Mask]:
+    """Return the branches in a panel, some points of each, these as parts of the panel, and which are hidden.
+
+    Parts of the panel are nan outside of it.
+    """
     fraction = axes.transData + axes.transAxes.inverted()
     x, y = np.broadcast_arrays(x, y)
     some = np.flatnonzero(~np.isnan(y).all(axis=1))
@@ -86,7 +92,7 @@ def _seen(axes: Axes, x: Array, y: Array) -> tuple[list[int], Array, Array, Arra
     part = np.ix_(rows, shown)
     places = np.where(inside[part][:, :, None], ends[part], np.nan)
     own = np.ix_(some[rows], shown)
-    return shown.tolist(), x[own], y[own], places
+    return shown.tolist(), x[own], y[own], places, np.isnan(y[own])
 
 
 def _room(places: Array, n: int, same: Mask) -> Array:

@@ -30,7 +30,7 @@ BINS = 1500
 
 def draw_branch(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: bool = False) -> None:
     """Draw a branch: nan breaks it, and its unstable parts are thick."""
-    fewer = thinned if np.any(np.diff(x[~np.isnan(x)]) < 0.0) else decimated
+    fewer = decimated if np.all(np.diff(x) >= 0.0) and np.any(x > x[:1]) else thinned
     inner = thick.copy()
     inner[1:] &= thick[:-1]
     inner[:-1] &= thick[1:]
@@ -54,7 +54,7 @@ def draw_branch(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: b
 
 
 def decimated(x: Array, y: Array) -> tuple[Array, Array]:
-    """Return the points of a curve over ascending x that a picture can show.
+    """Return the points of a curve over ascending x, without nan, that a picture can show.
 
     In every column the first, last, highest and lowest points are kept, and a nan.
     """
