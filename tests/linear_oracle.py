@@ -204,7 +204,7 @@ def truth(K, D):
     if in_chains:
         return Truth(frozenset({U, OPEN}), OPEN, "pairs on the axis grow with t", zeros[1], False)
     if zeros[2] > zeros[1]:
-        return Truth(frozenset({U, OPEN}), OPEN, "zeros grow with t apart from symmetries", zeros[1], False)
+        return Truth(frozenset({U, OPEN}), U, "zeros grow with t apart from symmetries", zeros[1], False)
     in_place = zeros[1] == zeros[0]
     allowed = {S_UP_TO, M, OPEN} | ({S} if in_place else set())
     if zeros[1] == 2 * n:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 
-from mbstab.analysis.verdict.many_digits import Line, Power
+from mbstab.analysis.verdict.many_digits import UNKNOWN, Line, Power, Zeros
 from mbstab.model.schema import Model
 
 
@@ -26,13 +26,13 @@ class Exactly:
         return self._given()
 
     @cached_property
-    def _zeros(self) -> int:
+    def _zeros(self) -> Zeros:
         from mbstab.analysis.spectrum.precise import exact_zeros
 
-        return -1 if self._model is None else exact_zeros(self._model)
+        return UNKNOWN if self._model is None else exact_zeros(self._model)
 
-    def zeros(self) -> int:
-        """Return the number of eigenvalues that are zero to many digits; −1 if it cannot be known."""
+    def zeros(self) -> Zeros:
+        """Return the eigenvalues that are zero to many digits; `UNKNOWN` if they cannot be known."""
         return self._zeros
 
     def power(self, line: Line) -> Power | None:

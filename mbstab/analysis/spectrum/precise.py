@@ -31,7 +31,7 @@ from mbstab.analysis.spectrum.refined_matrix import deflated, state_matrix
 from mbstab.analysis.spectrum.results import Counts, EigenResult
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds, time_scale
-from mbstab.analysis.verdict.many_digits import ManyDigits
+from mbstab.analysis.verdict.many_digits import UNKNOWN, ManyDigits, Zeros
 from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED, Disc, Judged, Verdict, judge, place
 from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.system import System
@@ -224,10 +224,11 @@ def _enough(work: int, digits: int, lacking: int, chained: bool) -> int:
     return int(work * (digits + TOLERANCES.digits_of_bound + TOLERANCES.digits_beyond / 2) / reached)
 
 
-def exact_zeros(model: Model, digits: int = 320) -> int:
-    """Return the number of eigenvalues of a model that are zero to many digits; −1 if it cannot be known.
+def exact_zeros(model: Model, digits: int = 320) -> Zeros:
+    """Return the eigenvalues of a model that are zero to many digits; `UNKNOWN` if they cannot be known.
 
-    It includes those that symmetries and families of motions explain, and pairs ±iω that rotate with the motion.
+    Their number includes those that symmetries and families of motions explain, and pairs ±iω that rotate with the
+    motion.
 
     Parameters
     ----------
@@ -240,10 +241,10 @@ def exact_zeros(model: Model, digits: int = 320) -> int:
         with mp.workdps(found.work + TOLERANCES.digits_beyond):
             doubtful = found.deflation.dropped > mp.mpf(10) ** -digits
             if doubtful and not _decided(found, _spectrum(start, found.work + TOLERANCES.digits_beyond)):
-                return -1
+                return UNKNOWN
         return _zeros(start, found, digits)
     except MbstabError:
-        return -1
+        return UNKNOWN
 
 
 # --- one computation ------------------------------------------------------------------------------------------------
@@ -397,11 +398,11 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
     )  # fmt: skip
 
 
-def _zeros(start: Start, fine: _Spectrum, digits: int) -> int:
-    """Return the number of zero eigenvalues and of pairs that rotate with the motion; −1 if it is not known."""
+def _zeros(start: Start, fine: _Spectrum, digits: int) -> Zeros:
+    """Return the zero eigenvalues, with the pairs that rotate with the motion; `UNKNOWN` if they are not known."""
     deflation = fine.deflation
     known = deflation.decided and fine.excess[0] <= mp.mpf(10) ** (-digits - TOLERANCES.digits_of_bound)
-    return sum(deflation.steps) + 2 * sum(deflation.pairs) if known else -1
+    return Zeros(sum(deflation.steps) + 2 * sum(deflation.pairs), len(deflation.steps)) if known else UNKNOWN
 
 
 def _rounded_reference(start: Start, fine: _Spectrum, digits: int) -> bool:

@@ -300,6 +300,14 @@ class Grounds:
 
         return critical_zero(self.structure, separated, count, others_decay, self.digits)
 
+    def growth(self) -> str:
+        """Return why disturbances grow like a power of t, where zeros form a chain; empty: not known."""
+        if self.system.sparse or self.linear.massless is not None or self.digits is None:
+            return ""
+        from mbstab.analysis.verdict.growth import growing_zeros
+
+        return growing_zeros(self.structure, self.digits)
+
     def family(self, count: int) -> Neutral | None:
         """Return the neutral directions with a family of motions that was followed, unless many digits refute it."""
         if self.system.sparse or self.linear.massless is not None:
@@ -309,7 +317,7 @@ class Grounds:
         found = family(self.structure, self.separated, count)
         if found is None or self.digits is None:
             return found
-        return None if 0 <= self.digits.zeros() < found.count else found
+        return None if 0 <= self.digits.zeros().number < found.count else found
 
     def facts(self, discs: Sequence[Disc], found: int, doubts: tuple[str, ...] = ()) -> Facts:
         """Return the facts with the eigenvalues left to judge, from any computation.
@@ -336,6 +344,7 @@ class Grounds:
             doubts=doubts,
             minimum=self.minimum,
             reversible=self.reversible,
+            growth=self.growth,
             critical=self.critical,
             family=self.family,
             warnings=() if self.linear.massless is None else self.linear.massless.warnings,

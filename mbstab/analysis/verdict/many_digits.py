@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -59,11 +59,29 @@ class Line:
         return np.array([*self.held, self.measure * sizes])
 
 
+class Zeros(NamedTuple):
+    """The eigenvalues of a motion that are zero to many digits.
+
+    Attributes
+    ----------
+    number : int
+        −1 if it cannot be known.
+    chain : int
+        Length of their longest chain: disturbances of the linearized equations grow like t to one power less.
+    """
+
+    number: int
+    chain: int
+
+
+UNKNOWN = Zeros(-1, 0)
+
+
 class ManyDigits(Protocol):
     """A reference motion with many digits, in which a zero is told from a small number."""
 
-    def zeros(self) -> int:
-        """Return the number of eigenvalues that are zero; −1 if it cannot be known."""
+    def zeros(self) -> Zeros:
+        """Return the eigenvalues that are zero; `UNKNOWN` if they cannot be known."""
 
     def power(self, line: Line) -> Power | None:
         """Return how the force begins that holds the motion at a distance along a line; None if it is not known."""

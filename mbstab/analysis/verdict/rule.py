@@ -16,8 +16,8 @@ verified symmetries and families of steady motions, and A_⊥ the quotient of A 
     1976; Sevryuk 1986);
 6.  marginally stable: no eigenvalue of A_⊥ lies right of the axis, and each that does not lie left
     of it is simple and held on it by a structure of the equations;
-7.  a single zero of A_⊥, the others left: the first nonlinear coefficient decides (Lyapunov 1892;
-    Carr 1981);
+7.  zeros of A_⊥, the others left: the first nonlinear coefficient of a single one decides (Lyapunov 1892;
+    Carr 1981); a chain of three grows where the equations are linear;
 8.  undecided: everything else.
 
 Where only a few eigenvalues are computed, rules 1, 2 and 4 still apply if the number of those right of the axis is
@@ -236,6 +236,8 @@ class Facts:
     reversible : callable
         Returns in words why the motion is reversible with −1 as a simple eigenvalue of the
         reversor (rule 5), or an empty text.
+    growth : callable
+        Returns why disturbances grow like a power of t, or an empty text. Called where zeros alone are left.
     critical : callable
         Takes the number of eigenvalues at zero and whether all others decay; returns a
         `Critical`, or None. Called where zeros alone are left.
@@ -262,6 +264,7 @@ class Facts:
     doubts: tuple[str, ...] = ()
     minimum: Callable[[], Minimum | None] = lambda: None
     reversible: Callable[[], str] = lambda: ""
+    growth: Callable[[], str] = lambda: ""
     critical: Callable[[int, bool], Critical | None] = lambda count, others: None
     family: Callable[[int], Neutral | None] = lambda count: None
     warnings: tuple[str, ...] = ()
@@ -415,6 +418,8 @@ def judge(facts: Facts) -> Verdict:
             reasons.append(f"as far as checked: {neutral.checked}")
         return Verdict(MARGINAL, tuple(reasons), neutral.symmetries, neutral.family, None, neutral.evidence, warnings)
     zeros = sum(d.count for d in rest)
+    if any(d.holds_zero for d in rest) and (grows := facts.growth()):
+        return Verdict(UNSTABLE, (grows,), warnings=facts.warnings, zeros="critical")
     if all(d.holds_zero for d in rest) and (critical := facts.critical(zeros, not on_axis)) is not None:
         return _critical(facts, critical)
     if all(d.holds_zero for d in rest) and (wider := facts.family(zeros)) is not None:
