@@ -536,8 +536,8 @@ def test_what_turns_in_fixed_coordinates_is_undecided_if_frozen_and_says_by_how_
 def test_no_example_is_frozen_in_time(name):
     assert not answer(name).frozen
     variation = mechanism(name).linearize().variation
-    # Forces of springs of 8e5 N/m round where the steady motion is turned on.
-    assert variation == 0.0 or (name == "flyball_governor" and variation < 1e-15)
+    # Forces of springs of 8e5 N/m, and of tyres, round where the steady motion that was solved for is turned on.
+    assert variation == 0.0 or (name in {"car_turn", "flyball_governor"} and variation < 1e-15)
     if name not in {*IN_TURNING_FRAMES, "car_turn", "flyball_governor"} or mechanism(name).motion().at_rest:
         # In its own coordinates it stands still: frozen and steady are the same, but frozen numbers are no verdict.
         frozen = mechanism(name).eig(frozen=True)
@@ -795,9 +795,9 @@ def test_where_every_motion_is_of_the_kind_of_the_reference_nothing_is_left_to_j
 def test_a_chain_of_zeros_that_nothing_explains_is_not_called_drift():
     # x'' = y', y'' = 0: four zeros, twice as many as shifts, but a speed y' makes x' grow like t.
     result = points(("rate(p0.y)", "")).eig()
-    assert result.verdict == "undecided"
+    assert result.verdict == "unstable"
     assert result.modulo.symmetries == ()
-    assert len(result.values()) == 1
+    assert [e.kind for e in result.eigenvalues if e.kind != "neutral"] == ["critical"]
 
 
 def soft_springs(slow, fast=-1.0):

@@ -34,7 +34,7 @@ TURN = [[0, 1], [-1, 0]]
         ([[0]], [[-1]], U, {U}),
         (UNIT, NONE, S, {S, S_UP_TO, M}),
         ([[1, -1], [0, 1]], NONE, OPEN, {U}),  # x″ = −x + y, y″ = −y
-        (NONE, [[0, -1], [0, 0]], OPEN, {U}),  # x″ = y′, y″ = 0
+        (NONE, [[0, -1], [0, 0]], U, {U}),  # x″ = y′, y″ = 0
         (NONE, TURN, S_UP_TO, {S, S_UP_TO, M}),  # circles
         ([[-1, 0], [0, -1]], [[0, -2], [2, 0]], OPEN, {U}),  # pairs that meet on a hill
         ([[-1, 0], [0, -1]], [[0, -3], [3, 0]], M, {S, S_UP_TO, M}),  # held on a hill

@@ -182,7 +182,7 @@ reference: {{coordinates: {{p: {{x: 0, y: 0}}}}}}
         ("-p.x + p.y", "-p.y", "undecided"),
         ("-p.x", "-p.y", "stable"),
         # Four zeros, of which two shifts and the speed along x explain three: x' grows.
-        ("rate(p.y)", "0*p.y", "undecided"),
+        ("rate(p.y)", "0*p.y", "unstable"),
         ("-rate(p.x)", "-rate(p.y)", "asymptotically stable up to symmetry"),
         # The double root is one of motions that grow, or of such that decay.
         ("2*rate(p.x) - p.x", "-p.y - rate(p.y)", "unstable"),

@@ -327,6 +327,8 @@ def _roots(values: Values, poles: Complex, m: int, size: float) -> Complex:
             apart = z[k] - others
             apart[apart == 0.0] = 1e-300
             change = 1.0 / (newton - np.sum(1.0 / apart))
+            if not np.isfinite(change):
+                continue  # the others hold it where it is, until they move
             z[k] -= change
             step[k] = abs(change)
         if np.all(step <= EPS * np.abs(z)):

@@ -20,10 +20,6 @@ from mbstab.analysis.verdict.neutral import Structure
 from mbstab.analysis.verdict.written import with_state
 from mbstab.model.expressions import ExpressionError
 
-UNIFORM = 2
-"""The chain of a uniform motion: its place and its speed."""
-
-
 def growing_zeros(structure: Structure, digits: ManyDigits) -> str:
     """Return why disturbances grow like a power of t beside the symmetries of a scene at rest; empty: not known.
 
@@ -39,8 +35,8 @@ def growing_zeros(structure: Structure, digits: ManyDigits) -> str:
     if not _all_linear(structure):
         return ""
     chain = digits.zeros().chain
-    if chain <= UNIFORM:
-        return ""
+    if chain < 3:
+        return ""  # at most uniform motions: places and their speeds
     return (
         f"the equations are linear, and {chain} zero eigenvalues form a chain: disturbances grow like t^{chain - 1} "
         f"along one direction, and like {'t' if chain == 3 else f't^{chain - 2}'} along another, which no symmetry "
