@@ -20,6 +20,7 @@ from mbstab.analysis.verdict.neutral import Structure
 from mbstab.analysis.verdict.written import with_state
 from mbstab.model.expressions import ExpressionError
 
+
 def growing_zeros(structure: Structure, digits: ManyDigits) -> str:
     """Return why disturbances grow like a power of t beside the symmetries of a scene at rest; empty: not known.
 
