@@ -13,6 +13,7 @@ from mbstab.analysis.reference.reactions import reactions
 from mbstab.analysis.reference.rotation import orientation
 from mbstab.analysis.response import state_space
 from mbstab.analysis.response.measured import Meter
+from mbstab.analysis.response.response import answer
 from mbstab.analysis.response.signals import Signals, State
 from mbstab.errors import ModelFileError, NumericalError, UsageError
 from mbstab.model.sections.outputs import measured_expression
@@ -493,3 +494,30 @@ def test_the_control_model_is_built_only_where_it_is_asked_for(monkeypatch):
     ):
         assert run("linearize", *arguments).exit_code == 0
     assert len(asked) == 3
+
+
+GUIDED = """\
+mbstab: 1
+bodies: {b: {type: planar, mass: 2, inertia: 1, points: {tip: [1, 0]}}}
+joints: {guide: {type: prismatic, between: [b, ground], axis: x}}
+forces: {s: {type: joint_spring, joint: guide, stiffness: 50, damping: 1}}
+inputs: {push: {type: force, at: b.tip, direction: y}}
+outputs: {place: b.x, support: force(guide.y), moment: torque(guide.z)}
+reference: {}
+"""
+
+
+def test_an_input_that_a_guide_holds_is_felt_by_its_reactions_at_once():
+    found = mbstab.loads(GUIDED).state_space()
+    np.testing.assert_array_equal(found.B, 0.0)
+    np.testing.assert_allclose(np.abs(transfer(found, 2j)).ravel(), [0.0, 1.0, 1.0], rtol=1e-14)
+    place, support, moment = answer(found, points=5).values
+    np.testing.assert_array_equal(place, 0.0)
+    np.testing.assert_allclose(np.abs([support, moment]), 1.0, rtol=1e-13)
+    with pytest.raises(ModelFileError, match=r"inputs.push: the input moves nothing: joint 'guide' prescribes"):
+        mbstab.loads(GUIDED.replace(", support: force(guide.y), moment: torque(guide.z)", "")).state_space()
+
+
+def test_rounding_of_a_slanting_guide_is_no_motion():
+    slanting = GUIDED.replace("axis: x", "axis: [0.28, 0.96]").replace("direction: y", "direction: [-0.96, 0.28]")
+    np.testing.assert_array_equal(mbstab.loads(slanting).state_space().B, 0.0)

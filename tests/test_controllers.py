@@ -447,3 +447,16 @@ def test_plots_and_tables_tell_the_units_of_states():
         mbstab.loads(UNITS_OF_PARTS.replace("FORCES", forces).replace("c: {x: 0}", "c: {x: 0}, u_effort: ky"))
     state = [x for x in model.eig().units if x not in ("m", "rad")]
     assert state == ["rad*s", "N*m"]
+
+
+@pytest.mark.parametrize(
+    ("key", "hint"),
+    [
+        ("lag", "leave it out: without it, the effort acts at once"),
+        ("filter", "leave it out: without it, the rate itself acts"),
+    ],
+)
+def test_times_of_zero_are_left_out(key, hint):
+    with pytest.raises(ModelFileError, match=f"{key} must be positive, got 0 s") as caught:
+        mbstab.loads(CART.replace("lag: T", f"{key}: 0")).eig()
+    assert hint in str(caught.value)

@@ -927,3 +927,32 @@ def test_slopes_that_overflow_leave_the_terminal_alone(capfd):
     with pytest.raises(EquilibriumError, match="no steady motion found"):
         mbstab.load("bead_on_hoop.yaml").eig(R=1e-200)
     assert "On entry to" not in "".join(capfd.readouterr())
+
+
+INSTANT = """\
+mbstab: 1
+bodies: {b: {type: planar_point, mass: 2}}
+constraints: {row: {holonomic: b.y}}
+forces: {s: {type: spring, between: [b, {body: ground, point: [-2, 0]}], stiffness: 50, length: 1}}
+reference: {coordinates: {b: {x: -0.9}}, rates: {b: {x: 3}}}
+"""
+
+
+def test_rates_with_which_forces_balance_at_an_instant_only_are_refused():
+    """The mass passes the place where its spring is at rest; with a spring that moves along, the motion is steady."""
+    with pytest.raises(ModelFileError) as caught:
+        mbstab.loads(INSTANT).equilibria()
+    assert "reference.rates: these rates are those of no steady motion: the forces do not keep b.x" in str(caught.value)
+    (rest,) = mbstab.loads(INSTANT.replace("x: 3", "x: 0")).equilibria()
+    assert rest.motion.q == pytest.approx([-1.0, 0.0])
+    free = INSTANT.replace("forces: {s", "forces: {} #").replace("forces: {} #:", "forces: {} #")
+    (steady,) = mbstab.loads(free).equilibria()
+    assert steady.motion.u == pytest.approx([3.0, 0.0])
+
+
+def test_why_a_declared_motion_cannot_be_followed_is_told():
+    declared = INSTANT.replace("x: -0.9}}, rates: {b: {x: 3}}", "x: -1}}, steady: {direction: x, speed: 3}")
+    with pytest.raises(
+        ModelFileError, match=r"cannot be followed along it, as the forces do not keep b.x on the steady"
+    ):
+        mbstab.loads(declared).eig()

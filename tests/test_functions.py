@@ -232,6 +232,7 @@ def test_friction_that_is_smoothed_is_judged_swept_proven_and_simulated():
         ("-F*sign(rate(b.x), -w)", "the width of sign() must be positive, got -0.1"),
         ("-F*max(b.x, 0, 0)", "the width of max() must be positive, got 0"),
         ("-F*sign(rate(b.x))", "sign() takes 2 arguments, got 1"),
+        ("-F*max(b.x, 0)", "hint: max(a, b, 0.001): the last one is the width over which a corner is rounded"),
     ],
 )
 def test_a_width_is_a_positive_constant(force, message):

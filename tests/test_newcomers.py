@@ -51,3 +51,36 @@ def test_joints_that_contradict_each_other_are_not_blamed_on_a_guess():
     both = f"{pins}\n  other: {{type: revolute, between: [rod.top, {{body: ground, point: [0.3, 0]}}]}}"
     with pytest.raises(MbstabError, match="may contradict each other or not reach"):
         mbstab.loads(MODEL.replace(pins, both)).eig()
+
+
+@pytest.mark.parametrize(
+    ("force", "told"),
+    [
+        ("{type: joint_spring, joint: pin, stiffness: 1, rest: 60}", "force 'f', rest: 60 rad are 9.55 turns"),
+        ("{type: pid, joint: pin, of: angle(pin), target: -60, P: 1}", "force 'f', target: 60 rad are 9.55 turns"),
+        ("{type: pid, joint: pin, of: rod.theta - 60, P: 1}", "force 'f', of: 60 rad are 9.55 turns"),
+        ("{type: state_feedback, joint: pin, gains: {angle(pin) - 30: 1}}", "force 'f', gains: 30 rad are 4.77 turns"),
+        ("{type: pid, joint: pin, of: angle(pin), target: 60*deg, P: 1}", ""),
+        ("{type: pid, joint: pin, of: angle(pin), target: 10*pi, P: 1}", ""),
+        ("{type: pid, joint: pin, of: rate(angle(pin)), target: 60, P: 0.01}", ""),
+        ("{type: pid, joint: pin, of: y(rod.end), target: 60, P: 0.01}", ""),
+    ],
+)
+def test_angles_of_many_turns_as_bare_numbers_are_told_as_degrees(force, told):
+    text = MODEL.replace("  sp:", f"  f: {force}\n  sp:").replace("  coordinates:", "  find: equilibrium\n  guess:")
+    model = mbstab.loads(text)
+    for warnings in (model.check().warnings, model.eig().warnings, model.sweep("k", [1.0, 2.0]).warnings):
+        found = [x for x in warnings if "turns" in x]
+        assert [x.split("\n")[0] for x in found] == ([told] if told else [])
+        assert all("hint: degrees are written" in x for x in found)
+
+
+def test_drives_of_angles_are_told_as_degrees_and_drives_of_lengths_are_not():
+    driven = MODEL.replace("reference:", "drives: {d: {type: joint, joint: pin, position: 90}}\nreference:")
+    driven = driven.replace("{theta: 0}", "{}")
+    (found,) = mbstab.loads(driven).check().warnings
+    assert found.startswith("drive 'd', position: 90 rad are 14.3 turns\nhint: degrees are written 90*deg")
+    along = driven.replace(
+        "type: revolute, between: [rod.top, ground]", "type: prismatic, between: [rod, ground], axis: x"
+    )
+    assert mbstab.loads(along.replace("k: {value: 2, unit: N*m/rad}", "k: 2")).check().warnings == []

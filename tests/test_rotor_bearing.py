@@ -435,3 +435,16 @@ def test_damping_that_becomes_negative_between_points_is_refused(turning):
     path = turning(lines, function="spline", n="2500, unit: rpm")
     with pytest.raises(ModelFileError, match="cyy must not be negative, got -"):
         mbstab.load(path).eig()
+
+
+def test_several_speeds_of_curves_are_told_at_once(turning):
+    path = turning()
+    text = path.read_text(encoding="utf-8").replace("psi: n", "psi: 0")
+    start = text.index("  B:")
+    path.write_text(text[:start] + text[start:].replace("speed: n", "speed: 2*n/3", 1), encoding="utf-8")
+    (told,) = mbstab.load(path).eig().warnings
+    assert told.startswith(
+        "the curves of force 'A' are read at 183.26 rad/s, and 'rotor' turns at 0 rad/s; those of force 'B' are "
+    )
+    assert "read at 122.173 rad/s" in told
+    assert told.count("hint: ") == 1

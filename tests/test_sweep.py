@@ -29,6 +29,7 @@ from mbstab.analysis.verdict.rule import STRENGTH
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.ranges import sweep_values
+from mbstab.report.sweeps import sweep_text
 
 SQRT2 = math.sqrt(2.0)
 
@@ -1392,3 +1393,18 @@ def test_every_pair_that_crosses_at_a_value_is_named(tmp_path, inertias, values)
     np.testing.assert_allclose([c.value for c in found], 2000.0, rtol=1e-9)
     np.testing.assert_allclose(sorted(c.frequency for c in found), expected, rtol=1e-9)
     assert {(c.kind, c.unstable) for c in found} == {("flutter", (0, 2 * len(inertias)))}
+
+
+def test_the_table_has_the_order_that_was_asked_for():
+    """From high to low speeds: what happens on the way down, and the verdicts in between."""
+    model = mbstab.load("whipple_bicycle.yaml")
+    rising, falling = (
+        sweep_text(model.sweep("v", np.linspace(*ends, 15)), "m/s", 1.0, "") for ends in ((1, 8), (8, 1))
+    )
+    assert re.findall(r"([\d.]+)  (divergence|flutter) .*?(\d → \d)", falling) == [
+        ("6.024262015389", "divergence", "1 → 0"),
+        ("4.292382536341", "flutter", "0 → 2"),
+    ]
+    ranges = re.findall(r"^  ([\d.]+) to ([\d.]+): (.*)$", rising, flags=re.M)
+    assert re.findall(r"^  ([\d.]+) to ([\d.]+): (.*)$", falling, flags=re.M) == [(b, a, c) for a, b, c in ranges[::-1]]
+    assert len(ranges) == 3

@@ -196,11 +196,17 @@ _CONTROLLERS = (
             Field(
                 "of", "signal", "what is controlled, a coordinate or a measure: body.x, angle(joint)", "", required=True
             ),
-            Field("target", "signal", "what it should be, an expression; 0 if not given", ""),
-            Field("P", "number", "proportional gain: effort for the error; 0 if not given", ""),
-            Field("I", "number", "integral gain, that of P by s; 0 if not given", ""),
-            Field("D", "number", "derivative gain, that of P times s; 0 if not given", ""),
-            Field("filter", "number", "time constant of the filter of the derivative", "s", sign="positive"),
+            Field("target", "signal", "what it should be, an expression in the unit of that; 0 if not given", ""),
+            Field("P", "number", "proportional gain: effort for the error, N/m or N*m/rad; 0 if not given", ""),
+            Field("I", "number", "integral gain, that of P by s: N/(m*s) or N*m/(rad*s); 0 if not given", ""),
+            Field("D", "number", "derivative gain, that of P times s: N*s/m or N*m*s/rad; 0 if not given", ""),
+            Field(
+                "filter",
+                "number",
+                "time constant of the filter of the derivative; without it, the rate itself acts",
+                "s",
+                sign="positive",
+            ),
             _LAG,
         ),
         lambda along, name, given: _pid(name, given),
@@ -208,7 +214,15 @@ _CONTROLLERS = (
     _kind(
         "state_feedback",
         "controller: minus the sum of gains times expressions; state NAME_effort with lag",
-        (Field("gains", "gains", "gains by expression: {angle(knee): 40, rate(angle(knee)): 3}", required=True), _LAG),
+        (
+            Field(
+                "gains",
+                "gains",
+                "gains by expression, N or N*m by its unit: {angle(knee): 40, rate(angle(knee)): 3}",
+                required=True,
+            ),
+            _LAG,
+        ),
         lambda along, name, given: _feedback(name, given),
     ),
     _kind(
@@ -218,8 +232,19 @@ _CONTROLLERS = (
         "(sum of a_i*NAME_i); states NAME_1, ..., and NAME_effort with lag",
         (
             _SIGNAL,
-            Field("numerator", "numbers", "coefficients, the highest power of s first", required=True),
-            Field("denominator", "numbers", "coefficients, the highest power of s first, not 0", required=True),
+            Field(
+                "numerator",
+                "numbers",
+                "coefficients, the highest power of s first: each in the unit of the effort by that of the signal, "
+                "and of the denominator, times s for each power",
+                required=True,
+            ),
+            Field(
+                "denominator",
+                "numbers",
+                "coefficients, the highest power of s first, not 0: [T, 1] with a time constant T (s)",
+                required=True,
+            ),
             _LAG,
         ),
         lambda along, name, given: _transfer(name, given),
@@ -230,10 +255,12 @@ _CONTROLLERS = (
         "and NAME_effort with lag",
         (
             _SIGNAL,
-            Field("A", "matrix", "rows of numbers", required=True),
-            Field("B", "numbers", "as many numbers as A has rows", required=True),
-            Field("C", "numbers", "as many numbers as A has rows", required=True),
-            Field("D", "number", "number, 0 if not given", ""),
+            Field("A", "matrix", "rows of numbers, 1/s between states of one unit", required=True),
+            Field(
+                "B", "numbers", "as many numbers as A has rows: units of the states by s and the signal", required=True
+            ),
+            Field("C", "numbers", "as many numbers as A has rows: N or N*m by the units of the states", required=True),
+            Field("D", "number", "effort for the signal: N or N*m by its unit; 0 if not given", ""),
             _LAG,
         ),
         lambda along, name, given: _state_space(name, given),

@@ -550,8 +550,19 @@ class _Parser:
             raise ExpressionError(f"{function}() takes a number and the name of a table", at, hint)
         if len(arguments) != expected:
             plural = "" if expected == 1 else "s"
-            raise ExpressionError(f"{function}() takes {expected} argument{plural}, got {len(arguments)}", at)
+            raise ExpressionError(
+                f"{function}() takes {expected} argument{plural}, got {len(arguments)}", at, _written(function)
+            )
         return Call(function, tuple(arguments), at)
+
+
+def _written(function: str) -> str:
+    """Return a hint how a function is called."""
+    *others, last = CALLED[function].names
+    if not CALLED[function].smoothed:
+        return f"{function}({', '.join([*others, last])})"
+    example = f"{function}({', '.join([*others, '0.001'])})"
+    return f"{example}: the last one is the width over which a corner is rounded, as it has no derivative"
 
 
 def _magnitude(node: Node) -> str:

@@ -306,12 +306,12 @@ FUNCTIONS: dict[str, Function] = {
         unit="ratio", parity="odd", breaks=(Break(lambda f, x, w: (x, w), _NO_WIDTH),), span=(-1.0, 1.0), smoothed=True,
     ),
     "min": Function(
-        "(a + b - sqrt((a - b)**2 + w**2))/2, the smaller one smoothed over the width w",
+        "(a + b - sqrt((a - b)**2 + w**2))/2, the smaller one smoothed over the width w: min(body.x, 0, 0.001)",
         _min_slopes, lambda f, a, b, w: (a + b - f.hypot(a - b, w)) / 2, unit="same",
         breaks=(Break(lambda f, a, b, w: (a - b, w), _NO_WIDTH),), smoothed=True,
     ),
     "max": Function(
-        "(a + b + sqrt((a - b)**2 + w**2))/2, the larger one smoothed over the width w",
+        "(a + b + sqrt((a - b)**2 + w**2))/2, the larger one smoothed over the width w: max(body.x, 0, 0.001)",
         _max_slopes, lambda f, a, b, w: (a + b + f.hypot(a - b, w)) / 2, unit="same",
         breaks=(Break(lambda f, a, b, w: (a - b, w), _NO_WIDTH),), smoothed=True,
     ),

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from decimal import Decimal
 from itertools import pairwise
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS
 from mbstab.errors import counted
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from mbstab.analysis.sweep.critical import Critical
     from mbstab.analysis.sweep.sweep import Sweep
     from mbstab.compiler.system import Array
+
+T = TypeVar("T")
 
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 """A number in a message."""
@@ -89,9 +91,9 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
                 c.kind + _signs(c) + (", branch point" if c.branching and c.kind != "branch point" else ""),
                 number(c.frequency, 6) if c.frequency else "-",
                 ", ".join(_branch(result, b) for b in c.branches) or "-",
-                " → ".join("none" if n < 0 else str(n) for n in c.unstable),
+                " → ".join("none" if n < 0 else str(n) for n in _in_order(result, c.unstable)),
             ]
-            for c in result.critical
+            for c in _in_order(result, result.critical)
         ]
         certified = result.critical[0].enclosed is not None
         heads = [f"critical\n{label}", *(["proven\nto"] if certified else []), "what happens", "frequency\n(rad/s)"]
@@ -103,7 +105,7 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
     if result.meetings:
         shown = [
             f"{number(_rounded(value, result) / factor, 6)} ({f'{pairs} pairs ' if pairs > 1 else ''}{what})"
-            for (value, what), pairs in Counter(result.meetings).items()
+            for (value, what), pairs in _in_order(result, [*Counter(result.meetings).items()])
         ]
         said = ", ".join(shown[:12]) + (" …" if len(shown) > 12 else "")
         lines += ["", *wrap(f"branches meet at {label}: {said}", width=WIDTH)]
@@ -112,6 +114,12 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
         for text in _refused(result, factor):
             lines += wrap(text, width=WIDTH, initial_indent="  ", subsequent_indent="    ")
     return lines
+
+
+def _in_order(result: Sweep, ascending: Sequence[T]) -> Sequence[T]:
+    """Return what ascends with the parameter in the order in which its values were asked for."""
+    falls = len(result.values) > 1 and result.values[0] > result.values[-1]
+    return ascending[::-1] if falls else ascending
 
 
 def _branch(result: Sweep, b: int) -> str:
@@ -189,10 +197,11 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
     begin = [] if result.start is None else [result.start]
     ends = [float(end([*result.values, *begin], default=0.0)) for end in (min, max)]
     lines = []
-    for run in _verdict_runs(result, *ends):
+    for run in _in_order(result, _verdict_runs(result, *ends)):
         low, high = ((x if x in ends else _rounded(x, result)) / factor for x in (run.low, run.high))
         many = f" ({', '.join(map(str, sorted(run.counts)))})" if run.word == UNSTABLE and any(run.counts) else ""
-        place = f"{number(low, 6)} to {number(high, 6)}" if high > low else f"at {number(low, 6)}"
+        first, last = (number(x, 6) for x in _in_order(result, (low, high)))
+        place = f"{first} to {last}" if high > low else f"at {first}"
         lines.append(f"  {place}: {run.word}{many}")
     return lines
 

@@ -26,7 +26,7 @@ from mbstab.analysis.reference.efforts import Acted, Placement, efforts
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.failure import STRATEGIES, Failure, excess
 from mbstab.analysis.reference.fields import Symmetry
-from mbstab.analysis.reference.guard import coefficients
+from mbstab.analysis.reference.guard import coefficients, require_steady
 from mbstab.analysis.reference.imbalance import carrying, state_rounding
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.newton import Search, Stalled, newton_step
@@ -235,6 +235,8 @@ class Problem:
     def described(self, motion: Motion, search: Search, at: State, strategy: str) -> Equilibrium:
         """Return the equilibrium of a solution, with reactions and symmetries."""
         coefficients(self.system, motion)  # names what breaks a declared symmetry
+        if not motion.at_rest and not motion.declared:
+            self._require_steady(motion, at)
         known = symmetries(self.system, motion)
         force = at.residual[: self.system.n_q] * search.balance.energy / self.finder.sizes
         unbalanced = [
@@ -248,6 +250,23 @@ class Problem:
             tuple(_open_directions(search, at, known)),
             not np.any(at.u) and self.scene.timed,
         )  # fmt: skip
+
+    def _require_steady(self, motion: Motion, at: State) -> None:
+        """Refuse rates of a file that no steady motion has; forces may balance at an instant.
+
+        Raises
+        ------
+        ModelFileError
+            With what does not stay as it is.
+        """
+        try:
+            require_steady(self.system, motion, at.steady)
+        except MbstabError as error:
+            model = self.scene.model
+            place = next(x.location for x in model.reference.rates.values())
+            message = f"these rates are those of no steady motion: {str(error).splitlines()[0]}"
+            hint = "leave them out to look for an equilibrium, which is at rest, or correct them"
+            raise ModelFileError([model.document.problem(place, "reference.rates", message, hint)]) from None
 
     def _closed(self, at: State) -> bool:
         """Return whether a state satisfies all rows, including redundant ones."""

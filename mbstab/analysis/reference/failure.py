@@ -14,7 +14,7 @@ from mbstab.analysis.reference.equations import State
 from mbstab.analysis.reference.imbalance import force_change
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.newton import Search
-from mbstab.analysis.reference.refusals import inertias_too_far_apart
+from mbstab.analysis.reference.refusals import inertias_too_far_apart, turns_and_degrees
 from mbstab.analysis.reference.steady import Family, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
@@ -103,7 +103,7 @@ class Failure:
         if pulled := self._nothing_holds(state):
             lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
             hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
-        return EquilibriumError("\n".join([*lines, f"hint: {hint}"]))
+        return EquilibriumError("\n".join([*lines, f"hint: {hint}{turns_and_degrees(self.scene)}"]))
 
     def _reason(self, state: State, cause: MbstabError | None) -> tuple[str, str]:
         """Return why a state is no solution, and a hint. An imbalance that may be rounding is no reason."""

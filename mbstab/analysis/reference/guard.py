@@ -47,7 +47,7 @@ def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[
     best: tuple[float, Generator | None, Matrices] | None = None
     for generator in candidates:
         matrices = matrices_in(system, motion, generator)
-        variation = _variation(system, motion, matrices, generator)
+        variation, obstacle = _variation(system, motion, matrices, generator)
         if best is None or variation < best[0]:
             best = variation, generator, matrices
         if variation <= TOLERANCES.variation_along_motion:
@@ -56,15 +56,29 @@ def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[
     variation, generator, matrices = best
     if variation > TOLERANCES.variation_along_motion:
         if motion.declared and not frozen:
-            raise _asymmetric(system, motion, variation)
+            raise _asymmetric(system, motion, variation, obstacle)
         # Nothing makes the coefficients constant: the plain equations are shown.
         matrices = matrices_in(system, motion, None)
-        variation, generator = _variation(system, motion, matrices, None), None
+        variation, generator = _variation(system, motion, matrices, None)[0], None
     return variation, generator, matrices
 
 
-def _variation(system: System, motion: Motion, matrices: Matrices, generator: Generator | None) -> float:
-    """Return the largest relative change of the coefficients a little later on the motion."""
+def require_steady(system: System, motion: Motion, generator: Generator) -> None:
+    """Refuse a motion whose forces balance at the reference only, not as it goes on.
+
+    Raises
+    ------
+    MbstabError
+        If constraints or forces do not keep it.
+    """
+    for _ in _followed(system, motion, matrices_in(system, motion, generator), generator):
+        pass
+
+
+def _variation(
+    system: System, motion: Motion, matrices: Matrices, generator: Generator | None
+) -> tuple[float, MbstabError | None]:
+    """Return the largest relative change of the coefficients a little later on the motion, and why it is infinite."""
     worst = 0.0
     try:
         if generator is not None and (generator.turns or motion.declared):
@@ -73,9 +87,9 @@ def _variation(system: System, motion: Motion, matrices: Matrices, generator: Ge
             later = ((x, matrices_in(system, x, None)) for x in _continuing(system, motion, matrices))
         for state, then in later:
             worst = max(worst, _change(system, motion, matrices, then, state.time - motion.time))
-    except MbstabError:
-        return np.inf
-    return worst
+    except MbstabError as error:
+        return np.inf, error
+    return worst, None
 
 
 def _followed(
@@ -168,7 +182,7 @@ def _continued(system: System, motion: Motion, matrices: Matrices) -> Iterator[M
         yield last
 
 
-def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileError:
+def _asymmetric(system: System, motion: Motion, variation: float, obstacle: MbstabError | None) -> ModelFileError:
     """Return the error about a declared steady motion whose scene does not have the symmetry."""
     generator, scene = motion.generators[0], system.scene
     names = breaking(system, motion, generator)
@@ -178,7 +192,9 @@ def _asymmetric(system: System, motion: Motion, variation: float) -> ModelFileEr
         else ""
     )
     change = (
-        f"change by {percent(variation)} along it{least}" if math.isfinite(variation) else "cannot be followed along it"
+        f"change by {percent(variation)} along it{least}"
+        if obstacle is None
+        else f"cannot be followed along it, as {str(obstacle).splitlines()[0]}"
     )
     broken = f"; the symmetry is broken by {', '.join(names)}" if names else ""
     message = (

@@ -32,6 +32,7 @@ from mbstab.analysis.reference.steady import Family, Generator, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
+from mbstab.model.bare_degrees import bare_degrees
 from mbstab.model.schema import is_length, is_state
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
@@ -381,7 +382,8 @@ class Finder:
                 )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant,
-            tuple(self.solved), (*self.warnings, *misread(system, q, u)), massless=massless,
+            tuple(self.solved), (*self.warnings, *misread(system, q, u), *bare_degrees(system.scene.model)),
+            massless=massless,
         )  # fmt: skip
         if massless is not None:
             self._check_balanced(motion)
@@ -496,7 +498,7 @@ class Finder:
             "give coordinates at which the forces balance, or the rates of the motion you mean; "
             f"mbstab equilibrium or reference: {{find: {find}}} solves for coordinates under guess"
         )
-        raise ModelFileError([self._at_reference(message, hint + turns_and_degrees(self.scene.coordinates))])
+        raise ModelFileError([self._at_reference(message, hint + turns_and_degrees(self.scene))])
 
     def _refuse_inertias_too_far_apart(self, M: Any) -> None:
         """Explain a failed rank decision by inertias whose ratio leaves no digits for it."""

@@ -11,7 +11,7 @@ from mbstab.model.arithmetic import FLOAT
 
 
 def misread(system: System, q: Array, u: Array) -> list[str]:
-    """Return a warning for each speed at which forces read their curves and at which their first body does not turn.
+    """Return a warning if forces read their curves at speeds at which their first body does not turn.
 
     Spins count relative to the second body, and without a sign.
     """
@@ -30,8 +30,8 @@ def misread(system: System, q: Array, u: Array) -> list[str]:
         if abs(spin - read) > TOLERANCES.speed_of_curves * max(spin, read):
             text = f"read at {read:.6g} rad/s, and {(bodies[0] or bodies[1])!r} turns at {spin:.6g} rad/s"
             found.setdefault(text, []).append(entry.called)
-    return [
-        f"the curves of {' and '.join(entries)} are {text}\n"
-        "hint: give the body this rate under reference.rates, or correct the speed of the curves"
-        for text, entries in found.items()
-    ]
+    if not found:
+        return []
+    told = "; those of ".join(f"{' and '.join(entries)} are {text}" for text, entries in found.items())
+    whom, where = ("the body this rate", "speed") if len(found) == 1 else ("the bodies these rates", "speeds")
+    return [f"the curves of {told}\nhint: give {whom} under reference.rates, or correct the {where} of the curves"]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.compiler.system import Array, System
+from mbstab.model.bare_degrees import bare_degrees
+from mbstab.model.scene import Scene
 from mbstab.model.schema import is_length
 
 
@@ -45,10 +46,12 @@ def inertias_too_far_apart(system: System, M: Any, sizes: Array) -> str:
     )
 
 
-def turns_and_degrees(coordinates: Mapping[str, float]) -> str:
+def turns_and_degrees(scene: Scene) -> str:
     """Return the end of a hint about the first given angle of more than a turn (rad); empty: there is none."""
-    for name, value in coordinates.items():
+    for name, value in scene.coordinates.items():
         if "." in name and not is_length(name) and abs(value) > 2.0 * math.pi:
             turns = f"{value / (2.0 * math.pi):.3g} turns"
             return f"; {name}: {value:g} rad are {turns}, and degrees are written {value:g}*deg"
+    for text in bare_degrees(scene.model):
+        return f"; {text}".replace("\nhint: ", ", and ")
     return ""

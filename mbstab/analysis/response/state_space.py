@@ -222,7 +222,7 @@ class _Ports:
         force = M @ known + R @ u + K @ q
         force[:, blocks[0]] += self.f * s[:, None]
         free = N @ Z
-        rate[n_xi:, n_f:] = -np.linalg.solve(self.space.M_z, free.T @ force[:, n_f:]) if Z.shape[1] else 0.0
+        rate[n_xi:, n_f:] = -np.linalg.solve(self.space.M_z, _product(free.T, force[:, n_f:])) if Z.shape[1] else 0.0
         a[:] = known + free @ rate[n_xi:]
         nu = -inverse.T @ (M @ a + R @ u + K @ q + _placed(self.f * s[:, None], blocks[0], width))
         return {"q": q * s[:, None], "u": u * s[:, None], "a": a * s[:, None], "nu": nu * r[:, None], "y": rate}
@@ -250,14 +250,19 @@ class _Ports:
                 message = "the input moves constraint rows that other rows hold: no motion satisfies them"
                 raise _refuse(item.entry.location, item.entry.path, message, f"remove the redundant rows: {redundant}")
 
-    def require_effect(self) -> None:
-        """Refuse an input that moves nothing."""
+    def require_effect(self, outputs: Array) -> None:
+        """Refuse an input that moves nothing and that no output shows; rows of outputs as `measured` returns them.
+
+        Where all that an input acts on is held, outputs show it by reactions, at once.
+        """
         n_f, m = len(self.space.A), self.m
         by_w = self.maps["y"][:, n_f:]
         moved = np.vstack([by_w[:, k * m : (k + 1) * m] for k in range(3)])
         for i, item in enumerate(self.signals.items):
             f = np.max(np.abs(self.f[:, i] * self.motion.spaces.scale), initial=0.0)
             if np.any(self.rows[:, i]) or np.max(np.abs(moved[:, i]), initial=0.0) > TOLERANCES.steady_signal * f:
+                continue
+            if np.any(outputs[:, n_f + i :: m]):
                 continue
             if f == 0.0:
                 message, hint = "the input has no effect on the equations here", "let it act elsewhere, or remove it"
@@ -268,7 +273,7 @@ class _Ports:
                 message = (
                     f"the input moves nothing: {', '.join(dict.fromkeys(drives))} prescribes the motion it acts on"
                 )
-                hint = "make the function of the drive the input (type: drive), or remove the drive"
+                hint = "make the function of the drive the input (type: drive), or measure the effort that holds it"
             raise _refuse(item.entry.location, item.entry.path, message, hint)
 
     # --- what is measured --------------------------------------------------------------------------------------------
@@ -422,12 +427,12 @@ def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlM
         If the coefficients change along the motion.
     """
     ports = _Ports(linear)
-    ports.require_effect()
     model, n_f, m = linear.system.scene.model, len(ports.space.A), ports.m
     texts = list(states) or _chosen(ports.space, linear.names)
     expressions = [_state(model, text) for text in texts]
     rows = np.array([ports.measured(x, relative=True) for x in expressions]).reshape(len(texts), n_f + 3 * m)
     outputs = np.array([ports.measured(x) for x in model.outputs.values()]).reshape(len(model.outputs), n_f + 3 * m)
+    ports.require_effect(outputs)
     S, s = rows[:, :n_f], [rows[:, n_f + k * m : n_f + (k + 1) * m] for k in range(3)]
     if any(np.any(x) for x in s[2:]):
         raise UsageError("a state cannot be an acceleration\nhint: states are coordinates, joint motions and rates")

@@ -131,9 +131,9 @@ def sweep(
 ) -> None:
     """Follow the eigenvalues over a parameter and find the values at which stability changes.
 
-    With two parameters the verdicts over both are drawn as a chart. The range is that of the
-    file's sweep: block unless given. The terminal shows the critical values; all branches go to --output as CSV, JSON
-    or npz, and pictures beside it.
+    With two parameters the verdicts over both are drawn as a chart. The range is that of the file's sweep: block unless
+    given; from a larger value to a smaller one the table goes down, too, while axes of pictures grow. The terminal
+    shows the critical values; all branches go to --output as CSV, JSON or npz, and pictures beside it.
 
     Example: mbstab sweep top.yaml --param omega --from 0 --to 12 -o top.csv
     """
