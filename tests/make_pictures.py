@@ -5,8 +5,8 @@ whole gallery to a folder: the pictures of the README, each kind of picture of e
 site of the manual.
 """
 
+import argparse
 import shlex
-import sys
 from pathlib import Path
 
 from click.testing import CliRunner
@@ -82,8 +82,13 @@ def gallery(folder):
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        Path(sys.argv[1]).mkdir(parents=True, exist_ok=True)
-        gallery(Path(sys.argv[1]))
-    else:
+    parser = argparse.ArgumentParser(description="Make pictures by the program itself.")
+    parser.add_argument(
+        "folder", nargs="?", type=Path, help="where the whole gallery is written; else those of the README"
+    )
+    asked = parser.parse_args().folder
+    if asked is None:
         make(FOLDER)
+    else:
+        asked.mkdir(parents=True, exist_ok=True)
+        gallery(asked)

@@ -126,13 +126,17 @@ def test_the_command_writes_the_same_numbers_in_each_format(tmp_path):
     np.testing.assert_allclose(data["frequency"], [0.1, 1, 10], rtol=1e-14)
     first = data["channels"][0]
     assert (first["input"], first["output"], first["unit"]) == ("steer_torque", "roll", "rad/(N*m)")
-    assert rows[0][:3] == ["frequency (rad/s)", "roll/steer_torque real", "roll/steer_torque imag"]
+    heads = [f"roll/steer_torque {part} (rad/(N*m))" for part in ("real", "imag", "error")]
+    assert rows[0][:4] == ["frequency (rad/s)", *heads]
     assert [float(row[1]) for row in rows[1:]] == first["real"]
     text = run(*arguments).stdout
     assert "-13.7464996" in text
     assert "0.298201" in text  # dB
     assert "162.465" in text
     assert "not minimum phase" in text
+    for extra, own in (("--step", "rad/(N*m)"), ("--impulse", "rad/(N*m*s)")):
+        over_time = run(*arguments[:4], extra, "1", "--points", "3", "--format", "csv").stdout
+        assert over_time.splitlines()[0].split(",")[:2] == ["time (s)", f"roll/steer_torque ({own})"]
     picture = tmp_path / "a.svg"
     for extra, name in (((), "bode"), (("--step", "2"), "step"), (("--impulse", "2"), "impulse")):
         result = run("response", "whipple_bicycle.yaml", "--points", "20", *extra, "--pictures", str(picture))
@@ -372,7 +376,7 @@ def test_outputs_over_time_share_a_panel_if_they_share_a_unit():
     bicycle = response_picture(
         answer(mbstab.load("whipple_bicycle.yaml").state_space(), points=20, duration=1.0, impulse=True), ""
     )
-    assert [axes.get_ylabel() for axes in bicycle.axes] == ["after a unit impulse (rad/(N·m))"]
+    assert [axes.get_ylabel() for axes in bicycle.axes] == ["after a unit impulse (rad/(N·m·s))"]
 
 
 def test_fast_oscillations_over_time_are_drawn_as_they_are():

@@ -53,11 +53,16 @@ def phase(values: Any) -> Any:
     return found
 
 
-def unit(channel: Channel) -> str:
-    """Return the unit of a transfer function, such as ``rad/(N*m)``; empty if it is not known."""
+def unit(channel: Channel, kind: str) -> str:
+    """Return the unit of a kind of response, such as ``rad/(N*m)``; empty if it is not known.
+
+    An impulse has the unit of its input times seconds.
+    """
     source, goal = channel.source_unit, channel.goal_unit
     if not source or not goal:
         return ""
+    if kind == "impulse":
+        source = "s" if source == "1" else f"{source}*s"
     return f"{goal}/({source})" if any(x in source for x in "*/") else f"{goal}/{source}"
 
 
@@ -66,7 +71,7 @@ def response_text(result: Response, title: str) -> str:
     lines = [title, ""] if title else []
     rows = _rows(len(result.x))
     for i, (channel, values, zeros) in enumerate(zip(result.channels, result.values, result.zeros, strict=True)):
-        own = unit(channel)
+        own = unit(channel, result.kind)
         lines.append(f"From {channel.source} to {channel.goal}" + (f" ({own})" if own else ""))
         if result.kind == "frequency":
             body = [_frequency_row(k, result.x, values, phase(values), result.errors[i]) for k in rows]
@@ -222,7 +227,7 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
             {
                 "input": channel.source,
                 "output": channel.goal,
-                "unit": unit(channel),
+                "unit": unit(channel, result.kind),
                 **many,
                 "zeros": None if zeros.doubt else known,
                 "doubt": zeros.doubt,
@@ -328,10 +333,15 @@ def unbalance_csv(result: UnbalanceResponse, unit: str, factor: float) -> str:
 def response_csv(result: Response) -> str:
     """Return one line for each frequency or time, with all channels."""
     names = [f"{c.goal}/{c.source}" for c in result.channels]
+    units = [f" ({own})" if (own := unit(c, result.kind)) else "" for c in result.channels]
+    named = list(zip(names, units, strict=True))
     if result.kind == "frequency":
-        heads = ["frequency (rad/s)", *(f"{name} {part}" for name in names for part in ("real", "imag", "error"))]
+        heads = [
+            "frequency (rad/s)",
+            *(f"{name} {part}{own}" for name, own in named for part in ("real", "imag", "error")),
+        ]
         pairs = zip(result.values, result.errors, strict=True)
         columns = [part for values, errors in pairs for part in (values.real, values.imag, errors)]
     else:
-        heads, columns = ["time (s)", *names], list(result.values)
+        heads, columns = ["time (s)", *map("".join, named)], list(result.values)
     return to_csv(heads, np.column_stack([result.x, *columns]).tolist())

@@ -155,7 +155,8 @@ def _draw(axes: Axes, pieces: Sequence[_Piece], inks: dict[str, str], curves: Sw
                 "linestyle": STYLES[piece.state],
                 "dash_capstyle": "butt",
             }
-            axes.plot(*decimated(piece.x, piece.columns[name]), zorder=3, **style)
+            points = decimated(piece.x, piece.columns[name], logarithmic=curves.label.logarithmic)
+            axes.plot(*points, zorder=3, **style)
             for k in (0, -1):
                 if any(abs(piece.x[k] - value) <= 1e-9 * curves.span for value in critical):
                     axes.plot(piece.x[k], piece.columns[name][k], "D", color="k", markerfacecolor="w", ms=5, zorder=4)

@@ -116,8 +116,7 @@ def _draw_orders(labels: PointLabels, result: Sweep, curves: SweepCurves) -> lis
     """Draw the lines of orders and their crossings; return the legend entries."""
     axes, label, style = labels.axes, curves.label, _LINE
     dots: Any = (0, (1.5, 1.8))
-    lo, hi = axes.get_xlim()
-    x = np.linspace(lo, hi, 2001)  # bent by a logarithmic axis
+    x = (np.geomspace if label.logarithmic else np.linspace)(*axes.get_xlim(), 2001)  # bent by a logarithmic axis
     for order in result.orders:
         line = order * np.abs(x) * label.factor / (2.0 * math.pi)
         axes.plot(x, line, linestyle=dots, zorder=2, **style)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,8 @@ BINS = 1500
 
 def draw_branch(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: bool = False) -> None:
     """Draw a branch: nan breaks it, and its unstable parts are thick."""
-    fewer = decimated if np.all(np.diff(x) >= 0.0) and np.any(x > x[:1]) else thinned
+    along = partial(decimated, logarithmic=axes.get_xscale() == "log")
+    fewer = along if np.all(np.diff(x) >= 0.0) and np.any(x > x[:1]) else thinned
     inner = thick.copy()
     inner[1:] &= thick[:-1]
     inner[:-1] &= thick[1:]
@@ -53,15 +55,18 @@ def draw_branch(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: b
         axes.plot(*fewer(x[alone], y[alone]), ".", color=ink, markersize=4, zorder=3)
 
 
-def decimated(x: Array, y: Array) -> tuple[Array, Array]:
+def decimated(x: Array, y: Array, logarithmic: bool = False) -> tuple[Array, Array]:
     """Return the points of a curve over ascending x, without nan, that a picture can show.
+
+    The axis of x is linear or logarithmic.
 
     In every column the first, last, highest and lowest points are kept, and a nan.
     """
     n = len(x)
     if n <= 5 * BINS:
         return x, y
-    column = np.minimum(((x - x[0]) * (BINS / (x[-1] - x[0]))).astype(np.intp), BINS - 1)
+    place = np.log(x) if logarithmic else x
+    column = np.minimum(((place - place[0]) * (BINS / (place[-1] - place[0]))).astype(np.intp), BINS - 1)
     starts = np.flatnonzero(np.diff(column, prepend=-1))
     finite = np.isfinite(y)
     position = np.arange(n)

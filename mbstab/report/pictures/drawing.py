@@ -152,8 +152,13 @@ def panel_width() -> float:
 
 
 def title_lines(title: str) -> list[str]:
-    """Return the lines of a title that fit the width."""
-    return wrap(title, int(picture_width() * 72.0 / (0.55 * (FONT + 2.0))))
+    """Return the lines of a title that fit the width, as equally long as its words allow."""
+    longest = int(picture_width() * 72.0 / (0.55 * (FONT + 2.0)))
+    number = len(wrap(title, longest, break_on_hyphens=False))
+    tried = (
+        wrap(title, width, break_on_hyphens=False) for width in range(max(1, len(title) // max(number, 1)), longest + 1)
+    )
+    return next((lines for lines in tried if len(lines) == number), [])
 
 
 def draw_title(figure: Figure, lines: Sequence[str]) -> None:

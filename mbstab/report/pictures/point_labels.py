@@ -20,8 +20,18 @@ Box = tuple[float, float, float, float]
 LABELS = 60
 """Largest number of points that are labelled."""
 
-HIDDEN, FAR, OVERLAP, OUTSIDE = 3.0, 0.25, 200.0, 600.0
-"""Cost of a piece of a curve that is hidden, of a point of distance, of hitting a label, of leaving the frame."""
+HIDDEN, FAR, CROSSED, OVERLAP, OUTSIDE = 5.0, 0.25, 40.0, 200.0, 600.0
+"""Cost of a piece of a curve that is hidden, of a point of distance, of a pointer across a label, of hitting one, of
+leaving the frame."""
+
+GAP = 3.0
+"""Room beside a label (points on a page)."""
+
+DIRECTIONS = (
+    (1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1),
+    (2, 1), (-2, 1), (2, -1), (-2, -1), (1, 2), (-1, 2), (1, -2), (-1, -2),
+)  # fmt: skip
+"""Sides of a point on which its label may stand, the best first."""
 
 BACKGROUND = 1.0
 """Lines up to this layer may be hidden."""
@@ -57,19 +67,25 @@ class PointLabels:
         frame = x0 + 1.0, y0 + 1.0, x1 - 1.0, y1 - 1.0
         busy = drawn_points(self.axes)
         points = scale * self.axes.transData.transform([(x, y) for x, y, *_ in self.wanted])
-        taken = [(px - 4.0, py - 4.0, px + 4.0, py + 4.0) for px, py in points]
+        marks = [(px - 4.0, py - 4.0, px + 4.0, py + 4.0) for px, py in points]
+        labels: list[Box] = []
         for (x, y, text, marked, ink), (px, py) in zip(self.wanted, points, strict=True):
             size = text_width(text, scaled(FONT)) + 2.0, scaled(FONT) + 3.0
             distances = (7.0, 18.0, 32.0, 50.0, 75.0, 100.0) if marked else (2.0, 5.0, 9.0, 18.0, 30.0, 50.0)
             boxes = _places(px, py, size, [scaled(far) for far in distances], frame)
-            place, _ = min(boxes, key=lambda one: _cost(one[0], one[1], busy, taken, frame))
-            taken.append(place)
+            costs = [
+                _cost(box, far, busy, [*marks, *labels], frame) + CROSSED * _crossed(_pointer(box, px, py), labels)
+                for box, far in boxes
+            ]
+            place, _ = boxes[int(np.argmin(costs))]
+            pointer = _pointer(place, px, py)
+            busy = np.concatenate([busy, pointer])
+            labels.append((place[0] - scaled(GAP), place[1], place[2] + scaled(GAP), place[3]))
             shift = (0.5 * (place[0] + place[2]) - px, 0.5 * (place[1] + place[3]) - py)
-            distant = math.hypot(*(max(abs(o) - 0.5 * s, 0.0) for o, s in zip(shift, size, strict=True))) > scaled(12.0)
             self.axes.annotate(
                 text, (x, y), shift, textcoords="offset points", ha="center", va="center", zorder=6, color=ink,
                 bbox={"boxstyle": "square,pad=0.1", "facecolor": "w", "alpha": 0.8, "linewidth": 0},
-                arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": "0.3"} if distant else None,
+                arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": "0.3"} if len(pointer) else None,
             )  # fmt: skip
 
 
@@ -105,9 +121,10 @@ def _places(
     left, right = frame[0] + 0.5 * w, frame[2] - 0.5 * w
     found = []
     for far in distances:
-        for ux, uy in ((1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)):
-            step = 0.7 * far if ux and uy else far
-            cx, cy = min(max(x + ux * (step + 0.5 * w), left), right), y + uy * (step + 0.5 * h)
+        for ux, uy in DIRECTIONS:
+            step = far / math.hypot(ux, uy)
+            cx = min(max(x + ux * step + 0.5 * w * np.sign(ux), left), right)
+            cy = y + uy * step + 0.5 * h * np.sign(uy)
             found.append(((cx - 0.5 * w, cy - 0.5 * h, cx + 0.5 * w, cy + 0.5 * h), far))
     return found
 
@@ -119,6 +136,19 @@ def _cost(box: Box, far: float, busy: Array, taken: Sequence[Box], frame: Sequen
     left, low, right, high = frame
     outside = box[0] < left or box[2] > right or box[1] < low or box[3] > high
     return HIDDEN * hidden + FAR * far + OVERLAP * overlaps + OUTSIDE * outside
+
+
+def _pointer(box: Box, x: float, y: float) -> Array:
+    """Return points along the line from a label to its point, none where it is beside it."""
+    middle = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
+    if math.hypot(max(box[0] - x, x - box[2], 0.0), max(box[1] - y, y - box[3], 0.0)) <= scaled(12.0):
+        return np.zeros((0, 2))
+    return np.linspace((x, y), middle, 2 + int(math.hypot(middle[0] - x, middle[1] - y) / PIECE))
+
+
+def _crossed(points: Array, boxes: Sequence[Box]) -> int:
+    """Return how many boxes a line of points crosses."""
+    return sum(bool(((points > box[:2]) & (points < box[2:])).all(axis=1).any()) for box in boxes)
 
 
 def meet(one: Box, other: Box) -> bool:

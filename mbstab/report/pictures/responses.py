@@ -46,9 +46,9 @@ def _style(k: int) -> dict[str, Any]:
     return {"color": INK[k % len(INK)], "linestyle": STYLES[k % len(STYLES)], "linewidth": 1.3 + 0.3 * (k // 4)}
 
 
-def _entry(channel: Channel, style: dict[str, Any]) -> Line2D:
+def _entry(channel: Channel, kind: str, style: dict[str, Any]) -> Line2D:
     """Return the legend entry of a channel."""
-    own = typeset(unit(channel))
+    own = typeset(unit(channel, kind))
     return Line2D([], [], label=f"{channel.source} → {channel.goal}" + (f" ({own})" if own else ""), **style)
 
 
@@ -68,7 +68,7 @@ def _bode(result: Response, title: str) -> Figure:
                  for f, s in ((np.min, 1), (np.max, -1)))  # fmt: skip
     for k, (channel, values) in enumerate(zip(result.channels, every, strict=True)):
         style, angle = _style(k), phase(values)
-        handles.append(_entry(channel, style))
+        handles.append(_entry(channel, result.kind, style))
         spread = max(spread, float(np.nanmax(angle, initial=0.0) - np.nanmin(angle, initial=0.0)))
         gain = decibels(values)
         high = max(high, float(np.max(gain[gain < high + PEAK], initial=high)))
@@ -85,7 +85,8 @@ def _bode(result: Response, title: str) -> Figure:
 
 def _over_time(result: Response, title: str) -> Figure:
     """Return outputs over time, with points enough for the fastest oscillation: those of a unit in a panel."""
-    units = list(dict.fromkeys(unit(channel) for channel in result.channels))
+    of = [unit(channel, result.kind) for channel in result.channels]
+    units = list(dict.fromkeys(of))
     heights = [3.4] if len(units) == 1 else [max(5.4 / len(units), 1.5)] * len(units)
     figure, panels = titled_figure(title, heights, gap=0.3)
     handles = []
@@ -93,11 +94,11 @@ def _over_time(result: Response, title: str) -> Figure:
     count = min(math.ceil(PERIOD * fastest * (result.x[-1] - result.x[0]) / (2.0 * math.pi)), MOST)
     x = np.linspace(result.x[0], result.x[-1], max(count, len(result.x)))
     for k, channel in enumerate(result.channels):
-        handles.append(_entry(channel, _style(k)))
-        panels[units.index(unit(channel))].plot(x, channel.step(x, result.kind == "impulse"), **_style(k))
+        handles.append(_entry(channel, result.kind, _style(k)))
+        panels[units.index(of[k])].plot(x, channel.step(x, result.kind == "impulse"), **_style(k))
     for own, axes in zip(units, panels, strict=True):
         shown = typeset(own)
-        goals = list(dict.fromkeys(channel.goal for channel in result.channels if unit(channel) == own))
+        goals = list(dict.fromkeys(c.goal for c, other in zip(result.channels, of, strict=True) if other == own))
         name = f"{goals[0]} " if len(goals) == 1 else ""
         axes.set_ylabel(f"{name}after a unit {result.kind}" + (f" ({shown})" if shown else ""))
         axes.set_xlim(result.x[0], result.x[-1])
@@ -157,7 +158,7 @@ def nyquist(result: Response, title: str) -> Figure:
         _, curves = _everywhere(result)
         for k, (channel, values) in enumerate(zip(result.channels, curves, strict=True)):
             style = _style(k)
-            handles.append(_entry(channel, style))
+            handles.append(_entry(channel, result.kind, style))
             axes.plot(values.real, values.imag, **style, zorder=3)
             axes.plot(values.real, -values.imag, **{**style, "linewidth": 0.6}, zorder=2)
         side, critical = _extent(curves)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +14,8 @@ from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 from mbstab.compiler.system import Array
 from mbstab.model.units import parse_unit
 from mbstab.records import dataclass
+from mbstab.report.picture_sizes import FONT, scaled
+from mbstab.report.pictures.drawing import text_width
 
 SQUEEZED = 40.0
 """The axis of real parts is logarithmic if the largest is this many times that of the rightmost eigenvalue."""
@@ -26,6 +30,12 @@ LINEAR = 0.4
 BESIDE = 0.25
 """Part of the linear range of a logarithmic axis that is shown beyond zero if nothing lies there."""
 
+
+MULTIPLES = (range(2, 10), (2, 3, 5), (2, 5), (3,), ())
+"""Multiples of powers of ten that have labels on a logarithmic axis: as many as have room."""
+
+TICK_GAP = 4.0
+"""Room between the labels of two ticks (points on a page)."""
 
 LONGEST = 50
 """Characters of the longest description of a parameter that stands at an axis."""
@@ -54,7 +64,7 @@ def typeset(unit: str) -> str:
 class Axis:
     """A parameter as an axis: its name, declared unit, the factor that turns the unit into SI, and what it is.
 
-    It may be logarithmic in stability maps and charts.
+    It may be logarithmic.
 
     >>> Axis.read("h (mm)")
     Axis(name='h', unit='mm', factor=0.001, quantity='', logarithmic=False)
@@ -96,9 +106,36 @@ def set_parameter_axis(axes: Axes, which: str, label: Axis, x: Array) -> None:
         return
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     axis = axes.xaxis if which == "x" else axes.yaxis
-    few = float(np.max(x) / np.min(x)) < 30.0
+    labelled = _labelled_multiples(axes, which)
     axis.set_major_formatter(FuncFormatter(lambda value, _: _tick_text(value)))
-    axis.set_minor_formatter(FuncFormatter(lambda value, _: _tick_text(value) if few else ""))
+    axis.set_minor_formatter(FuncFormatter(lambda value, _: _tick_text(value) if labelled(value) else ""))
+
+
+def _labelled_multiples(axes: Axes, which: str) -> Callable[[float], bool]:
+    """Return which ticks between powers of ten have room for their labels on a logarithmic axis."""
+    box = axes.get_window_extent()
+    low, high = sorted(axes.get_xlim() if which == "x" else axes.get_ylim())
+    factor = 72.0 / axes.figure.dpi * (box.width if which == "x" else box.height) / math.log(high / low)
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+
+    def size(tick: float) -> float:
+        plain = re.sub(r"[${}^]", "", _tick_text(tick))
+        return text_width(plain, scaled(FONT)) if which == "x" else scaled(FONT)
+
+    for multiples in MULTIPLES:
+        ticks = sorted(m * 10.0**k for k in decades for m in (1, *multiples))
+        near = pairwise(tick for tick in ticks if low <= tick <= high)
+        if all(factor * math.log(b / a) > 0.5 * (size(a) + size(b)) + scaled(TICK_GAP) for a, b in near):
+            break
+    # Ticks that are no such multiples stand where an axis is shorter than from one to the next.
+    hidden = set(range(2, 10)) - set(multiples)
+    return lambda value: not any(math.isclose(_mantissa(value)[0], m) for m in hidden)
+
+
+def _mantissa(value: float) -> tuple[float, int]:
+    """Return a positive number as a number from 1 to 10 and a power of ten."""
+    power = math.floor(math.log10(value) + 1e-9)
+    return value / 10.0**power, power
 
 
 def is_geometric(x: Array) -> bool:
@@ -142,8 +179,8 @@ def set_real_scale(axes: Axes, which: str, real: Array, largest: float) -> None:
     size = float(np.max(np.abs(known), initial=0.0))
     near = float(np.max(np.abs(np.max(known, axis=1)), initial=0.0)) if known.size else 0.0
     lo, hi = axis_range(real, largest)
-    if which == "x":  # both sides of zero are shown
-        lo, hi = min(lo, -0.08 * (hi - lo)), max(hi, 0.08 * (hi - lo))
+    beyond = 0.08 if which == "x" else 0.03  # zero is shown, and something of both sides
+    lo, hi = min(lo, -beyond * (hi - lo)), max(hi, beyond * (hi - lo))
     limit = axes.set_ylim if which == "y" else axes.set_xlim
     if 0.0 < SQUEEZED * near < size and near > 1e-8 * largest:
         lo, hi = float(np.min(known)), float(np.max(known))
@@ -173,11 +210,12 @@ def decade(small: float, largest: float) -> float:
 
 
 def _tick_text(value: float) -> str:
-    """Return a power of ten, or zero, as text along an axis."""
+    """Return a number of a logarithmic axis, or zero, as text along it."""
     if value == 0.0 or 1e-3 <= abs(value) < 1e5:
         return with_minus_sign(f"{value:g}")
-    sign = "-" if value < 0.0 else ""
-    return f"${sign}10^{{{round(math.log10(abs(value)))}}}$"
+    mantissa, power = _mantissa(abs(value))
+    factor = "" if math.isclose(mantissa, 1.0) else f"{mantissa:g}\N{MIDDLE DOT}"
+    return f"${'-' if value < 0.0 else ''}{factor}10^{{{power}}}$"
 
 
 def number_text(value: float, span: float, digits: int) -> str:

@@ -52,7 +52,7 @@ def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
         )
         shown = [name for name, empty in (("real", still and not real), ("imaginary", real)) if not empty]
         names = [{"real": "real part (1/s)", "imaginary": "imaginary part (rad/s)"}[name] for name in shown]
-        figure, panels, unlabelled = panels_over_parameter(curves, title, names, spaced=True)
+        figure, panels, unlabelled = panels_over_parameter(curves, title, names)
         by_name = dict(zip(shown, panels, strict=True))
         handles: list[Artist] = []
         numbers: list[PointLabels] = []

@@ -1,0 +1,118 @@
+"""Axes of pictures over a parameter: logarithmic ones, their numbers, the zero line, and labels of critical values."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mbstab.analysis.sweep.critical import Critical
+from mbstab.analysis.sweep.sweep import Sweep
+from mbstab.report.picture_sizes import SIZES, sized
+from mbstab.report.pictures.bifurcation import bifurcation
+from mbstab.report.pictures.campbell import campbell
+from mbstab.report.pictures.drawing import title_lines
+from mbstab.report.pictures.over_parameter import panels_over_parameter
+from mbstab.report.pictures.scales import Axis
+from mbstab.report.pictures.stability_map import stability_map
+from mbstab.report.pictures.sweep_curves import SweepCurves
+
+
+def swept(x, pairs, critical=()):
+    """Return a sweep with pairs of eigenvalues given by their upper ones, shape (points, pairs)."""
+    upper = np.column_stack(pairs)
+    branches = np.stack([upper, upper.conj()], axis=2).reshape(len(x), -1)
+    unstable = np.sum(branches.real > 0.0, axis=1)
+    found = tuple(Critical(value, kind, (0,), 1.0, (0, 2)) for value, kind in critical)
+    return Sweep("k", np.asarray(x), branches, unstable, 0, found, (), {})
+
+
+def shown(axes):
+    """Return the numbers along the horizontal axis of a panel: place, text and box of those in its range."""
+    axes.figure.draw_without_rendering()
+    low, high = axes.get_xlim()
+    ticks = [*axes.xaxis.get_major_ticks(), *axes.xaxis.get_minor_ticks()]
+    within = [t for t in ticks if low * (1 - 1e-9) <= t.get_loc() <= high * (1 + 1e-9) and t.label1.get_text()]
+    return sorted((t.get_loc(), t.label1.get_text(), t.label1.get_window_extent()) for t in within)
+
+
+RANGES = [(0.05, 1.0), (2.0, 3.0), (1e5, 6e5), (0.4, 200.0), (1e-4, 1e4), (0.9, 95.0), (0.12, 0.19)]
+
+
+@pytest.mark.parametrize("of", SIZES)
+@pytest.mark.parametrize("ends", RANGES)
+def test_numbers_of_logarithmic_axes_do_not_touch_and_are_true(ends, of):
+    x = np.geomspace(*ends, 21)
+    with sized(of):
+        figure = stability_map(swept(x, [-1.0 + 1j * x]), Axis("k", "N/m", logarithmic=True), "t")
+    numbers = shown(figure.axes[-1])
+    assert len(numbers) >= 2
+    for (*_, one), (*_, other) in pairwise(numbers):
+        assert one.x1 + 2.0 < other.x0
+    for place, text, _ in numbers:
+        plain = text.replace("$", "").replace("{", "").replace("}", "").replace("−", "-")
+        factor, _, power = plain.partition("10^")
+        value = float(plain) if not power else float(factor.rstrip("·") or 1.0) * 10.0 ** int(power)
+        assert value == pytest.approx(place, rel=1e-9)
+
+
+def test_campbell_diagrams_and_bifurcation_diagrams_are_logarithmic_where_the_sweep_is():
+    x = np.geomspace(1.0, 1e3, 31)
+    result = swept(x, [-1.0 + 1j * np.sqrt(x)])
+    for draw in (campbell, bifurcation):
+        for logarithmic, scale in ((True, "log"), (False, "linear")):
+            figure = draw(result, Axis("k", "N/m", logarithmic=logarithmic), "t")
+            assert {axes.get_xscale() for axes in figure.axes} == {scale}
+
+
+def test_a_long_logarithmic_sweep_keeps_its_small_values():
+    x = np.geomspace(1e-3, 1e3, 20001)
+    figure = stability_map(swept(x, [-2.0 + np.sin(20.0 * np.log10(x)) + 3j]), Axis("k", logarithmic=True), "t")
+    line = max(figure.axes[0].get_lines(), key=lambda one: len(one.get_xdata()))
+    along = np.asarray(line.get_xdata(), dtype=float)
+    assert np.max(np.diff(np.log10(along[np.isfinite(along)]))) < 0.02
+
+
+@pytest.mark.parametrize("real", [-3.0, 3.0])
+def test_the_line_of_zero_is_in_every_map(real):
+    x = np.linspace(1.0, 2.0, 21)
+    low, high = stability_map(swept(x, [real + 0.1 * x + 1j]), "k", "t").axes[0].get_ylim()
+    assert low < 0.0 < high
+
+
+CLUSTERS = [
+    [(1.0, "flutter"), (1.7, "divergence"), (8.0, "flutter")],
+    [(5.0, "flutter"), (5.3, "divergence"), (5.6, "flutter"), (5.9, "fold")],
+    [(9.0, "divergence"), (9.5, "flutter"), (9.9, "divergence")],
+    [(float(k), "flutter") for k in range(1, 10)],
+]
+
+
+@pytest.mark.parametrize("of", SIZES)
+@pytest.mark.parametrize("critical", CLUSTERS)
+def test_pointers_to_critical_values_cross_no_label(critical, of):
+    x = np.linspace(0.95, 10.0, 41)
+    with sized(of):
+        curves = SweepCurves(swept(x, [0.1 * (x - 5.0) + 1j], critical), Axis("k"))
+        figure, (panel,), lost = panels_over_parameter(curves, "t", ("y",))
+    figure.draw_without_rendering()
+    labels = [(text, super(type(text), text).get_window_extent()) for text in panel.texts]
+    assert lost == 0
+    assert len(labels) == len(critical)
+    for k, (text, own) in enumerate(labels):
+        assert all(not own.overlaps(other) for _, other in labels[k + 1 :])
+        if text.arrow_patch is None:
+            continue
+        pointer = text.arrow_patch.get_window_extent()
+        assert pointer.width < 3.0  # upright
+        crossed = [other for one, other in labels if one is not text and other.overlaps(pointer)]
+        assert not crossed, (text.get_text(), critical)
+
+
+def test_lines_of_a_title_are_about_equally_long():
+    title = "Bent drive shafts, one with a constant-velocity joint and one with Hooke's joint"
+    lines = title_lines(title)
+    assert " ".join(lines) == title
+    assert len(lines) == 2
+    assert min(map(len, lines)) > 0.6 * max(map(len, lines))
+    assert title_lines("Short") == ["Short"]
+    assert title_lines("") == []
