@@ -27,14 +27,17 @@ def sessions(block):
 
 
 def run(line, expected=""):
-    """Run ``mbstab …``; what it prints is what is shown, numbers but for round-off, and its exit code what is said."""
+    """Run ``mbstab …``; what it prints is what is shown, numbers but for round-off, and its exit code what is said.
+
+    Of a mistake (exit code 2) the message is shown.
+    """
     code = EXIT.search(line)
     words = shlex.split(EXIT.sub("", line))
     assert words[0] == "mbstab"
     result = CliRunner().invoke(main, words[1:])
     assert result.exit_code == (int(code[1]) if code else 0), f"{line}\n{result.output}"
     if expected.strip():
-        printed = result.stdout.rstrip("\n") + "\n"
+        printed = (result.stderr if result.exit_code == 2 else result.stdout).rstrip("\n") + "\n"
         expected = expected.rstrip("\n") + "\n"
         assert NUMBER.sub("#", printed) == NUMBER.sub("#", expected)
         for found, shown in zip(NUMBER.findall(printed), NUMBER.findall(expected), strict=True):

@@ -75,6 +75,15 @@ def test_a_page_is_plain_text_of_80_columns_when_piped(topic):
     assert [line for line in text.splitlines() if len(line) > 80 and " " in line.strip()] == []
 
 
+def test_a_long_page_begins_with_an_index():
+    for topic, text in PAGES.items():
+        heads = [head.replace("`", "") for head in re.findall(r"^## (.*)$", text, flags=re.M)]
+        index = re.findall(r"^# .*\n\n(On this page: (?:.+\n)+)", said(topic).stdout)
+        expected = [" ".join(["On this page:", " · ".join(heads)]).split()] * (len(heads) > 12)
+        assert [one.split() for one in index] == expected
+    assert "On this page" not in said("--search", "page").stdout
+
+
 def test_pages_are_set_with_colours_on_a_terminal(monkeypatch):
     pytest.importorskip("rich")
     from mbstab.cli.handbook.terminal import rendered

@@ -53,9 +53,11 @@ def check(folder, names):
         assert "<script" not in page.text
         for target in page.targets:
             if target != "data:,":  # no icon is asked for
-                place = ((folder / name).parent / target).resolve()
+                file, _, part = target.partition("#")
+                place = ((folder / name).parent / file).resolve() if file else (folder / name).resolve()
                 assert place.is_file(), f"{name} links to {target}"
-                linked.add(place)
+                assert not part or f' id="{part}">' in pages[place.relative_to(folder.resolve()).as_posix()].text
+                linked |= {place} if file else set()
     # What is there can be reached.
     assert {path.resolve() for path in folder.rglob("*.*")} == linked
     return pages
@@ -100,6 +102,15 @@ def test_what_cannot_be_drawn_is_left_out_with_the_reason(site):
 def test_topics_and_models_are_linked_where_they_are_mentioned(site):
     assert '<a href="verdicts.html"><code>mbstab manual verdicts</code></a>' in (site / "tutorial.html").read_text()
     assert '<a href="models/top.html"><code>top.yaml</code></a>' in (site / "examples.html").read_text()
+
+
+def test_a_long_page_begins_with_links_to_its_headings(site):
+    text = (site / "keys.html").read_text()
+    index = re.findall(r"<p>On this page:.*?</p>", text, flags=re.S)
+    assert len(index) == 1
+    assert '<a href="#bodies"><code>bodies</code></a> · <a href="#joints">' in index[0]
+    assert text.index('<h2 id="bodies"><code>bodies</code></h2>') > text.index(index[0])
+    assert "On this page" not in (site / "limits.html").read_text()
 
 
 def test_a_folder_with_other_files_is_refused_and_a_site_is_written_again(tmp_path):

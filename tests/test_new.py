@@ -24,7 +24,7 @@ def here(tmp_path, monkeypatch):
 
 
 def test_the_kinds_are_listed():
-    assert KINDS == ["controller", "planar", "robot", "rotor", "spatial", "vehicle"]
+    assert KINDS == ["controller", "planar", "robot", "rotor", "rotor_3d", "spatial", "vehicle"]
     lines = run("new").stdout.splitlines()
     assert [line.split()[0] for line in lines] == KINDS
     assert all(20 < len(line) <= 80 for line in lines)
@@ -61,6 +61,24 @@ def test_the_new_rotor_whirls(here):
     assert {e.whirl for e in mechanism.eig().eigenvalues if e.value.imag} == {"forward", "backward"}
     (growing,) = {e.whirl for e in mechanism.eig(omega=700).eigenvalues if e.value.real > 0}
     assert growing == "forward"
+
+
+@pytest.mark.parametrize("speed", [0.0, 9000.0])  # rpm
+def test_the_new_rotor_in_space_has_gyroscopic_moments(speed, here):
+    """Shifts and tilts across the axis as complex numbers: (M s² + (C - i G) s + K) u = 0, and its conjugate."""
+    run("new", "rotor_3d")
+    m, i_t, i_p, a, b, k, c = 20.0, 0.3, 0.5, 0.15, 0.25, 2e6, 400.0
+    shape = np.array([[2.0, b - a], [b - a, a * a + b * b]])
+    mass, gyroscopic = np.diag([m, i_t]), np.diag([0.0, i_p * speed * np.pi / 30.0])
+    inverse = np.linalg.inv(mass)
+    state = np.block([[np.zeros((2, 2)), np.eye(2)], [-k * inverse @ shape, -inverse @ (c * shape - 1j * gyroscopic)]])
+    own = np.linalg.eigvals(state)
+    expected = np.concatenate([own, own.conj()])
+    answer = mbstab.load(here / "rotor_3d.yaml").eig(Omega=speed)
+    found = np.array([e.value for e in answer.eigenvalues if e.value != 0.0])
+    assert len(found) == 8
+    for value in found:
+        assert np.min(np.abs(expected - value)) < 1e-9 * abs(value)
 
 
 def test_the_name_is_that_of_the_kind_if_none_is_given(here):

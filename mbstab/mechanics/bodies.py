@@ -240,7 +240,7 @@ KINDS: dict[str, Kind] = {
         Kind("planar", "rigid body in the plane: x, y, theta", (2,), (*_DISTRIBUTION, *_GEOMETRY), _no_elements),
         Kind(
             "spatial",
-            "rigid body in space: x, y, z and Euler X-Y-Z angles phi, theta, psi",
+            "rigid body in space: x, y, z and Euler X-Y-Z angles phi, theta, psi; psi is the spin about its z",
             (3,),
             (
                 *_DISTRIBUTION,

@@ -33,7 +33,8 @@ def shapes_text() -> str:
         for field in kind.fields:
             lines += wrap(_field(field), WIDTH, initial_indent="  ", subsequent_indent="      ")
         if kind.axis is not None:
-            lines += wrap(f"along: {ALONG} [default {'xyz'[kind.axis]}]", WIDTH, initial_indent="  ")
+            text = f"along: {ALONG} [default {'xyz'[kind.axis]}]"
+            lines += wrap(text, WIDTH, initial_indent="  ", subsequent_indent="      ")
         lines.append("")
     lines.append("entries of parts: have besides (those of drawing only: at)")
     for key, doc in PART_FIELDS.items():

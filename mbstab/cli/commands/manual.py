@@ -54,7 +54,7 @@ def manual(words: tuple[str, ...], search: bool, folder: Path | None) -> None:
     elif len(words) > 1:
         raise UsageError(f"one TOPIC at a time, not {' '.join(words)!r}\nhint: --search looks for words")
     elif words:
-        _show_page(pages.page(words[0], group))
+        _show_page(pages.indexed(pages.page(words[0], group)))
     else:
         width = max(map(len, pages.TOPICS)) + 2
         lines = "".join(f"  {name:{width}}{title}\n" for name, title in pages.titles().items())

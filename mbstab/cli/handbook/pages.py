@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from pathlib import Path
 
 import click
 
 from mbstab.errors import UsageError, suggestion
+from mbstab.report import WIDTH
 
 FOLDER = Path(__file__).resolve().parents[2] / "manual"
 
@@ -20,6 +23,12 @@ MADE = {"commands": "Every command and its options", "keys": "Every key of a mod
 """Pages that say what the program itself knows, with their titles."""
 
 TOPICS = (*WRITTEN, *MADE)
+
+LONG = 12
+"""Pages with more headings than this begin with an index."""
+
+INDEX = "On this page:"
+"""Begins an index."""
 
 
 def page(topic: str, group: click.Group) -> str:
@@ -47,6 +56,16 @@ def page(topic: str, group: click.Group) -> str:
         return keys_page(MADE[topic])
     hint = suggestion(topic, TOPICS) or f"mbstab manual lists the topics; mbstab manual --search {topic} looks inside"
     raise UsageError(f"there is no topic {topic!r}\nhint: {hint}")
+
+
+def indexed(text: str) -> str:
+    """Return a page with an index of its headings below its title, if they are many."""
+    heads = [head.replace("`", "") for head in re.findall(r"^## (.*)$", text, flags=re.M)]
+    if len(heads) <= LONG:
+        return text
+    index = textwrap.fill(f"{INDEX} {' · '.join(heads)}", WIDTH, break_on_hyphens=False, break_long_words=False)
+    title, _, rest = text.partition("\n")
+    return f"{title}\n\n{index}\n{rest}"
 
 
 def titles() -> dict[str, str]:

@@ -12,7 +12,7 @@ from urllib.parse import quote
 import click
 
 from mbstab.cli.handbook.model_pages import ModelPage, model_page
-from mbstab.cli.handbook.pages import TOPICS, page, titles
+from mbstab.cli.handbook.pages import INDEX, TOPICS, indexed, page, titles
 from mbstab.errors import OutputError, UsageError
 
 MARK = "/* the manual of mbstab */"
@@ -71,7 +71,10 @@ def write_site(folder: Path, group: click.Group, models: Sequence[Path], progres
             progress(number / len(models))
         names = {model.path.name for model in made}
         for topic, title in titles().items():
-            _put(folder / f"{topic}.html", _whole(title, _linked(_markdown(page(topic, group)), names)))
+            _put(
+                folder / f"{topic}.html",
+                _whole(title, _linked(_with_places(_markdown(indexed(page(topic, group)))), names)),
+            )
         _put(folder / "index.html", _whole("mbstab: the manual", _gallery(made)))
     except OSError as error:
         raise OutputError(f"{error.filename or folder}: cannot be written: {error.strerror}") from None
@@ -92,6 +95,20 @@ def _markdown(text: str) -> str:
     from markdown_it import MarkdownIt
 
     return str(MarkdownIt("commonmark", {"html": False}).enable("table").render(text))
+
+
+def _with_places(body: str) -> str:
+    """Return a page whose headings are places that can be linked, as its index does."""
+    heads: dict[str, str] = {}
+
+    def place(found: re.Match[str]) -> str:
+        name = re.sub(r"[^a-z0-9]+", "-", re.sub(r"<[^>]*>|&\w+;", "", found[1]).lower()).strip("-")
+        heads[name] = found[1]
+        return f'<h2 id="{name}">{found[1]}</h2>'
+
+    body = re.sub(r"<h2>(.*?)</h2>", place, body)
+    links = " · ".join(f'<a href="#{name}">{head}</a>' for name, head in heads.items())
+    return re.sub(rf"<p>{INDEX}.*?</p>", lambda _: f"<p>{INDEX} {links}</p>", body, flags=re.S)
 
 
 def _linked(body: str, models: set[str]) -> str:
