@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import mbstab
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.report.picture_sizes import SIZES, sized
@@ -13,6 +14,7 @@ from mbstab.report.pictures.campbell import campbell
 from mbstab.report.pictures.drawing import title_lines
 from mbstab.report.pictures.over_parameter import panels_over_parameter
 from mbstab.report.pictures.scales import Axis
+from mbstab.report.pictures.sensitivity_bars import sensitivity_bars
 from mbstab.report.pictures.stability_map import stability_map
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
@@ -106,6 +108,12 @@ def test_pointers_to_critical_values_cross_no_label(critical, of):
         assert pointer.width < 3.0  # upright
         crossed = [other for one, other in labels if one is not text and other.overlaps(pointer)]
         assert not crossed, (text.get_text(), critical)
+
+
+def test_eigenvalues_beside_bars_have_the_minus_sign_of_axes():
+    figure = sensitivity_bars(mbstab.load("car.yaml").sensitivities(), "t")
+    (text,) = figure.axes[0].texts
+    assert text.get_text() == "−4.75755 ± 3.29645i 1/s"
 
 
 def test_lines_of_a_title_are_about_equally_long():

@@ -58,9 +58,7 @@ def draw_branch(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: b
 def decimated(x: Array, y: Array, logarithmic: bool = False) -> tuple[Array, Array]:
     """Return the points of a curve over ascending x, without nan, that a picture can show.
 
-    The axis of x is linear or logarithmic.
-
-    In every column the first, last, highest and lowest points are kept, and a nan.
+    In every column of a linear or logarithmic axis the first, last, highest and lowest points are kept, and a nan.
     """
     n = len(x)
     if n <= 5 * BINS:

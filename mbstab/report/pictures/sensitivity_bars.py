@@ -11,6 +11,7 @@ from mbstab.analysis.spectrum.sensitivity import Derivatives, Sensitivities
 from mbstab.report.modes import value_text
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.drawing import draw_legend, house_style, picture_height, titled_figure
+from mbstab.report.pictures.scales import with_minus_sign
 
 PANELS, BARS, FEW = 6, 8, 4
 """The largest number of eigenvalues that are drawn, those that decay least, and of parameters for each: `FEW` in a size
@@ -59,7 +60,7 @@ def sensitivity_bars(found: Sensitivities, title: str) -> Figure:
             panel.axvline(0.0, color="k", linewidth=0.8, zorder=4)
             panel.grid(axis="x", color="0.85", linewidth=0.6)
             panel.tick_params(axis="y", length=0)
-            text = f"{e.name}{': ' if e.name else ''}{value_text(e)} 1/s"
+            text = f"{e.name}{': ' if e.name else ''}{with_minus_sign(value_text(e))} 1/s"
             panel.text(0.01, 0.97, text, transform=panel.transAxes, va="top", fontsize=scaled(FONT), parse_math=False)
         if not panels:
             axes[0].text(0.5, 0.5, "no eigenvalue has derivatives", transform=axes[0].transAxes, ha="center")
