@@ -28,10 +28,9 @@ from mbstab.analysis.sweep.batched_equations import Equations, Pattern
 from mbstab.analysis.sweep.batched_structure import Known
 from mbstab.analysis.sweep.batched_verdict import (
     AXIS,
-    LEFT,
     NAMES,
+    NOT_COUNTED,
     OPEN,
-    RIGHT,
     WORD,
     Judged,
     Sides,
@@ -39,10 +38,11 @@ from mbstab.analysis.sweep.batched_verdict import (
     unstable_counts,
 )
 from mbstab.analysis.sweep.cancellation import Cancellation, sampled
+from mbstab.analysis.sweep.open_points import Kind, Part, kinds_of_open_points, nearly_meeting, settle, spread
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
 from mbstab.analysis.verdict.facts import Grounds
-from mbstab.analysis.verdict.rule import UNDECIDED, judge, place
+from mbstab.analysis.verdict.rule import UNDECIDED, Verdict, judge, place
 from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, UsageError
@@ -203,21 +203,6 @@ class Evaluator:
         _Work(self, {name: x[some] for name, x in values.items()}, lambda done: None).run(fewest)
 
 
-@dataclass(frozen=True)
-class _Part:
-    """Points that were computed together, or one that was computed in full."""
-
-    index: Index
-    found: Judged
-    known: Known
-    alone: bool = False
-
-    @property
-    def total(self) -> int:
-        """Number of finite eigenvalues."""
-        return int(self.found.values.shape[1]) + self.known.neutral.count
-
-
 class _Work:
     """The points of one call."""
 
@@ -227,7 +212,7 @@ class _Work:
         self.sampled = True
         self.path = evaluator.path
         self.problems: dict[int, str] = {}
-        self.found: list[_Part] = []
+        self.found: list[Part] = []
 
     def scene(self, index: Index | int) -> Scene:
         """Return the scene at some points, or at one."""
@@ -342,51 +327,51 @@ class _Work:
 
     def decide(self) -> None:
         """Judge points with open eigenvalues one by one, kind by kind, as long as this decides some of them."""
-        kinds: dict[tuple[int, ...], list[tuple[float, int]]] = {}
-        for part in self.found:
-            unplaced = np.any(part.found.sides == OPEN, axis=1)
-            open_ = np.flatnonzero(unplaced | (part.found.words == WORD[UNDECIDED]))
-            if part.alone or not len(open_):
-                continue
-            values, sides = part.found.values[open_], part.found.sides[open_]
-            counts = np.stack([np.sum(sides == x, axis=1) for x in (RIGHT, LEFT, AXIS, OPEN)], axis=1)
-            distance = np.min(np.where(sides == OPEN, np.abs(values.real), np.inf), axis=1, initial=np.inf)
-            words = part.found.words[open_].tolist()
-            columns = counts.tolist(), words, distance.tolist(), part.index[open_].tolist()
-            for key, word, far, i in zip(*columns, strict=True):
-                kinds.setdefault((id(part.known), word, *key), []).append((-far, i))
+        kinds = kinds_of_open_points(self.found)
         # Where equilibria nearly meet, they are known to the root of the rounding, which only the full answer includes.
-        for i in self._nearly_meeting():
-            self._exact(i)
-        for (_, before, *_, number), members in kinds.items():
+        if self.path is not None:
+            for i in nearly_meeting(self.found):
+                self._exact(i)
+        for kind, members in kinds.items():
             failed = 0
-            # Those farthest from the axis first.
-            for _, i in sorted(members):
-                failed = 0 if self._more(i, before, number) else failed + 1
+            for i in self._unexplained(kind, members):
+                failed = 0 if self._more(i, kind) else failed + 1
                 if failed == TOLERANCES.undecided_in_a_row:
                     break
 
-    def _nearly_meeting(self) -> list[int]:
-        """Return points of paths of equilibria with an eigenvalue that has a side although it is nearly zero."""
-        if self.path is None:
-            return []
-        found: list[int] = []
-        for part in self.found:
-            size = np.abs(part.found.values)
-            slow = np.any(
-                (size <= TOLERANCES.neutral_elsewhere * part.found.sizes[:, None]) & (part.found.sides != OPEN), axis=1
-            )
-            found += [] if part.alone else part.index[slow].tolist()
-        return found
+    def _unexplained(self, kind: Kind, members: list[int]) -> list[int]:
+        """Return the points of a kind that are left after a family of motions has explained the zeros of the others.
 
-    def _more(self, i: int, word: int, number: int) -> bool:
+        It is followed at some of them, spread over the kind; between these it is the same one, as far as checked.
+        """
+        alike = kind.with_zeros(self.found, members)
+        some = spread(alike, TOLERANCES.points_guarded)
+        if len(some) == len(alike):
+            return members
+        found: Verdict | None = None
+        for n, i in enumerate(some):
+            verdict = self._judged(i)
+            if verdict is None or verdict.zeros != "neutral" or (found is not None and verdict.modulo != found.modulo):
+                return [j for j in members if j not in some[: n + 1]]
+            found = verdict
+        if found is not None:
+            settle(self.found, alike, WORD[found.word])
+        return [j for j in members if j not in alike]
+
+    def _more(self, i: int, kind: Kind) -> bool:
         """Judge a point as `mbstab eig` does; return whether this decides more than a verdict with open eigenvalues."""
-        try:
-            found = self._exact(i)
-        except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+        verdict = self._judged(i)
+        if verdict is None:
             return False
-        left = int(np.sum(self.found[-1].found.sides == OPEN))
-        return found != WORD[UNDECIDED] and (found != word or left < number)
+        left, word = int(np.sum(self.found[-1].found.sides == OPEN)), WORD[verdict.word]
+        return word != WORD[UNDECIDED] and (word != kind.word or left < kind.open)
+
+    def _judged(self, i: int, grounds: Grounds | None = None) -> Verdict | None:
+        """Judge a point as `_exact`; return None also where a computation fails."""
+        try:
+            return self._exact(i, grounds)
+        except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+            return None
 
     def gathered(self, count: int | None = None) -> Spectra:
         """Return the spectra; the number of neutral eigenvalues is `count`, or the smallest of all points."""
@@ -478,16 +463,14 @@ class _Work:
             return bound(self.evaluator.model, settings_in_si(at))
 
         grounds.digits = Exactly(model)
-        try:
-            return self._exact(i, grounds)
-        except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
-            return WORD[UNDECIDED]
+        verdict = self._judged(i, grounds)
+        return WORD[UNDECIDED if verdict is None else verdict.word]
 
-    def _exact(self, i: int, grounds: Grounds | None = None) -> int:
-        """Judge a point as `mbstab eig` does; return the number of the verdict."""
+    def _exact(self, i: int, grounds: Grounds | None = None) -> Verdict | None:
+        """Judge a point as `mbstab eig` does; return the verdict, or None if there is none."""
         grounds = grounds or self._grounds(i)
         if grounds is None:
-            return WORD[UNDECIDED]
+            return None
         separated = grounds.separated
         with np.errstate(all="ignore"):
             placed = enclosures(grounds.linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L)
@@ -500,16 +483,16 @@ class _Work:
         numbers = {name: number for number, name in NAMES.items()}
         for disc, own in zip(discs, placed.discs, strict=True):
             sides[0, list(own.members)] = numbers[disc.side]
-        word: int = WORD[verdict.word]
         sizes, motion = np.array([np.linalg.norm(grounds.S)]), np.hstack([grounds.motion.q, grounds.motion.u])
-        found = Judged(placed.values[None], sides, np.array([word], dtype=np.int8), sizes, motion[None])
+        words = np.array([WORD[verdict.word]], dtype=np.int8)
+        found = Judged(placed.values[None], sides, words, sizes, motion[None], np.array([NOT_COUNTED]))
         # Earlier results for the point are discarded.
         for n, part in enumerate(self.found):
             if len(part.index) and i in part.index:
                 keep = part.index != i
-                self.found[n] = _Part(part.index[keep], part.found.at(keep), part.known, part.alone)
-        self.found.append(_Part(np.array([i]), found, Known(grounds), alone=True))
-        return word
+                self.found[n] = Part(part.index[keep], part.found.at(keep), part.known, part.alone)
+        self.found.append(Part(np.array([i]), found, Known(grounds), alone=True))
+        return verdict
 
     def pattern(self, i: int, judged: bool = True) -> Pattern | None:
         """Compute a point in full, and judge it if asked to; return its pattern, or None if it has a problem."""
@@ -571,7 +554,7 @@ class _Work:
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)
         if np.any(good):
-            self.found.append(_Part(index[good], found.at(good), pattern.known))
+            self.found.append(Part(index[good], found.at(good), pattern.known))
         return good
 
     def _equations(self, pattern: Pattern, index: Index, scene: Scene) -> Equations:

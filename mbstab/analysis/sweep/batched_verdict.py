@@ -22,10 +22,12 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.sweep.batched_structure import Known, Separation
 from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS, Disc, Facts, Minimum, Side, judge
+from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -41,6 +43,9 @@ NAMES: dict[int, Side] = {RIGHT: "right", LEFT: "left", AXIS: "axis", OPEN: "ope
 
 WORD = {word: number for number, word in enumerate(WORDS)}
 """Numbers of the words of verdicts."""
+
+NOT_COUNTED = -1
+"""Stands for the number of zeros where it was not asked for, or no gap tells it."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,8 @@ class Judged:
         Norms of the matrices (1/s).
     motion : ndarray, shape (points, 2 n_q)
         Coordinates and rates of the reference.
+    zeros : ndarray of int, shape (points,)
+        Number of singular values of the matrices left to judge that are zero; `NOT_COUNTED` where the verdict is known.
     """
 
     values: Complex
@@ -65,10 +72,12 @@ class Judged:
     words: npt.NDArray[np.int8]
     sizes: Array
     motion: Array
+    zeros: Index
 
     def at(self, index: Any) -> Judged:
         """Return some of the points."""
-        return Judged(self.values[index], self.sides[index], self.words[index], self.sizes[index], self.motion[index])
+        columns = self.values, self.sides, self.words, self.sizes, self.motion, self.zeros
+        return Judged(*(x[index] for x in columns))
 
 
 def judged(known: Known, points: Points, separation: Separation) -> Judged:
@@ -79,7 +88,8 @@ def judged(known: Known, points: Points, separation: Separation) -> Judged:
     if not r:
         empty = np.zeros((size, 0))
         words_ = _words(known, np.zeros((size, 5), dtype=int))
-        return Judged(empty.astype(complex), empty.astype(np.int8), words_, points.size, motion)
+        none = np.full(size, NOT_COUNTED)
+        return Judged(empty.astype(complex), empty.astype(np.int8), words_, points.size, motion, none)
     values = eigenvalues(A)
     least = np.broadcast_to(error, (size,)) + r * EPS * np.linalg.norm(A, axis=(1, 2))
     minima = np.zeros(size, dtype=int)
@@ -100,7 +110,20 @@ def judged(known: Known, points: Points, separation: Separation) -> Judged:
                 minima[asked] = _minima(known, points.at(asked) if len(asked) < size else points)
                 if known.grounds.structure.work.conserved:
                     sides[minima != 0] = AXIS
-    return Judged(values, sides, words(known, sides, minima), points.size, motion)
+    words_ = words(known, sides, minima)
+    zeros = np.full(size, NOT_COUNTED)
+    asked = np.flatnonzero(words_ == WORD[UNDECIDED])
+    zeros[asked] = _zeros(A[asked])
+    return Judged(values, sides, words_, points.size, motion, zeros)
+
+
+def _zeros(A: Array) -> Index:
+    """Return the numbers of singular values of matrices that are zero, as where a family of motions is searched."""
+    s = np.linalg.svd(A, compute_uv=False)
+    limit = VERDICT.family_singular_value * s[:, 0]
+    count: Index = np.sum(s <= limit[:, None], axis=1)
+    least = np.min(s, axis=1, where=s > limit[:, None], initial=np.inf)
+    return np.where(least >= ALGEBRA.rank_gap * limit, count, NOT_COUNTED)
 
 
 def words(known: Known, sides: Sides, minima: Index) -> npt.NDArray[np.int8]:
