@@ -129,7 +129,7 @@ def test_what_does_not_exist_is_refused_as_by_the_system(driven):
         quick.dynamics(np.full(6, -0.3), u)
     with pytest.raises(NumericalError, match="not finite"):
         quick.equations(np.full(6, 0.3), np.full(6, 1e200))
-    with pytest.raises(ExpressionError, match="math domain error"):
+    with pytest.raises(ExpressionError, match="a function has no real value there"):
         quick.residuals(np.full(6, 0.3), u, 10.0)
 
 

@@ -24,6 +24,7 @@ CASES = {
     ROD + "dampers:\n  s: {}\n": ("4:1", "dampers stand in the section 'forces'"),
     ROD + "Motors:\n  s: {}\n": ("4:1", "in the section 'forces', of type motor"),
     ROD + "gears:\n  s: {}\n": ("4:1", "in the section 'joints', of type gear"),
+    "bodies: {d: {type: spatial, mass: 1, shape: {type: disk, radius: 1, axis: z}}}\n": ("3:", "did you mean 'along'?"),
     "source: a: b\n" + ROD: ("3:10", "in quotes"),
     "bodies:\n  rod: {type: planar, mass: 1, inertia: 1}\n  pivot: {type: revolute, between: [rod, ground]}\n": (
         "5:17", "'revolute' is a type of joints: is the line 'joints:' missing or indented?"

@@ -13,7 +13,7 @@ from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep, sweep
 from mbstab.errors import UsageError
 from mbstab.model.units import is_angular_velocity
-from mbstab.report.pictures.campbell import campbell
+from mbstab.report.pictures.campbell import WHIRL_INK, campbell
 from mbstab.report.pictures.curves import INK, THICK, THIN
 from mbstab.report.pictures.drawing import save
 from mbstab.report.pictures.regions import regions
@@ -395,6 +395,27 @@ def test_branches_have_their_names_or_numbers_in_their_colours():
         assert [shown[text].get_color() for text in expected] == SweepCurves(swept, Axis("p")).ink[::2][:2]
         for text, middle in zip(expected, (4.0, 10.0), strict=True):
             assert abs(shown[text].xy[1] * 2.0 * math.pi - middle) <= 1.0
+
+
+def test_campbell_diagrams_name_every_sense_of_whirl_and_coincident_crossings_once():
+    x = np.linspace(0.0, 10.0, 41)
+    branches = np.column_stack([sign * 1j * k + 0.0 * x - 0.1 for k in (3.0, 5.0, 5.0, 7.0) for sign in (1, -1)])
+    senses = ("forward", "mixed", "mixed", "")
+    crossings = tuple(
+        OrderCrossing(1.0, k, k, 2 * n, "", whirl or "backward", ())
+        for n, (k, whirl) in enumerate(zip((3.0, 5.0, 5.0, 7.0), senses, strict=True))
+    )
+    swept = replace(
+        made(x, branches), orders=(1.0,), crossings=crossings, whirls=tuple(s for s in senses for _ in range(2))
+    )
+    figure = campbell(swept, "omega (rad/s)", "")
+    shown = texts(figure)
+    assert {"forward whirl", "mixed whirl", "no whirl, or its sense changes", "crossing, mixed whirl"} <= set(shown)
+    assert "backward whirl" not in shown
+    assert "frequency of a branch" not in shown
+    assert [text for text in shown if text in ("3", "5", "7")] == ["3", "5", "7"]
+    colours = {line.get_marker(): line.get_color() for line in figure.axes[0].get_lines() if len(line.get_xdata()) == 1}
+    assert colours == {"^": WHIRL_INK["forward"], "D": WHIRL_INK["mixed"], "v": WHIRL_INK["backward"]}
 
 
 def test_legends_lie_inside_the_picture_and_below_the_panels():

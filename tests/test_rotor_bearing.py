@@ -339,6 +339,7 @@ def test_a_speed_outside_is_refused_once_for_each_bearing_at_its_place(turning):
             mbstab.load(turning(n=f"{rpm}, unit: rpm")).eig()
         assert f"({rpm} is outside the table, which goes from 1000 to 3000)" in str(caught.value)
         assert str(caught.value).count("is outside the table") == 2
+        assert "a plain number or a parameter without a unit is in rad/s here" in str(caught.value)
         assert "rotor.yaml:12:" in str(caught.value)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -78,6 +79,18 @@ def test_the_axis_says_what_turns():
     figure = unbalance_picture(found, "", Axis("n", "rpm", np.pi / 30.0, "spin"))
     assert figure.axes[1].get_xlabel() == "spin n (rpm)"
     assert figure.axes[1].get_xlim() == pytest.approx((10.0 * 30.0 / np.pi, 20.0 * 30.0 / np.pi))
+
+
+def test_the_picture_says_what_is_unstable_and_in_which_units():
+    found = unbalance(mbstab.loads(JEFFCOTT).model, "disk", "n", np.array([10.0, 20.0]))
+    for unstable in (False, True):
+        verdicts = ["stable", "unstable" if unstable else "stable"]
+        figure = unbalance_picture(replace(found, verdicts=verdicts, units=["m"] * 3), "", Axis("n"))
+        legend = [text.get_text() for text in figure.legends[0].get_texts()]
+        assert ("unstable range" in legend) == unstable
+    assert figure.axes[0].get_ylabel().split() == ["amplitude", "for", "1", "kg·m", "(m)"]
+    axes = unbalance_picture(found, "", Axis("n")).axes[0]
+    assert " ".join(axes.get_ylabel().split()) == "amplitude for 1 kg·m (each in its own unit)"
 
 
 def test_speeds_count_in_the_unit_of_the_parameter_and_unstable_ones_are_marked(tmp_path):

@@ -45,7 +45,7 @@ from mbstab.mechanics.catalogue import ElementUse, Moved, Role
 from mbstab.mechanics.elements import ELEMENTS, kernel_name
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.evaluator import Law
-from mbstab.model.expressions import Expression
+from mbstab.model.expressions import Expression, why_no_number
 from mbstab.model.scene import BalanceValues, Scene
 from mbstab.model.schema import Entry, is_length, is_state
 from mbstab.records import dataclass
@@ -545,7 +545,7 @@ class System:
                 place = self._location(element.path)
                 hint = self.scene.model.table_hint(error) or element.hint
                 raise NumericalError(
-                    f"{place}: {element.path} has no finite equations here ({error})\n{hint}"
+                    f"{place}: {element.path} has no finite equations here ({why_no_number(error)})\n{hint}"
                 ) from None
             if report and not all(map(math.isfinite, own)):
                 raise NumericalError(f"{self._location(element.path)}: {element.path}: {_OVERFLOW}")

@@ -333,6 +333,15 @@ def _parts(node: Node) -> tuple[Node, ...]:
             return ()
 
 
+def why_no_number(error: Exception) -> str:
+    """Return why a calculation has no result, in words for engineers."""
+    if isinstance(error, ZeroDivisionError):
+        return "division by zero"
+    if isinstance(error, OverflowError):
+        return "a number becomes too large"
+    return "a function has no real value there" if "math domain error" in str(error) else str(error)
+
+
 def _evaluate(node: Node, names: Mapping[str, Any], rates: Mapping[str, Any], f: Arithmetic) -> Any:
     try:
         match node:
@@ -351,8 +360,7 @@ def _evaluate(node: Node, names: Mapping[str, Any], rates: Mapping[str, Any], f:
                 right = _evaluate(node.right, names, rates, f)
                 return OPERATIONS[node.operator](left, right, f)
     except (ArithmeticError, ValueError) as error:
-        reason = str(error) or "division by zero"
-        raise ExpressionError(f"the expression has no value here ({reason})", node.position) from None
+        raise ExpressionError(f"the expression has no value here ({why_no_number(error)})", node.position) from None
 
 
 OPERATIONS: dict[str, Callable[[Any, Any, Arithmetic], Any]] = {

@@ -218,6 +218,9 @@ def _check_options(
     """Refuse options that exclude each other."""
     if len(parameters) > 2 or len(set(parameters)) < len(parameters):
         raise UsageError("a sweep has one parameter, a chart two different ones")
+    if joined := [name for name in parameters if "," in name]:
+        separate = " ".join(f"--param {part.strip()}" for part in joined[0].split(","))
+        raise UsageError(f"--param {joined[0]} names more than one parameter\nhint: {separate}")
     for name, values in given.items():
         if values and len(values) != len(parameters):
             times = "once" if len(values) == 1 else f"{len(values)} times"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from mbstab.errors import suggestion
@@ -15,6 +16,10 @@ from mbstab.model.yamlfile import Scalar, YamlNode
 
 SPEEDS = {"rad/s": "({})", "rpm": "({})*30/pi"}
 """What may stand over the column of the speed, and a speed in SI as it is counted there."""
+
+
+BEYOND = "the table is in the unit of its heading; a plain number or a parameter without a unit is in rad/s here"
+"""What to look at where a speed is outside of a file."""
 
 
 class SpeedCurvesField(FieldKind):
@@ -93,6 +98,8 @@ class SpeedCurvesField(FieldKind):
             before = len(problems)
             found[name] = owner.evaluator.number(quantity, owner.entry.kind.field(name))
             if len(problems) > before:
+                if "outside the table" in problems[-1].message:
+                    problems[-1] = replace(problems[-1], hint=BEYOND)
                 return dict.fromkeys(value, 1.0)
         return found
 

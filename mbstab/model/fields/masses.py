@@ -100,7 +100,8 @@ def _read_shape(reading: Reading, node: Mapping, path: str, extra: Iterable[str]
         nodes.complain(type_node, f"{path}.type", f"unknown shape {word!r}", suggestion(word, SHAPES) or known)
         return None
     axis = ("along",) if kind.axis is not None else ()
-    nodes.known_keys(node, path, ("type", *(f.name for f in kind.fields), *axis, *extra))
+    known_ = ("type", *(f.name for f in kind.fields), *axis, *extra)
+    nodes.known_keys(node, path, known_, others={"axis": "along"} if axis else {})
     lengths = {}
     for field in kind.fields:
         item: YamlNode = Scalar(field.default or "1", node.location)

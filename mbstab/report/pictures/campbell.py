@@ -25,8 +25,8 @@ from mbstab.report.pictures.sweep_curves import TINY, SweepCurves
 SQUEEZED = 10.0
 """The axis is logarithmic if the highest frequency is so many times the highest of another branch."""
 
-WHIRL_INK = {"forward": "#1f5fa8", "backward": "#b03a2e"}
-"""Colours of branches with a sense of whirl."""
+WHIRL_INK = {"forward": "#1f5fa8", "backward": "#b03a2e", "mixed": "#6a3d9a"}
+"""Colours of branches with a sense of whirl, and of the markers of crossings."""
 
 
 def campbell(result: Sweep, label: Axis | str, title: str, highest: float = math.inf) -> Figure:
@@ -72,7 +72,10 @@ def campbell(result: Sweep, label: Axis | str, title: str, highest: float = math
             axes.set_ylim(0.0, highest)
         else:
             _set_scale(axes, heights / (2.0 * math.pi), curves.size / (2.0 * math.pi))
-        handles: list[Artist] = [Line2D([], [], color="k", linewidth=THIN, label="frequency of a branch")]
+        handles: list[Artist] = []
+        if not all(result.whirls) or not result.whirls:
+            text = "no whirl, or its sense changes" if any(result.whirls) else "frequency of a branch"
+            handles.append(Line2D([], [], color="k", linewidth=THIN, label=text))
         handles += [
             Line2D([], [], color=ink, linewidth=THIN, label=f"{word} whirl")
             for word, ink in WHIRL_INK.items()
@@ -108,7 +111,11 @@ def _set_scale(axes: Axes, frequency: Array, largest: float) -> None:
 
 
 _LINE: dict[str, Any] = {"color": "0.25", "linewidth": 1.1}
-MARKERS = {"forward": ("^", "crossing, forward whirl"), "backward": ("v", "crossing, backward whirl")}
+MARKERS = {
+    "forward": ("^", "crossing, forward whirl"),
+    "backward": ("v", "crossing, backward whirl"),
+    "mixed": ("D", "crossing, mixed whirl"),
+}
 """Marker of crossings by whirl, and its text."""
 
 
@@ -123,15 +130,21 @@ def _draw_orders(labels: PointLabels, result: Sweep, curves: SweepCurves) -> lis
         _name_excitation(labels, x, line, f"{order:g}×")
     handles: list[Artist] = [Line2D([], [], linestyle=dots, label=f"orders of {label.name}", **style)]
     shown: dict[str, Artist] = {}
+    written: set[tuple[str, str]] = set()
     for c in result.crossings:
         marker, text = MARKERS.get(c.whirl, ("o", "crossing"))
         at = c.value / label.factor, c.frequency / (2.0 * math.pi)
         if at[1] > axes.get_ylim()[1]:
             continue
-        axes.plot(*at, marker, color="k", markersize=6.5, markerfacecolor="w", zorder=5)
-        shown.setdefault(text, legend_marker(marker, 6.5, text))
-        if len(labels.wanted) < LABELS:
-            labels.add(*at, f"{number_text(at[0], curves.span, 4)}")
+        ink = WHIRL_INK.get(c.whirl, "k")
+        axes.plot(*at, marker, color=ink, markersize=6.5, markerfacecolor="w", zorder=5)
+        shown.setdefault(text, legend_marker(marker, 6.5, text, ink))
+        number = f"{number_text(at[0], curves.span, 4)}"
+        # Branches that coincide cross a line together.
+        here = number, number_text(at[1], curves.size / (2.0 * math.pi), 4)
+        if len(labels.wanted) < LABELS and here not in written:
+            labels.add(*at, number)
+            written.add(here)
     return handles + list(shown.values())
 
 

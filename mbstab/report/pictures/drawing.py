@@ -249,9 +249,14 @@ def _set_below(figure: Figure, room: float) -> None:
     figure.set_figheight(total)
 
 
-def legend_marker(marker: str, size: float, text: str) -> Line2D:
+def legend_marker(marker: str, size: float, text: str, ink: str = "k") -> Line2D:
     """Return the legend entry of a marker."""
-    return Line2D([], [], color="k", linestyle="", marker=marker, markersize=size, markerfacecolor="w", label=text)
+    return Line2D([], [], color=ink, linestyle="", marker=marker, markersize=size, markerfacecolor="w", label=text)
+
+
+def unstable_patch() -> Patch:
+    """Return the legend entry of unstable ranges."""
+    return Patch(facecolor=UNSTABLE_SHADE, edgecolor="0.6", linewidth=0.6, label="unstable range")
 
 
 def no_answer_patch(text: str = "no answer") -> Patch:

@@ -11,7 +11,6 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.textpath import TextPath
 from matplotlib.transforms import ScaledTranslation
 
@@ -24,6 +23,7 @@ from mbstab.report.pictures.drawing import (
     no_answer_patch,
     panel_width,
     titled_figure,
+    unstable_patch,
 )
 from mbstab.report.pictures.scales import parameter_range, set_parameter_axis
 from mbstab.report.pictures.sweep_curves import SweepCurves
@@ -160,7 +160,7 @@ def legend_entries(
     if curves.others:
         handles.append(Line2D([], [], color=BEYOND_INK, linewidth=THIN, label="further paths"))
     if unlabelled is not None and np.any(curves.unstable > 0):
-        handles.append(Patch(facecolor=UNSTABLE_SHADE, edgecolor="0.6", linewidth=0.6, label="unstable range"))
+        handles.append(unstable_patch())
     for low, high in (unsure for path in (curves, *curves.others) for unsure in path.unsure):
         text = f"{curves.label.name} from {curves.show(low)} to {curves.show(high)}: branches uncertain"
         handles.append(Line2D([], [], linestyle="", marker="$?$", color="k", markersize=7.0, label=text))

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -17,7 +18,7 @@ from mbstab.analysis.sweep.unbalance import UnbalanceResponse
 from mbstab.compiler.system import Array
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import INK
-from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure
+from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure, unstable_patch
 from mbstab.report.pictures.scales import Axis, typeset
 from mbstab.report.responses import decibels, phase, unit
 
@@ -127,7 +128,7 @@ def unbalance_picture(result: UnbalanceResponse, title: str, spin: Axis) -> Figu
     speeds, upward = result.speeds / spin.factor, 1.0 if result.speeds[-1] >= result.speeds[0] else -1.0
     with house_style():
         figure, panels = titled_figure(title, heights=(2.6, 2.0))
-        handles, spread = [], 0.0
+        handles, spread = list[Artist](), 0.0
         for k, (name, own, peak) in enumerate(zip(result.outputs, result.units, result.peaks, strict=True)):
             # The peak belongs to the curve, however coarse the steps are; beyond all bounds, the curve has a gap there.
             at = int(np.searchsorted(result.speeds * upward, peak.speed * upward))
@@ -144,8 +145,12 @@ def unbalance_picture(result: UnbalanceResponse, title: str, spin: Axis) -> Figu
                 speeds, 0.0, 1.0, where=result.unstable, step="mid", transform=across, color=UNSTABLE_SHADE,
                 linewidth=0, zorder=0,
             )  # fmt: skip
+        if np.any(result.unstable):
+            handles.append(unstable_patch())
         _finish(panels[0], panels[1], spread, spin.text)
-        panels[0].set_ylabel("amplitude for 1 kg·m")
+        shared = set(result.units)
+        unit = typeset(shared.pop() or "1") if len(shared) == 1 else "each in its own unit"
+        panels[0].set_ylabel(f"amplitude for 1 kg·m ({unit})")
         draw_legend(figure, handles)
         return figure
 
