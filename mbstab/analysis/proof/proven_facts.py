@@ -35,15 +35,16 @@ from mbstab.analysis.proof.characteristic import (
 from mbstab.analysis.proof.element_changes import Finding, tiny
 from mbstab.analysis.proof.fields import ground_turn, short
 from mbstab.analysis.proof.motion import Field
-from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import Combination, Shift, Symmetry, Turn
 from mbstab.analysis.reference.fields import Field as Group
+from mbstab.analysis.verdict.minimum import frame_rates
 from mbstab.analysis.verdict.rule import (
     STABLE,
     STABLE_UP_TO,
     UNDECIDED,
     Disc,
     Evidence,
+    Extremum,
     Facts,
     Minimum,
     Neutral,
@@ -355,10 +356,10 @@ class Case:
         text = "the energy is conserved" if sign < 0 else "the energy never increases"
         if sign and self._accepts(self.identities.conserved(True) if sign < 0 else finding, text):
             nothing = not grounds.invariance.symmetries if self._moves else not self.left[1].count
-            return Minimum(name, True, nothing, sign < 0, weakest(*self._evidence, "enclosed"))
+            kind: Extremum = "maximum" if sign < 0 else "minimum"
+            return Minimum(name, True, nothing, kind, weakest(*self._evidence, "enclosed"))
         if self._moves and not sign and self._with_a_multiple():
-            several = f"{name} with a multiple of the angular momentum"
-            return Minimum(several, True, False, True, weakest(*self._evidence, "enclosed"))
+            return Minimum(name, True, False, "with a multiple", weakest(*self._evidence, "enclosed"))
         return None
 
     def _sign(self) -> int:
@@ -375,14 +376,13 @@ class Case:
         """Return whether the second variation is definite in another frame in which the reference is at rest too."""
         if not self.grounds.structure.work.conserved or self.proof.r_n:
             return False
-        fastest = 4.0 * float(np.max(np.abs(self.grounds.motion.u)))
+        rates = frame_rates(self.grounds.separated.A).tolist()
         for item, step in self._idle():
             facts = [self.identities.symmetry(item), self.identities.momentum(item), self.identities.conserved(True)]
             if any(x not in ("structural", "enclosed") for x in facts):
                 continue
-            for x in np.linspace(-fastest, fastest, TOLERANCES.momentum_multiples).tolist():
-                if Case(self.proof.seen_from(step, short(x)), True)._sign() > 0:
-                    return True
+            if any(Case(self.proof.seen_from(step, short(x)), True)._sign() > 0 for x in rates):
+                return True
         return False
 
     def _idle(self) -> Iterator[tuple[Symmetry, Field]]:

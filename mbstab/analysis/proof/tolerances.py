@@ -35,8 +35,6 @@ class Tolerances:
     """Distance of the close states from the reference, at which elements are compared, relative to the others."""
     trial_speeds: Final = (0.7, -1.3, 2.1)
     """Speeds along a symmetry, in units of its own, at which a scene is tried."""
-    momentum_multiples: Final = 65
-    """Multiples of a momentum that are tried."""
     fraction_denominator: Final = 10**6
     """A float stands for a nearby fraction with a denominator no larger than this …"""
     fraction_misfit: Final = 1e-15

@@ -37,10 +37,10 @@ from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.drag import Drag
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.followers import led, left_behind
+from mbstab.analysis.verdict.minimum import frame_rates
 from mbstab.analysis.verdict.rule import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array, System
-from mbstab.model.schema import is_angle
 from mbstab.records import dataclass
 
 
@@ -394,22 +394,14 @@ class Known:
         As in `mbstab.analysis.verdict.minimum`: a multiple of the momentum of a turn that does not move the reference.
         """
         found = np.zeros(len(points.S), dtype=bool)
-        angles = np.array([is_angle(name) for name in points.system.names])
-        reach = 4.0 * np.max(np.abs(points.u[:, angles]), axis=1, initial=0.0)
-        for step in self.idle:
-            ratios, last = np.linspace(-1.0, 1.0, VERDICT.momentum_multiples).tolist(), 0.0
-            while ratios:
-                # Neighbours need similar values: the last successful one is tried first.
-                ratios.sort(key=lambda x: -abs(x - last))
-                ratio = ratios.pop()
-                left = np.flatnonzero(~found & (reach > 0.0))
+        rates = frame_rates(points.S)
+        for step in self.idle if self.moving else ():
+            for rate in rates.T:
+                left = np.flatnonzero(~found)
                 if not len(left):
                     break
-                other = seen_from(points.at(left), step, ratio * reach[left])
-                counts = self.inertia(other)
-                positive = counts[:, 0] == counts.sum(axis=1)
-                found[left] = positive
-                last = ratio if positive.any() else last
+                counts = self.inertia(seen_from(points.at(left), step, rate[left]))
+                found[left] = counts[:, 0] == counts.sum(axis=1)
         return found
 
     @cached_property

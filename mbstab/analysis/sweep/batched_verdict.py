@@ -26,7 +26,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.sweep.batched_structure import Known, Separation
 from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS, Disc, Facts, Minimum, Side, judge
+from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS, Disc, Extremum, Facts, Minimum, Side, judge
 from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
@@ -38,6 +38,7 @@ RIGHT, LEFT, AXIS, OPEN = 1, -1, 0, 2
 
 MINIMUM, MAXIMUM, MULTIPLE = 1, -1, 2
 """Extremum of the energy: a minimum, a maximum, a minimum with a multiple of a momentum added."""
+EXTREMA: dict[int, Extremum] = {MINIMUM: "minimum", MAXIMUM: "maximum", MULTIPLE: "with a multiple"}
 
 NAMES: dict[int, Side] = {RIGHT: "right", LEFT: "left", AXIS: "axis", OPEN: "open"}
 
@@ -158,7 +159,7 @@ def _facts(known: Known, counts: list[int], minimum: int) -> Facts:
     energy: Callable[[], Minimum | None] = lambda: None  # noqa: E731
     if minimum:
         whole = known.in_place and minimum != MULTIPLE
-        energy = lambda: Minimum("the energy", True, whole, minimum != MINIMUM)  # noqa: E731
+        energy = lambda: Minimum("the energy", True, whole, EXTREMA[minimum])  # noqa: E731
     return Facts(
         total,
         total,

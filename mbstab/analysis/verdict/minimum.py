@@ -43,6 +43,28 @@ RATIOS = ((1, 1), (1, 2), (1, 3))
 """Ratios of frequencies at which modes of opposite energy may excite each other."""
 
 
+def frame_rates(S: Array) -> Array:
+    """Return one rate (rad/s) for each range of rates in which the energy of all frames is definite or of none.
+
+    In a frame that turns at the rate Ω about an axis which the motion does not notice, frequencies ω of the motion are
+    ω ± Ω, and the form that is left, linear in Ω, changes its inertia only where one of them is zero. Where it is
+    definite at all, it is so between two neighbouring frequencies (pairs of forms: Stewart and Sun 1990, section VI.1).
+
+    Parameters
+    ----------
+    S : ndarray, shape (..., n, n)
+        The matrix of the disturbances (1/s).
+
+    Returns
+    -------
+    ndarray, shape (..., n + 1)
+    """
+    ends = np.sort(np.linalg.eigvals(S).imag, axis=-1)
+    inside = 0.5 * (ends[..., 1:] + ends[..., :-1])
+    result: Array = np.concatenate([2.0 * ends[..., :1], inside, 2.0 * ends[..., -1:]], axis=-1)
+    return result
+
+
 class SecondVariation:
     """The second variation of the energy in the co-moving frame.
 
@@ -224,27 +246,18 @@ class SecondVariation:
         if sign:
             whole = not self.moving and not self.separated.neutral.count
             whole = whole or (self.moving and not self.structure.invariance.symmetries)
-            return Minimum(name, True, whole, sign < 0)
+            return Minimum(name, True, whole, "maximum" if sign < 0 else "minimum")
         if self.structure.work.conserved and self._with_a_multiple():
-            return Minimum(f"{name} with a multiple of the angular momentum", True, False, True)
+            return Minimum(name, True, False, "with a multiple")
         return None
 
     def _with_a_multiple(self) -> bool:
         """Return whether H is definite in another frame in which the reference is at rest too."""
-        for step in self._idle_turns():
-            reach = 4.0 * float(np.max(np.abs(self.linear.motion.u[self._angles()]), initial=0.0))
-            if reach == 0.0:
-                continue
-            tried = np.linspace(-reach, reach, TOLERANCES.momentum_multiples)
-            found = [(self._least(step, x), x) for x in tried.tolist()]
-            best, at = max(found)
-            width = 2.0 * reach / (TOLERANCES.momentum_multiples - 1)
-            while best <= 0.0 and width > 1e-6 * reach:
-                width *= 0.5
-                best, at = max((best, at), *((self._least(step, at + x), at + x) for x in (-width, width)))
-            if best > 0.0:
-                return True
-        return False
+        steps = self._idle_turns() if self.moving else []
+        if not steps:
+            return False
+        rates = frame_rates(self.separated.A).tolist()
+        return any(self._least(step, rate) > 0.0 for step in steps for rate in rates)
 
     def _angles(self) -> npt.NDArray[np.bool_]:
         return np.array([is_angle(name) for name in self.linear.names])

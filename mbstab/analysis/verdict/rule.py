@@ -52,6 +52,7 @@ from mbstab.records import dataclass
 Side = Literal["left", "right", "axis", "open"]
 Evidence = Literal["structural", "enclosed", "numerical"]
 Zeros = Literal["", "neutral", "critical"]
+Extremum = Literal["minimum", "maximum", "with a multiple"]
 
 LINEAR = "up to symmetries the equations are linear and no solution of theirs grows: motions nearby stay near"
 SLOWLY = "; what they change there may go on growing, more slowly than {}"
@@ -147,15 +148,16 @@ class Minimum:
         Whether it has a strict minimum (or maximum), modulo symmetries and at the given momenta.
     in_place : bool
         Whether the extremum is unrestricted: no symmetry and no momentum is left out.
-    maximum : bool
-        Whether it is a maximum, or a minimum only with a multiple of a momentum: damping destroys such stability.
+    kind : str
+        ``minimum``, ``maximum``, or ``with a multiple`` of the angular momentum a minimum. Damping destroys the
+        stability of the last two.
     evidence : str
     """
 
     name: str
     definite: bool
     in_place: bool
-    maximum: bool = False
+    kind: Extremum = "minimum"
     evidence: Evidence = "numerical"
 
 
@@ -504,13 +506,16 @@ def _by_energy(facts: Facts, minimum: Minimum) -> Verdict:
     neutral = facts.neutral
     neutral = replace(neutral, family=tuple(x for x in neutral.family if x not in neutral.slow))
     facts = replace(facts, neutral=neutral)
-    warnings = facts.warnings + (facts.frequencies() if minimum.maximum else ())
-    extremum = "maximum" if minimum.maximum else "minimum"
+    warnings = facts.warnings + (facts.frequencies() if minimum.kind != "minimum" else ())
+    extremum = "minimum" if minimum.kind == "with a multiple" else minimum.kind
+    has = f"has a strict {extremum} here"
+    if minimum.kind != extremum:
+        has = f"{minimum.kind} of the angular momentum {has}"
     evidence = weakest(neutral.evidence, minimum.evidence)
     if minimum.in_place and not neutral.count:
-        reason = f"{minimum.name} has a strict {extremum} here and cannot leave it: small disturbances stay small"
+        reason = f"{minimum.name} {has} and cannot leave it: small disturbances stay small"
         return Verdict(STABLE, (reason,), in_place=True, evidence=evidence, warnings=warnings)
-    reason = f"{minimum.name} has a strict {extremum} here: small disturbances stay small, {_except(neutral)}"
+    reason = f"{minimum.name} {has}: small disturbances stay small, {_except(neutral)}"
     if neutral.symmetries and not neutral.drift and any(d.holds_zero for d in facts.discs):
         reason += SLOWLY.format(power(1))  # speeds along symmetries decay, but perhaps like a root of 1/t
     verdict = _up_to(facts, STABLE_UP_TO, reason)

@@ -86,8 +86,6 @@ class Tolerances:
     """The second variation is known to this many roundings of its terms."""
     force_across_rows: Final = 1e-9
     """Forces across rows on speeds vanish to this, relative to all forces."""
-    momentum_multiples: Final = 33
-    """Multiples of a momentum that are tried, before the best of them is refined."""
     resonance_misfit: Final = 1e-3
     """Frequencies of modes with opposite energy are in a ratio of small integers to within this."""
 
