@@ -172,3 +172,34 @@ def test_a_model_of_other_size_mass_and_speed_has_eigenvalues_scaled_by_the_time
     original, found = answer(name), model.eig(**scaled)
     assert (found.verdict, found.counts, found.modulo) == (original.verdict, original.counts, original.modulo)
     assert_close(found, original, time, 1e-12)
+
+
+COIN = """
+mbstab: 1
+parameters: {m: 5, r: 0.3, v: 2}
+gravity: [0, 0, -9.81]
+bodies:
+  disc: {type: spatial, mass: m, axes: AXES, inertia: [m*r**2/4, m*r**2/4, m*r**2/2]}
+contacts:
+  floor: {type: wheel, center: disc, axle: z, radius: r}
+reference:
+  coordinates: {disc: {z: HEIGHT}}
+  rates: {disc: {psi: v/r}}
+"""
+"""A coin that rolls upright."""
+LYING = ["[-90*deg, 0, 0]", "[pi/2, 0, 0]", "[0, 90*deg, 0]", "[0, -pi/2, 0]"]
+"""Frames of the coin in which its axle is horizontal."""
+
+
+@pytest.mark.parametrize("axes", LYING)
+@pytest.mark.parametrize("height", ["r", "0.30000000000000004", "r + 3e-17"])
+def test_rounding_of_a_right_angle_does_not_let_a_height_determine_the_lean(axes, height):
+    """The cosine of the double next to π/2 is 6e-17: the row of the contact depends on the lean by rounding alone."""
+    model = mbstab.loads(COIN.replace("AXES", axes).replace("HEIGHT", height))
+    found = model.eig()
+    (pair,) = {abs(e.value.imag) for e in found.eigenvalues if e.kind != "neutral"}
+    # A thin disc (Routh 1905, Advanced Rigid Dynamics, section 244): 5 ω² = 12 v²/r² − 4 g/r.
+    assert pair == pytest.approx(np.sqrt((12.0 * 2.0**2 / 0.3**2 - 4.0 * 9.81 / 0.3) / 5.0), rel=1e-13)
+    assert max(e.error_bound for e in found.eigenvalues if e.kind != "neutral") < 1e-11
+    assert found.verdict == "stable up to symmetry"
+    assert model.sweep("v", [1.0, 2.0, 3.0]).verdicts == ["stable up to symmetry"] * 3

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -197,3 +198,36 @@ def test_zeros_that_nonlinear_terms_judge_are_critical_and_not_neutral(damping, 
     assert ("damping takes energy" in why) == bool(damping) == (result.verdict == "asymptotically stable")
     precise = mbstab.loads(text).eig_precise(20)
     assert sorted(e.kind for e in precise.eigenvalues) == sorted(kinds)
+
+
+TOP = """
+mbstab: 1
+parameters: {A: 1, C: 1, l: 1, omega: 1}
+gravity: [0, 0, -9.81]
+bodies: {top: {type: spatial, mass: 1, inertia: [A, A, C], points: {tip: [0, 0, -l]}}}
+joints: {tip: {type: spherical, between: [top.tip, ground]}}
+reference: {coordinates: {top: {z: l}}, rates: {top: {psi: omega}}}
+"""
+
+
+def random_tops(count):
+    """Return tops that stand upright, a little or far above their critical speed, and this speed."""
+    rng = np.random.default_rng(5)
+    for _ in range(count):
+        A, length = 10.0 ** rng.uniform(-3.0, 3.0), 10.0 ** rng.uniform(-2.0, 1.0)
+        C = rng.uniform(0.05, 1.95) * A
+        critical = 2.0 * np.sqrt(9.81 * length * (A + length**2)) / C
+        yield {"A": A, "C": C, "l": length, "omega": critical * (1.0 + 10.0 ** rng.uniform(-3.0, 2.0))}, critical
+
+
+def test_every_top_that_sleeps_is_stable_by_its_energy():
+    """Above the critical speed some multiple of the momentum makes the energy definite (Lagrange's top)."""
+    model = mbstab.loads(TOP)
+    for values, critical in random_tops(6):
+        found = model.eig(**values)
+        assert found.verdict == "stable up to symmetry", values
+        assert "with a multiple of the angular momentum has a strict minimum" in found.reasons[0]
+        assert model.eig(**values | {"omega": 0.99 * critical}).verdict == "unstable"
+    scene = {name: values[name] for name in ("A", "C", "l")}
+    speeds = critical * np.array([0.5, 0.999, 1.001, 1.5, 10.0, 300.0])
+    assert model.sweep("omega", speeds, **scene).verdicts == ["unstable"] * 2 + ["stable up to symmetry"] * 4

@@ -59,6 +59,27 @@ def rank_of(matrix: Array, tolerance: float = TOLERANCES.singular_value_zero) ->
     return Rank(rank, kept, dropped, right[rank:].T, left[:, rank:], doubtful, inverse)
 
 
+def inverse_of_part(rows: Array) -> Array:
+    """Return the pseudo-inverse of a part of the columns of rows that have unit length, or of stacks of such rows.
+
+    What is small in the part against the whole rows counts as zero, even where nothing in the part is larger: rows
+    that only rounding lets depend on some unknowns do not determine them.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (..., m, n)
+
+    Returns
+    -------
+    ndarray, shape (..., n, m)
+    """
+    left, s, right = np.linalg.svd(rows, full_matrices=False)
+    kept = s > TOLERANCES.singular_value_zero
+    inverse = kept / np.where(kept, s, 1.0)
+    result: Array = (np.swapaxes(right, -1, -2) * inverse[..., None, :]) @ np.swapaxes(left, -1, -2)
+    return result
+
+
 def last_rows(dependent: Array) -> Iterator[tuple[int, Array]]:
     """Yield the rows that earlier rows imply, each with its combination, from combinations of rows that vanish.
 

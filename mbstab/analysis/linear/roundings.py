@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.rank import inverse_of_part
 from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
 from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
@@ -231,7 +231,7 @@ class _Roundings:
         The error of one equation changes all unknowns in a fixed ratio: changes that cancel in a stiff force
         must not be taken entry by entry.
         """
-        moves = np.linalg.pinv(G, rcond=ALGEBRA.singular_value_zero) * misfit
+        moves = inverse_of_part(G) * misfit
         result: Array = np.sum(np.abs(moves), axis=1)
         n, relative = len(columns), sizes / self.motion.sizes[columns]
         own = moves[:n] * relative[:, None]
@@ -257,7 +257,7 @@ class _Roundings:
         V = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time).V
         J = motion.dynamics.J * motion.sizes
         lengths = norms(J)
-        inverse = np.linalg.pinv(J[:, columns] / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
+        inverse = inverse_of_part(J[:, columns] / lengths[:, None])
         result = du.copy()
         steps = np.abs(inverse) @ (_misfits(V) / lengths)
         result[columns] = steps * motion.sizes[columns] + UNIT * np.abs(motion.u[columns])
@@ -278,7 +278,7 @@ class _Roundings:
             columns = np.vstack([motion.dynamics.J @ basis[:, free], basis[np.ix_(rates, free)]])
             lengths = norms(np.vstack([motion.dynamics.J * motion.sizes, np.diag(motion.sizes)[rates]]))
             misfit = np.concatenate([_misfits(V), self._off(rates) + du[rates]]) / lengths
-            dc[free] = np.abs(np.linalg.pinv(columns / lengths[:, None], rcond=1e-12)) @ misfit
+            dc[free] = np.abs(inverse_of_part(columns / lengths[:, None])) @ misfit
         self.rate_error = _relative(dc, c)
         return self._field(steady, basis, dq, dc)
 

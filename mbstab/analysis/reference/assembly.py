@@ -8,6 +8,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.algebra.rank import inverse_of_part
 from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Row, System
@@ -41,7 +42,7 @@ def assembled(system: System, sizes: Array, q: Array, missing: Flags, kept: list
     E, J = state(q)
     for _ in range(TOLERANCES.newton_steps_onto_constraints):
         step = np.zeros(len(q))
-        scaled = np.linalg.lstsq(J[:, columns], -E, rcond=1e-12)[0]
+        scaled = -inverse_of_part(J[:, columns]) @ E
         step[columns] = scaled * sizes[columns]
         fraction, before = 1.0, float(np.linalg.norm(E))
         least = 1e-4 if float(np.linalg.norm(step / sizes)) > TOLERANCES.assembly_rounding else 1.0

@@ -19,7 +19,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.augmented import Augmented, mobility, sparse_mobility
-from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
+from mbstab.analysis.algebra.rank import Rank, inverse_of_part, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, scaled, sizes_times
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
@@ -224,7 +224,9 @@ class Finder:
             for _ in range(TOLERANCES.newton_steps_onto_constraints):
                 if not np.any(state.V):
                     break
-                step = np.linalg.lstsq(state.J[:, columns] * sizes[columns], -state.V, rcond=1e-12)[0] * sizes[columns]
+                J = dense(state.J) * sizes
+                lengths = norms(J)
+                step = -inverse_of_part(J[:, columns] / lengths[:, None]) @ (state.V / lengths) * sizes[columns]
                 small = np.abs(step) <= 1e-15 * sizes[columns] * max(1.0, float(np.max(np.abs(u / sizes), initial=0.0)))
                 if np.all(small):
                     break
@@ -305,7 +307,7 @@ class Finder:
             columns = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
             weights = 1.0 / norms(np.vstack([state.J * self.sizes, np.diag(self.sizes)[given]]))
             residual = np.concatenate([state.V, u[given] - rates]) * weights
-            step = np.linalg.lstsq(columns * weights[:, None], -residual, rcond=1e-12)[0]
+            step = -inverse_of_part(columns * weights[:, None]) @ residual
             c[free] += step
             if np.max(np.abs(step)) <= 1e-15 * np.max(np.abs(c)):
                 break

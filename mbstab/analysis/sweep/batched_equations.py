@@ -15,6 +15,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, Index, norms
 from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
+from mbstab.analysis.algebra.rank import inverse_of_part
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
@@ -224,7 +225,7 @@ class Equations:
             J = dynamics.J[:, :n_h, missing] * sizes
             lengths = norms(dynamics.J[:, :n_h] * self.pattern.sizes)
             weighted = J / lengths[..., None], (dynamics.E[:, :n_h] / lengths)[..., None]
-            step = -(np.linalg.pinv(weighted[0], rcond=1e-12) @ weighted[1])[..., 0]
+            step = -(inverse_of_part(weighted[0]) @ weighted[1])[..., 0]
             q = q.copy()
             q[:, missing] += step * sizes
             if not np.max(np.abs(step)) > 1e-15:
@@ -253,7 +254,9 @@ class Equations:
             bodily[states] = False
             for _ in range(2):
                 dynamics = system.bodily.dynamics(q, u)
-                step = np.linalg.pinv(dynamics.J[..., bodily] * sizes[bodily], rcond=1e-12) @ dynamics.V[..., None]
+                J = dynamics.J * sizes
+                lengths = norms(J)[..., None]
+                step = inverse_of_part(J[..., bodily] / lengths) @ (dynamics.V[..., None] / lengths)
                 u = u.copy()
                 u[:, bodily] -= step[..., 0] * sizes[bodily]
             if missing[states].any():
@@ -283,7 +286,7 @@ class Equations:
         for k, value in known.items():
             c[:, k] = value
         right = right - (rows @ c[..., None])[..., 0]
-        c[:, free] = (np.linalg.pinv(rows[..., free], rcond=ALGEBRA.singular_value_zero) @ right[..., None])[..., 0]
+        c[:, free] = (inverse_of_part(rows[..., free]) @ right[..., None])[..., 0]
         generator = own.generator(c)
         speeds = generator.field(q)
         fast = np.max(np.abs(speeds / sizes), axis=1)

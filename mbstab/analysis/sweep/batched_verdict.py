@@ -223,10 +223,13 @@ def eigenvalues(A: Array) -> Complex:
     stiff = np.flatnonzero(np.min(size, axis=1) < TOLERANCES.slow_eigenvalue * np.max(size, axis=1))
     if len(stiff):
         try:
-            inverse = np.linalg.eigvals(np.linalg.inv(A[stiff])).astype(complex)
+            inverse = np.linalg.inv(A[stiff])
         except np.linalg.LinAlgError:  # zero is an eigenvalue: the inverse does not exist
             return values
-        values[stiff] = _parted(values[stiff], inverse)
+        found = np.linalg.eigvals(inverse).astype(complex)
+        # Where two zeros form a chain, the inverse is far larger than its eigenvalues, and their sum is lost in it.
+        normal = np.linalg.norm(inverse, axis=(1, 2)) <= TOLERANCES.inverse_departure * np.max(np.abs(found), axis=1)
+        values[stiff[normal]] = _parted(values[stiff[normal]], found[normal])
     return values
 
 
@@ -325,9 +328,11 @@ def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, 
     for _ in range(r):
         other = meet & (found[:, None, :] != found[:, :, None])
         found = np.where(np.any(other, axis=2) | ((found == AXIS) & np.any(meet, axis=2)), OPEN, found).astype(np.int8)
-    # It corrects slow eigenvalues beside fast ones; the others are already as accurate.
+    # It corrects slow eigenvalues beside fast ones; the others are already as accurate. Of those whose discs meet, the
+    # sum is known much better than each of them.
     size = np.abs(values[index])
     slow = size < TOLERANCES.slow_eigenvalue * np.max(size, axis=1, keepdims=True)
+    slow &= ~np.any(meet, axis=2)
     values[index], sides[index] = np.where(slow, centres, values[index]), found
 
 

@@ -41,6 +41,8 @@ class Tolerances:
     """Vectors whose inverse has a larger norm are useless."""
     slow_eigenvalue: Final = 1e-7
     """Eigenvalues below this fraction of the largest have lost digits in A and come from its inverse."""
+    inverse_departure: Final = 1e4
+    """An inverse whose norm is larger, relative to its eigenvalues, tells no more of the slow ones than A."""
     unexplained_zero: Final = 1e-5
     """Unexplained zeros are below this fraction of the norm of the matrix."""
 
