@@ -35,7 +35,7 @@ from typing import Literal
 
 import numpy as np
 
-from mbstab.analysis.verdict.wording import growing, phrases, power, show
+from mbstab.analysis.verdict.wording import growing, phrases, power, show, strict
 from mbstab.errors import amount, counted
 from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
 from mbstab.model.words import ASYMPTOTIC_UP_TO as ASYMPTOTIC_UP_TO
@@ -507,15 +507,11 @@ def _by_energy(facts: Facts, minimum: Minimum) -> Verdict:
     neutral = replace(neutral, family=tuple(x for x in neutral.family if x not in neutral.slow))
     facts = replace(facts, neutral=neutral)
     warnings = facts.warnings + (facts.frequencies() if minimum.kind != "minimum" else ())
-    extremum = "minimum" if minimum.kind == "with a multiple" else minimum.kind
-    has = f"has a strict {extremum} here"
-    if minimum.kind != extremum:
-        has = f"{minimum.kind} of the angular momentum {has}"
     evidence = weakest(neutral.evidence, minimum.evidence)
     if minimum.in_place and not neutral.count:
-        reason = f"{minimum.name} {has} and cannot leave it: small disturbances stay small"
+        reason = f"{minimum.name} {strict(minimum.kind)} and cannot leave it: small disturbances stay small"
         return Verdict(STABLE, (reason,), in_place=True, evidence=evidence, warnings=warnings)
-    reason = f"{minimum.name} {has}: small disturbances stay small, {_except(neutral)}"
+    reason = f"{minimum.name} {strict(minimum.kind)}: small disturbances stay small, {_except(neutral)}"
     if neutral.symmetries and not neutral.drift and any(d.holds_zero for d in facts.discs):
         reason += SLOWLY.format(power(1))  # speeds along symmetries decay, but perhaps like a root of 1/t
     verdict = _up_to(facts, STABLE_UP_TO, reason)

@@ -81,3 +81,10 @@ def power(drift: int) -> str:
 def show(s: complex) -> str:
     """Return an eigenvalue with six significant digits; a pair as ±."""
     return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g} ± {abs(s.imag):.6g}i"
+
+
+def strict(kind: str) -> str:
+    """Return what a function has at the reference in words, by the kind of a `mbstab.analysis.verdict.rule.Minimum`."""
+    if kind == "with a multiple":
+        return "with a multiple of the angular momentum has a strict minimum here"
+    return f"has a strict {kind} here"
