@@ -199,6 +199,34 @@ def test_drag_beside_a_force_of_a_state_decides_nothing(rate, word):
     assert found.verdict == word
 
 
+COLUMN = """
+mbstab: 1
+parameters: {P: 1.8, c: 0.1}
+bodies:
+  r1: {type: planar, mass: 2, inertia: 1e-12, points: {O: [-1, 0]}}
+  r2: {type: planar, mass: 1, inertia: 1e-12, points: {O: [-1, 0], E: [0, 0]}}
+joints: {a: {type: revolute, between: [r1.O, ground]}, b: {type: revolute, between: [r2.O, r1]}}
+forces:
+  one: {type: joint_spring, joint: a, stiffness: 1}
+  two: {type: joint_spring, joint: b, stiffness: 1}
+  load: {type: expression, on: {FORCES}}
+reference: {coordinates: {r1: {x: 1, y: 0, theta: 0}, r2: {x: 2, y: 0, theta: 0}}}
+"""
+
+
+@pytest.mark.parametrize("law", ["-c*{}**3", "-c*{}*abs({})"])
+@pytest.mark.parametrize("joint", "ab")
+def test_a_load_that_follows_the_body_has_no_potential_beside_drag(joint, law):
+    """Ziegler's column. Damping of the joint b makes it unstable: so does drag there, however small the motion."""
+    drag = f"angle({joint}): '{law.replace('{}', f'rate(angle({joint}))')}'"
+    for load in ("vx(r2.E): -P", "vx(r2.E): -P/2, vx(r1): -P/2"):
+        column = mbstab.loads(COLUMN.replace("FORCES", f"{load}, {drag}"))
+        assert column.eig(P=1.3).verdict == column.eig_precise(20, P=1.3).verdict == "undecided"
+        assert column.sweep("P", [0.5, 1.0, 1.5]).verdicts == 3 * ["undecided"]
+        assert column.certify().verdict != "stable"
+    assert mbstab.loads(COLUMN.replace("FORCES", f"x(r2.E): -P/8, {drag}")).eig().verdict == "stable"
+
+
 # --- random laws against their power itself -------------------------------------------------------------------------
 
 FACTORS = [

@@ -195,3 +195,8 @@ def parts(name: str) -> tuple[str, list[str]]:
     """
     kind, _, rest = name.partition("(")
     return kind, rest.removesuffix(")").split(", ")
+
+
+def is_speed(name: str) -> bool:
+    """Whether a name in an expression is a measure made of speeds, such as ``vx(rod.tip)``, which has no integral."""
+    return is_measure(name) and MEASURES[parts(name)[0]].speed

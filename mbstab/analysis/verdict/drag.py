@@ -20,6 +20,7 @@ from mbstab.analysis.verdict.exact_sums import Atom, Monomial, Structure, Sum, a
 from mbstab.analysis.verdict.smoothness import Corners
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import System
+from mbstab.mechanics.measures import is_speed
 from mbstab.model.expressions import Expression, ExpressionError
 from mbstab.model.functions import CALLED, PIECED
 from mbstab.model.schema import Entry
@@ -72,7 +73,10 @@ class Drag:
     def potential(self, path: str) -> bool | None:
         """Return whether what an entry does at rest has a potential, by structure; None: its derivatives decide."""
         still = {name: self._at.structure.exact(x, still=True) for name, x in self._equations(path).items()}
-        alone = all({atom.name for atom in atoms(x) if atom.kind == "state"} <= {name} for name, x in still.items())
+        alone = all(
+            not x or (not is_speed(name) and {atom.name for atom in atoms(x) if atom.kind == "state"} <= {name})
+            for name, x in still.items()
+        )
         if alone:
             return True
         return False if any(atom.kind in PIECED for x in still.values() for atom in atoms(x) if atom.state) else None
