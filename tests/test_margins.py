@@ -115,6 +115,26 @@ def test_a_response_without_damping_is_real_everywhere():
     assert found.closed is not True
 
 
+def integrators(n, seed):
+    """Return n eigenvalues at or near zero in a row, with a direct part, beside an oscillator that no input reaches."""
+    rng = np.random.default_rng(seed)
+    A = np.zeros((n + 2, n + 2))
+    A[:n, :n] = np.diag(np.ones(n - 1), -1) + np.diag(rng.choice([0.0, -0.01, -0.02], n) * rng.integers(0, 2))
+    omega, zeta = rng.uniform(0.5, 2.0), rng.uniform(0.05, 0.5)
+    A[n:, n:] = [[0, 1], [-(omega**2), -2 * zeta * omega]]
+    return channel(A, [1.0] + [0.0] * (n + 1), [0.0] * (n - 1) + [10.0, 0.0, 0.0], -0.5)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
+def test_many_eigenvalues_at_one_place_leave_no_trace_of_others_that_are_hidden(n):
+    for seed in range(4):
+        loop = integrators(n, seed)
+        found = zeros_of(loop)
+        assert not found.doubt
+        assert len(found.values) == n
+        np.testing.assert_allclose(sorted(found.hidden, key=np.imag), np.linalg.eigvals(loop.A[n:, n:])[[1, 0]])
+
+
 @pytest.mark.parametrize("systems", sample([8, 25], 2))
 def test_random_systems_against_a_fine_grid(systems):
     rng = np.random.default_rng(3)

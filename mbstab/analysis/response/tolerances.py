@@ -15,6 +15,10 @@ class Tolerances:
     """The rates of the chosen coordinates are states unless their smallest pivot is less than this fraction."""
     circles_of_poles: Final = (1.0, 1e-3, 1e-6, 1e-9)
     """Poles are looked for on circles of these radii, relative to the widest."""
+    points_on_circle: Final = 16
+    """A circle about poles has at least this many points, besides two for each pole inside, …"""
+    most_points_on_circle: Final = 100
+    """… and at most so many: enough for poles outside to leave nothing but rounding."""
     residue_kept: Final = 30.0
     """A singular value of the moments of a pole is different from 0 if it is this many times its error …"""
     residue_dropped: Final = 1.0

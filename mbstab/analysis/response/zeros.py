@@ -141,10 +141,15 @@ def groups_of(poles: Complex, bounds: Array) -> list[Group]:
         members = [g for g in members if g is not first and g is not other] + [sorted(first + other)]
 
 
-def order(group: Group, values: Values) -> int:
+def order(group: Group, values: Values, beyond: Array) -> int:
     """Return the order of the principal part of G at a group of poles.
 
     A trace that is lost on a wide circle may be seen on one close to the poles.
+
+    Parameters
+    ----------
+    beyond : ndarray
+        Distances of the other eigenvalues from the centre.
     """
     q, kept, best = len(group.values), 0, (np.inf, 0)
     if not q:
@@ -153,7 +158,7 @@ def order(group: Group, values: Values) -> int:
     for radius in group.radius * np.array(TOLERANCES.circles_of_poles):
         if radius != group.radius and not 4.0 * spread < radius:
             break
-        singular, noise = _moments(group, values, float(radius))
+        singular, noise = _moments(group, values, float(radius), beyond)
         if singular is None:
             continue
         kept = max(kept, int(np.sum(singular > TOLERANCES.residue_kept * noise)))
@@ -167,21 +172,34 @@ def order(group: Group, values: Values) -> int:
     return kept
 
 
-def _moments(group: Group, values: Values, radius: float) -> tuple[Any, float]:
+def _moments(group: Group, values: Values, radius: float, beyond: Array) -> tuple[Any, float]:
     """Return the singular values of the moments on a circle, or None if G is not known there, and their error."""
     q = len(group.values)
-    count = max(16, 2 * q + 16)
+    count, outside = _points_on(radius / beyond)
+    count += 2 * q
     turns = np.exp(2j * np.pi * (np.arange(count) + 0.5) / count)
     found = [values(group.centre + radius * u) for u in turns]
     G, errors = np.array([x[0] for x in found]), np.array([x[1] for x in found])
     if not (np.isfinite(G).all() and np.isfinite(errors).all()):
         return None, np.inf
     moments = np.array([np.mean(turns ** (k + 1) * G) for k in range(2 * q - 1)])
-    # Of poles outside the circle, at least 8 times farther away, this much is left.
-    outside = (radius / (8.0 * group.radius)) ** (count - 2 * q)
     hankel = np.array([[moments[i + k] for k in range(q)] for i in range(q)])
     noise = q * (float(np.mean(errors)) + float(np.max(np.abs(G))) * outside)
     return np.linalg.svd(hankel, compute_uv=False), noise
+
+
+def _points_on(ratios: Array) -> tuple[int, float]:
+    """Return on how many points of a circle the mean forgets poles outside, and what is left of them.
+
+    Of a product of 1/(1 − r_j u) these are the coefficients of powers of u: several poles at one place, or many, leave
+    more than a single one.
+    """
+    powers = np.array([1.0])
+    sums = np.array([np.sum(ratios**n) for n in range(1, TOLERANCES.most_points_on_circle)])
+    while len(powers) <= TOLERANCES.points_on_circle or (powers[-1] > EPS and len(powers) <= len(sums)):
+        # Newton's identities for complete homogeneous sums.
+        powers = np.append(powers, np.dot(sums[: len(powers)], powers[::-1]) / len(powers))
+    return len(powers) - 1, float(powers[-1])
 
 
 def excess(values: Values, size: float) -> tuple[int, complex]:
@@ -290,7 +308,8 @@ def _seen(values: Values, groups: Sequence[Group]) -> list[tuple[Complex, Array]
     for group in groups:
         if group.centre.imag < 0.0 and group.radius < -group.centre.imag:
             continue
-        count = order(group, values)
+        apart = [np.abs(np.array(g.values) - group.centre) - g.errors for g in groups if g is not group]
+        count = order(group, values, np.concatenate([np.zeros(0), *apart]))
         own = sorted(group.values, key=lambda s: (s.real, s.imag))
         parts = own[:count], own[count:]
         wide = max((abs(s - x) for s in own for x in own), default=0.0) if 0 < count < len(own) else 0.0

@@ -118,9 +118,10 @@ class CriticalValues(Branches):
                 inside: list[Critical] = []
             else:
                 inside = self._changes(self._stretch(more), branches, depth + 1)
-            if not inside and min(int(part.counts[a]), int(part.counts[b])) >= 0 and part.counts[a] != part.counts[b]:
-                inside = self._halved(part, a, b, branches)
             found += inside
+        # The ends of what was doubtful may be undecided, although the points beside them are not.
+        for a, b in self._unexplained(part, found, []):
+            found += self._halved(part, a, b, branches)
         return found
 
     def _halved(self, part: Stretch, a: int, b: int, branches: Complex) -> list[Critical]:
@@ -375,23 +376,33 @@ class CriticalValues(Branches):
         """Examine real parts that approach the axis and turn back between points: they may have crossed it."""
         clear = self.raw.clear
         watched = np.flatnonzero(self.raw.turns[1:-1] | ~clear[:-1] | ~clear[1:]) + 1
-        now = branches.real[watched]
         with np.errstate(invalid="ignore"):
             turns = turning(branches[watched - 1], branches[watched], branches[watched + 1])
         if not turns.any():
             return
-        turns &= signs(self.sides(branches, watched)) != 0
-        for k in np.flatnonzero(np.any(turns, axis=1)):
-            a, b = float(self.x[watched[k] - 1]), float(self.x[watched[k] + 1])
-            for _ in range(6):
-                points = np.linspace(a, b, 9)[1:-1]
-                found = self.at(points)
-                if np.any(np.isnan(found)):
-                    break
-                sides = np.array([self.looked[p].sides for p in points.tolist()])
-                highest = np.max(np.where(signs(sides) != 0, found.real, -np.inf), axis=1)
-                best = int(np.argmax(highest)) if now[k][np.argmin(np.abs(now[k]))] < 0 else int(np.argmin(highest))
-                a, b = (float(points[max(best - 1, 0)]), float(points[min(best + 1, len(points) - 1)]))
+        turns &= (signs(self.sides(branches, watched)) != 0) & (branches[watched].imag >= 0.0)
+        for n, i in np.argwhere(turns).tolist():
+            self._look_around(int(watched[n]), complex(branches[watched[n], i]))
+
+    def _look_around(self, k: int, value: complex) -> None:
+        """Examine the real part of an eigenvalue of a point until it is seen to cross the axis beside it, or not to."""
+        a, middle, b = self.x[k - 1 : k + 2].tolist()
+        toward = -np.sign(value.real)
+        for _ in range(TOLERANCES.turning_rounds):
+            points = np.union1d(np.linspace(a, b, TOLERANCES.turning_points), middle)
+            new = points[~np.isin(points, self.x) & ~np.isin(points, self.between)]
+            if len(new) and np.any(np.isnan(self.at(new))):
+                return
+            part = self._stretch(points)
+            i = int(np.argmin(np.abs(part.values[np.searchsorted(points, middle)] - value)))
+            real = part.values[:, i].real
+            best = int(np.argmax(toward * real))
+            if np.any(signs(part.sides)[:, i] == toward) or best in (0, len(points) - 1):
+                return
+            if not turning(*part.values[best - 1 : best + 2, i, None, None])[0, 0] and real[best]:
+                return
+            a, middle, b = points[best - 1 : best + 2].tolist()
+            value = complex(part.values[best, i])
 
     def _located(self, part: Stretch, bracket: Bracket, branches: Complex) -> Critical | None:
         """Return the stability change in a bracket; None unless both sides confirm it.

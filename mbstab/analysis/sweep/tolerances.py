@@ -95,6 +95,10 @@ class Tolerances:
     """… and how often."""
     points_beside: Final = 2
     """Number of points on either side that are examined with an interval in which stability may change."""
+    turning_points: Final = 9
+    """Where a real part approaches the axis and turns back, so many points are looked at from end to end …"""
+    turning_rounds: Final = 6
+    """… in so many rounds, each between the two points beside the nearest one."""
     points_fewest: Final = 24
     """Sweeps with fewer points get intermediate points everywhere."""
     interval_ratio: Final = 100.0

@@ -187,7 +187,8 @@ def doubtful(clear: Flags) -> Flags:
 def turning(before: Complex, now: Complex, after: Complex) -> Flags:
     """Return whether real parts come close to zero and turn back, for spectra in continuous columns, shape (m, r)."""
     rising, falling = now.real - before.real, now.real - after.real
-    top = (rising * falling > 0.0) & (np.sign(now.real) == -np.sign(rising)) & (now.real != 0.0)
+    # Equal values at two points have the turn between them.
+    top = (rising * falling >= 0.0) & (np.sign(now.real) == -np.sign(rising + falling)) & (now.real != 0.0)
     near = np.abs(now.real) < 2.0 * np.maximum(np.abs(rising), np.abs(falling))
     found: Flags = top & near
     return found
