@@ -178,6 +178,16 @@ class OutputError(MbstabError):
     """An answer could not be written."""
 
 
+class UnforeseenError(MbstabError):
+    """A fault of the program at one of several files; the message ends with where it happened."""
+
+    def __init__(self, name: str, error: Exception) -> None:
+        import traceback
+
+        where = "".join(traceback.format_exception(error)).rstrip("\n")
+        super().__init__(f"{visible(name, lines=False)}: a fault of mbstab, please report it:\n{where}")
+
+
 class SeveralErrors(MbstabError):
     """Several files could not be answered; the exit code is that of the worst of `errors`."""
 

@@ -15,7 +15,7 @@ from click.core import ParameterSource
 
 from mbstab.cli import completion
 from mbstab.cli.output import files, note, quiet, remembered, remembered_flag
-from mbstab.errors import UsageError
+from mbstab.errors import MbstabError, UnforeseenError, UsageError
 
 if TYPE_CHECKING:
     from mbstab.api import Mechanism
@@ -74,6 +74,19 @@ def _loaded(file: str) -> Mechanism:
     for name in model.document.beside:
         files().opened(found.path.parent / name)
     return Mechanism(model, force)
+
+
+def failure_of(name: str, error: Exception) -> MbstabError:
+    """Return why one of several files has no answer, so that the others get theirs.
+
+    Raises
+    ------
+    OSError, MemoryError
+        If the others would fail alike.
+    """
+    if isinstance(error, (OSError, MemoryError)):
+        raise error
+    return error if isinstance(error, MbstabError) else UnforeseenError(name, error)
 
 
 def parse_settings(settings: tuple[str, ...], option: str = "--set") -> dict[str, str]:

@@ -20,20 +20,6 @@ def _none(item: Item) -> Iterable[ElementUse]:
     return ()
 
 
-def _list(given: Mapping[Any, Any], *keys: Any) -> list[Any]:
-    """Return lists of numbers.
-
-    Raises
-    ------
-    TypeError
-        If one is no list; where the key is read, this is told.
-    """
-    found = [given[key] for key in keys]
-    if any(isinstance(x, str) for x in found):
-        raise TypeError
-    return found
-
-
 def _sum(terms: Iterable[tuple[str, str]]) -> str:
     """Return Σ (factor)·(text)."""
     return " + ".join(f"({factor})*({text})" for factor, text in terms) or "0"
@@ -105,7 +91,7 @@ def _space(name: str, A: Sequence[Sequence[str]], B: Sequence[str], C: Sequence[
 
 
 def _transfer(name: str, given: Mapping[str, Any]) -> Part:
-    above, below = _list(given, "numerator", "denominator")
+    above, below = given["numerator"], given["denominator"]
     n = len(below) - 1
     if len(above) > n + 1:
         message = f"the numerator has the degree {len(above) - 1}, the denominator only {n}"
@@ -135,9 +121,8 @@ def _in_transfer(states: list[str], above: list[str], below: list[str], signal: 
 
 
 def _state_space(name: str, given: Mapping[str, Any]) -> Part:
-    A, B, C = _list(given, "A", "B", "C")
+    A, B, C = given["A"], given["B"], given["C"]
     n = len(A)
-    _list(dict(enumerate(A)), *range(n))
     for row in A:
         if len(row) != n:
             raise PartError("A", f"A must be square: it has {n} rows, and one of them {len(row)} numbers")

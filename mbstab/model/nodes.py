@@ -15,7 +15,9 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 
 
 def single(node: YamlNode) -> str:
-    """Return a hint if a list stands where a single number is expected."""
+    """Return a hint if a list or a mapping stands where a single number is expected."""
+    if isinstance(node, Mapping) and "value" in node.entries:
+        return "units stand under parameters: declare a parameter with this value and unit there, and write its name"
     return "a single number stands without brackets" if isinstance(node, Sequence) else ""
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mbstab.analysis.linear.methods import DEFAULT, METHODS
-from mbstab.cli.common import files_argument, force_option, listed, load_model, progress_bar, set_option
+from mbstab.cli.common import failure_of, files_argument, force_option, listed, load_model, progress_bar, set_option
 from mbstab.cli.output import (
     Answer,
     Output,
@@ -164,10 +164,10 @@ def eig(
             paths = picture_paths(*picture_stem(place, output.path, Path(mechanism.model.name)), pictures)
             replies.append(reply(mechanism))
             failures += _failure(replies[-1], require, name if len(names) > 1 else "")
-        except MbstabError as error:
+        except Exception as error:
             if len(names) == 1:
                 raise
-            failures.append(error)
+            failures.append(failure_of(name, error))
     if replies:
         _write(replies, len(names) > 1, output, paths)
     if failures:

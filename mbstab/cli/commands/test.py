@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import load_model, model_argument
+from mbstab.cli.common import failure_of, load_model, model_argument
 from mbstab.cli.output import Output, output_options, quiet, say
 from mbstab.errors import ExpectationError, MbstabError, SeveralErrors, UsageError, counted
 
@@ -29,10 +29,11 @@ def test(names: tuple[str, ...], output: Output) -> None:
             if not found:
                 raise UsageError(f"{name} has no expect: block\nhint: mbstab schema expect shows its keys")
             models.append(outcomes.Tested(name, found))
-        except MbstabError as error:
-            say(str(error))
-            models.append(outcomes.Tested(name, [], str(error)))
-            errors.append(error)
+        except Exception as error:
+            failure = failure_of(name, error)
+            say(str(failure))
+            models.append(outcomes.Tested(name, [], str(failure)))
+            errors.append(failure)
     output.write(
         {
             "table": lambda: outcomes.tested_text(models, quiet()),

@@ -10,7 +10,7 @@ from mbstab.model.evaluator import Evaluator
 from mbstab.model.quantities import QuantityReader
 from mbstab.model.schema import Entry, is_angle, is_length
 from mbstab.model.yamlfile import Mapping as MappingNode
-from mbstab.model.yamlfile import YamlNode
+from mbstab.model.yamlfile import Scalar, YamlNode
 
 
 class Reading:
@@ -53,6 +53,22 @@ class Reading:
         return str(self.values.get("motion") or (motions[0] if len(motions) == 1 else ""))
 
 
+class FormError(Exception):
+    """What is written has another form than its field asks for; where the field is read, this is told."""
+
+
+def text_of(node: YamlNode) -> str:
+    """Return what is written where a number, an expression or a word is expected.
+
+    Raises
+    ------
+    FormError
+    """
+    if not isinstance(node, Scalar) or node.empty:
+        raise FormError
+    return node.text
+
+
 class Owner(Protocol):
     """An entry whose fields become numbers."""
 
@@ -85,6 +101,15 @@ class FieldKind:
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Any:
         """Return the value as it stands in the file; None after a problem."""
         raise NotImplementedError
+
+    def texts(self, node: YamlNode) -> Any:
+        """Return what is written, for an entry that is made of the texts of its keys.
+
+        Raises
+        ------
+        FormError
+        """
+        return text_of(node)
 
     def finish(self, reading: Reading, field: Field) -> None:
         """Check what must hold between the fields of an entry, after all have been read; the field may be missing."""

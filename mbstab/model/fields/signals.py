@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 
 from mbstab.mechanics.catalogue import Field, Moved, Number
 from mbstab.model.expressions import Binary, Rate, moves
-from mbstab.model.fields.base import BY_NAME, NUMBER, NUMBERS, TEXT, FieldKind, Owner, Reading
+from mbstab.model.fields.base import BY_NAME, NUMBER, NUMBERS, TEXT, FieldKind, FormError, Owner, Reading, text_of
 from mbstab.model.schema import Quantity
 from mbstab.model.units import per_second
-from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
+from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 
 
 class SignalField(FieldKind):
@@ -129,6 +129,27 @@ class MovingNumberField(SignalField):
             owner.evaluator.check_widths(numbers.expression)
 
 
+def _items(node: YamlNode) -> list[YamlNode]:
+    """Return the items of a list.
+
+    Raises
+    ------
+    FormError
+    """
+    if not isinstance(node, Sequence):
+        raise FormError
+    return node.items
+
+
+def _flat(node: Sequence) -> list[str] | None:
+    """Return the numbers of a matrix of one row or one column; None for anything else."""
+    rows = [x.items for x in node.items if isinstance(x, Sequence)]
+    if len(rows) < len(node.items) or not (len(rows) == 1 or all(len(row) == 1 for row in rows)):
+        return None
+    numbers = [x for row in rows for x in row]
+    return [x.text for x in numbers if isinstance(x, Scalar)] if numbers else None
+
+
 class NumbersField(FieldKind):
     """A list of numbers, at least one."""
 
@@ -139,7 +160,14 @@ class NumbersField(FieldKind):
         if not isinstance(node, Sequence) or not node.items:
             reading.nodes.complain(node, path, "expected a list of numbers", "for example [1, 0.5]")
             return None
+        if (flat := _flat(node)) is not None:
+            reading.nodes.complain(node, path, "expected a list of numbers, got a matrix", f"write [{', '.join(flat)}]")
+            return None
         return reading.quantities.components(node.items, node, path).values
+
+    def texts(self, node: YamlNode) -> list[str]:
+        """Return their texts."""
+        return [text_of(x) for x in _items(node)]
 
     def numbers(self, owner: Owner, field: Field, value: tuple[Quantity, ...]) -> tuple[Number, ...]:
         """Return the numbers."""
@@ -169,6 +197,10 @@ class MatrixField(FieldKind):
         rows = (x for x in node.items if isinstance(x, Sequence))
         return [reading.quantities.components(x.items, x, f"{path}[{i}]").values for i, x in enumerate(rows)]
 
+    def texts(self, node: YamlNode) -> list[list[str]]:
+        """Return their texts row by row."""
+        return [[text_of(x) for x in _items(row)] for row in _items(node)]
+
     def numbers(self, owner: Owner, field: Field, value: list[tuple[Quantity, ...]]) -> tuple[Number, ...]:
         """Return the numbers, row by row."""
         return tuple(owner.evaluator.number(x) for row in value for x in row)
@@ -195,6 +227,12 @@ class GainsField(FieldKind):
         signals = [self._signal(reading, key, path) for key in mapping.keys.values()]
         gains = [reading.quantities.quantity(x, f"{path}.{key.text}") for key, x in mapping.pairs()]
         return [x for x in (*signals, *gains) if x is not None]
+
+    def texts(self, node: YamlNode) -> dict[str, str]:
+        """Return the gains by expression."""
+        if not isinstance(node, Mapping):
+            raise FormError
+        return {key: text_of(x) for key, x in node.entries.items()}
 
     @staticmethod
     def _signal(reading: Reading, key: Scalar, path: str) -> Quantity | None:

@@ -17,7 +17,7 @@ from mbstab.mechanics.catalogue import ROWS, Field, Kind, Part, PartError
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import ExpressionError, filled_in, moves, parse
-from mbstab.model.fields.base import Reading
+from mbstab.model.fields.base import FormError, Reading
 from mbstab.model.fields.catalogue import given_fields, kind_of
 from mbstab.model.functions import CALLED
 from mbstab.model.names import in_order
@@ -164,7 +164,7 @@ class EntryReader:
             at = node.entries.get(error.key, node)
             self.nodes.complain(at, f"forces.{key.text}", error.message, error.hint)
             return []
-        except (AttributeError, KeyError, TypeError, ValueError):  # a key that is missing, or no list: told where read
+        except (KeyError, FormError):  # told where the key is read
             return []
         self.parts[key.text], self.places[key.text] = part, key.location
         return list(part.states)

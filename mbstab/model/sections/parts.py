@@ -13,15 +13,7 @@ from mbstab.model.fields.base import Reading
 from mbstab.model.fields.catalogue import kind_of
 from mbstab.model.measures import effort_unit
 from mbstab.model.quantities import QuantityReader, hint_of_factor
-from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
-
-
-def _texts(node: YamlNode) -> Any:
-    if isinstance(node, Scalar):
-        return node.text
-    if isinstance(node, Sequence):
-        return [_texts(item) for item in node.items]
-    return {key: _texts(item) for key, item in node.entries.items()}
+from mbstab.model.yamlfile import Mapping, Scalar
 
 
 def _along(node: Mapping, motions: tuple[str, ...]) -> str:
@@ -41,11 +33,12 @@ def part_of(kind: Kind, name: str, node: Mapping, motions: tuple[str, ...] = ())
 
     Raises
     ------
-    PartError, KeyError, TypeError, ValueError
+    PartError, KeyError, FormError
         If its keys do not fit each other, are missing or of another form.
     """
     assert kind.part is not None
-    given = {key: _texts(item) for key, item in node.entries.items()}
+    written = ((field, node.entries.get(field.name)) for field in kind.fields if not field.made)
+    given = {field.name: kind_of(field).texts(item) for field, item in written if item is not None}
     return kind.part(_along(node, motions), name, given)
 
 
