@@ -67,6 +67,8 @@ class Balance:
         Constraint rows that are used: of redundant ones one is enough.
     energy, speed : float
         Scales by which residuals are judged.
+    row_speeds : ndarray, shape (n_c,)
+        The same for the speed of each row.
     ramp : float
         Fraction of the given rates: 1 except during spin-up.
     """
@@ -84,6 +86,7 @@ class Balance:
         self.open = np.flatnonzero(~held)
         self.free = [k for k in range(family.size) if k not in self.known]
         self.energy = self.speed = self.ramp = 1.0
+        self.row_speeds = np.ones(system.n_c)
         rates = system.scene.rates if family.size else {}
         self.given = np.array([i for i, name in enumerate(system.names) if name in rates], dtype=np.intp)
         values = [np.asarray(rates[system.names[i]], dtype=float) for i in self.given]
@@ -96,8 +99,29 @@ class Balance:
         held = np.ones(system.n_q, dtype=bool)
         held[self.open] = False
         result = Balance(system, self.sizes, replace(family, columns=self.family.columns), known, held, self.rows)
-        result.energy, result.speed = self.energy, self.speed
+        result.energy, result.speed, result.row_speeds = self.energy, self.speed, self.row_speeds
         return result
+
+    def measured_by(self, energy: float, speed: float, q: Array, u: Array, a: Array) -> None:
+        """Set the scales by which residuals are judged; those of first-order states from their couplings at a motion.
+
+        A state is in any unit, and its rate may be as fast as any lag: their sizes make 1 the largest entry of each
+        row and each column of a state.
+        """
+        self.energy, self.speed, self.row_speeds = energy, speed, np.full(self.system.n_c, speed)
+        states, rows = self.system.states
+        if not len(states):
+            return
+        K, _, D_q = self.system.linearize(q, u, a, np.zeros(self.system.n_c))
+        J = self.system.dynamics(q, u).J
+        forces, D_q = np.abs(K[:, states]), np.abs(D_q[rows - self.system.n_h])
+        sizes = self.sizes.copy()
+        for _ in range(TOLERANCES.balancing_steps):
+            rates = _largest(D_q * sizes, 1, 1.0)
+            parts = np.vstack([forces * (sizes / energy)[:, None], D_q[:, states] / rates[:, None]])
+            sizes[states] = 1.0 / _largest(parts, 0, 1.0 / sizes[states])
+        self.sizes = sizes
+        self.row_speeds[rows] = _largest(D_q * sizes, 1, speed) / self._lengths(J[rows])
 
     def completed(self, q: Array) -> Array:
         """Return coordinates with the given ones put in."""
@@ -170,7 +194,7 @@ class Balance:
         parts = [force + (np.swapaxes(rows, -1, -2) @ nu[..., None])[..., 0], E[..., :n_h] / lengths[..., :n_h]]
         if self.with_speeds:
             parts += [
-                V / (lengths * self.speed),
+                V / (lengths * self.row_speeds[self.rows]),
                 (u[..., self.given] - self.ramp * self.rates) / (self.sizes[self.given] * self.speed),
             ]
         all_nu = np.zeros((*nu.shape[:-1], system.n_c))
@@ -231,7 +255,7 @@ class Balance:
             ),
         ]
         if self.with_speeds:
-            rows = (lengths * self.speed)[..., None]
+            rows = (lengths * self.row_speeds[self.rows])[..., None]
             blocks.append(
                 joined([turned[..., self.open] * columns / rows, J @ X * self.speed / rows, np.zeros((n_c, n_c))], 2)
             )
@@ -251,6 +275,12 @@ class Balance:
         q[..., self.open] += step[..., : len(self.open)] * self.sizes[self.open]
         c[..., self.free] += step[..., len(self.open) : self.moving] * self.speed
         return q, c
+
+
+def _largest(A: Array, axis: int, otherwise: Array | float) -> Array:
+    """Return the largest entries along an axis, another number where there is none or it has no value."""
+    found = np.max(A, axis=axis, initial=0.0)
+    return np.where(np.isfinite(found) & (found > 0.0), found, otherwise)
 
 
 def joined(parts: list[Array], core: int, axis: int = -1) -> Array:

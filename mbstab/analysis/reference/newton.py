@@ -214,14 +214,15 @@ class Search:
         full = self.balance.coefficients(c)
         u = self.balance.family.generator(full).field(q)
         speed = max(float(np.max(np.abs(u / self.sizes))), float(np.max(np.abs(full), initial=0.0)))
-        self.balance.speed = speed or self._rate_of_states(q) or 1.0
+        speed = speed or self._rate_of_states(q) or 1.0
         a = self.balance.family.generator(full).acceleration(q)
         # Forces, not their slopes, which may have any size near a singular point.
         energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
         # At an equilibrium whose forces vanish one by one, a small move shows how large they are.
         at = q, u, a, np.zeros(self.system.n_c)
         energy = max(energy, TOLERANCES.move_scaling_forces * force_change(self.system, at, self.sizes, self.sizes))
-        self.balance.energy = energy or 1.0
+        self.balance.measured_by(energy or 1.0, speed, q, u, a)
+        self.sizes = self.balance.sizes
 
 
 def newton_step(G: Array, residual: Array, moving: int, damping: float) -> Array:

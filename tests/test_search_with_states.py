@@ -1,0 +1,45 @@
+"""The search for an equilibrium does not depend on how fast states follow, or in which unit they are."""
+
+import math
+
+import pytest
+
+import mbstab
+
+ARM = """\
+mbstab: 1
+parameters: {T: 0.005, P: 300, I: 400, D: 20, Tf: 0.002}
+gravity: [0, -9.81]
+bodies: {arm: {type: planar, mass: 4, inertia: 0.1, points: {a: [-0.3, 0]}}}
+joints: {axle: {type: revolute, between: [arm.a, ground]}}
+forces: {c: {type: pid, joint: axle, of: angle(axle), target: 0.5, P: P, D: D, filter: Tf, lag: TGIVEN}}
+reference: {find: equilibrium, guess: {arm: {theta: 0.4}}}
+"""
+INTEGRATING = mbstab.loads(ARM.replace("GIVEN", ", I: I"))
+SAGGING = mbstab.loads(ARM.replace("GIVEN", ""))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [(name, 10.0**power) for name, powers in {
+        "T": (-12, -9, -6, 0, 6), "Tf": (-9, -6, 3), "P": (-3, 5, 7, 9, 12), "I": (-9, -3, 6, 9), "D": (-6, 5, 8)
+    }.items() for power in powers],
+)  # fmt: skip
+def test_an_integrating_controller_holds_its_target_whatever_its_time_constants_and_gains(name, value):
+    motion = INTEGRATING.at(**{name: value}).motion()
+    at = dict(zip(INTEGRATING.system().names, motion.q, strict=True))
+    torque = 4 * 9.81 * 0.3 * math.cos(0.5)
+    assert at["arm.theta"] == pytest.approx(0.5, rel=1e-12)
+    assert at["c_effort"] == pytest.approx(torque, rel=1e-12)
+    assert at["c_filtered"] == pytest.approx(0.5, rel=1e-12)
+    assert at["c_integral"] * (value if name == "I" else 400) == pytest.approx(torque, rel=1e-9)
+
+
+@pytest.mark.parametrize("P", [20.0, 1e3, 1e7, 1e12])
+@pytest.mark.parametrize("T", [1e-9, 1e-3, 1e3])
+def test_an_arm_sags_by_what_its_stiffness_allows(P, T):
+    motion = SAGGING.at(P=P, T=T).motion()
+    at = dict(zip(SAGGING.system().names, motion.q, strict=True))
+    torque = 4 * 9.81 * 0.3 * math.cos(at["arm.theta"])
+    assert at["c_effort"] == pytest.approx(torque, rel=1e-9)
+    assert P * (0.5 - at["arm.theta"]) == pytest.approx(torque, rel=1e-9, abs=4e-16 * P)
