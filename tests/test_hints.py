@@ -45,6 +45,13 @@ CASES = {
     ROD + "constraints: {c: {nonholonomic: rate(rod.x) = 1}}\n": ("4:", "what is zero: left - (right)"),
     HELD + "forces: {c: {type: pid, joint: pivot, of: angle(pivot), target: 1, P: 3, I: 1}}\n"
     "reference: {find: equilibrium, coordinates: {rod: {theta: 0}}}\n": ("6:", "they settle where the rate is zero"),
+    ROD + "constraints: {c: {holonomic: rod.y**2}}\n": ("4:", "without a power"),
+    ROD + "constraints: {c: {holonomic: (rod.x - 1)**4}}\nreference: {guess: {rod: {x: 1.3}}}\n": (
+        "4:", "without a power"
+    ),
+    ROD + "constraints: {c: {holonomic: rod.x**2 + rod.y**2}}\nreference: {coordinates: {rod: {x: 0, y: 0}}}\n": (
+        "4:", "one constraint for each"
+    ),
     ROTOR.replace("INERTIA", "[0.01, 0.012, 0.02]"): ("5:", "only with equal moments of inertia xx and yy"),
 }  # fmt: skip
 
@@ -117,3 +124,11 @@ def test_a_spin_that_is_not_steady_is_told_with_the_remedy(inertia, axis, angle,
     reasons = " ".join(mbstab.loads(text).eig().reasons)
     assert said in reasons
     assert ("frozen-time" in reasons) == bool(said)
+
+
+@pytest.mark.parametrize("given", ["1e-9*rod.x + rod.y**2", "rod.y - exp(rod.x/0.001) + 1", "rod.y**2 - 1e-8"])
+def test_a_small_derivative_that_does_not_vanish_is_no_square(given):
+    found = mbstab.loads(
+        f"{HEAD}{ROD}constraints: {{c: {{holonomic: {given}}}}}\nreference: {{guess: {{rod: {{y: 0.5}}}}}}\n"
+    )
+    assert found.eig().counts.expected == 4

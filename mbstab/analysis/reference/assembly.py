@@ -10,6 +10,7 @@ from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.rank import inverse_of_part
 from mbstab.analysis.algebra.sparse import dense
+from mbstab.analysis.reference.refusals import vanishing_rows
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Row, System
 from mbstab.errors import Problem
@@ -67,6 +68,9 @@ def assembled(system: System, sizes: Array, q: Array, missing: Flags, kept: list
 def unclosed(system: System, sizes: Array, q: Array, missing: Flags) -> list[Problem]:
     """Return a problem for each row that a position does not satisfy, with the entries that it contradicts."""
     bad, E = _open_rows(system, sizes, q)
+    still = np.zeros(system.n_q), system.scene.time
+    if bad and (squares := vanishing_rows(system, (q, *still), system.dynamics(q, *still).J, sizes)):
+        return squares
     if not missing.any():
         hint = "correct the values, or leave out those that the constraints determine"
         return [not_satisfied(system, i, E[i], hint) for i in bad]

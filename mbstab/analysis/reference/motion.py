@@ -26,7 +26,12 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.assembly import assembled, not_satisfied, unclosed
 from mbstab.analysis.reference.imbalance import balanced_at, carrying, require_compatible, state_rounding
 from mbstab.analysis.reference.read_speeds import misread
-from mbstab.analysis.reference.refusals import inertias_too_far_apart, singular_configuration, turns_and_degrees
+from mbstab.analysis.reference.refusals import (
+    inertias_too_far_apart,
+    singular_configuration,
+    turns_and_degrees,
+    vanishing_rows,
+)
 from mbstab.analysis.reference.state_units import balanced_states, characteristic_sizes
 from mbstab.analysis.reference.steady import Family, Generator, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -360,6 +365,8 @@ class Finder:
         system = self.system
         time = self.scene.time if time is None else time
         state = system.dynamics(q, u, time) if state is None else state
+        if system.n_h:
+            self._fail(vanishing_rows(system, (q, u, time), state.J, self.sizes))
         spaces, sizes = subspaces(state.M, state.J, system.n_h, system.rows, self.sizes), self.sizes
         if (units := balanced_states(system, spaces, state, (q, u, time), sizes)) is not None:
             spaces, sizes = subspaces(state.M, state.J, system.n_h, system.rows, *units), units[0]

@@ -7,8 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
+from mbstab.errors import Problem
 from mbstab.model.bare_degrees import bare_degrees
 from mbstab.model.scene import Scene
 from mbstab.model.schema import is_length
@@ -21,6 +25,32 @@ def singular_configuration(curvature: float, rows: list[str]) -> str:
         f"each other here (curvature {curvature:.3g})\nthe rows involved: {'; '.join(rows)}\n"
         "hint: eigenvalues do not exist at such a point; move the reference away from it"
     )
+
+
+def vanishing_rows(system: System, at: tuple[Array, Array, float], J: Any, sizes: Array) -> list[Problem]:
+    """Return a problem for each holonomic row whose derivative vanishes where it holds, as that of a square does."""
+    q, u, time = at
+    n_h, zero = system.n_h, np.zeros(system.n_q)
+    here = abs(J[:n_h]) @ sizes
+    try:
+        beside = abs(system.dynamics(q + TOLERANCES.other_position * sizes, zero, time).J[:n_h]) @ sizes
+    except FAILURES:
+        return []
+    problems = []
+    for i in np.flatnonzero(here <= TOLERANCES.vanishing_derivative * beside).tolist():
+        bent = dense(system.linearize(q, u, zero, np.eye(1, system.n_c, i)[0], time)[0])
+        bent = bent - dense(system.linearize(q, u, zero, np.zeros(system.n_c), time)[0])
+        H, gradient = bent * sizes * sizes[:, None], dense(J[[i]])[0] * sizes
+        way = np.linalg.lstsq(H, -gradient, rcond=1e-9)[0]
+        left = float(np.linalg.norm(gradient + H @ way))
+        if np.linalg.norm(way) <= TOLERANCES.vanishing_derivative and left <= 1e-3 * np.linalg.norm(gradient):
+            row = system.rows[i]
+            message = f"the derivative of {row} vanishes where it holds, as that of a square: it says nothing of speeds"
+            hint = "write what must be zero without a power, such as a.x for a.x**2, one constraint for each"
+            problems.append(
+                system.scene.model.document.problem(row.location, f"{row.section}.{row.name}", message, hint)
+            )
+    return problems
 
 
 def inertias_too_far_apart(system: System, M: Any, sizes: Array) -> str:

@@ -15,6 +15,9 @@ class Tolerances:
     """A reference satisfies its constraints if the residuals are below this, relative to the sizes in the scene."""
     unbalance: Final = 1e-8
     """At rest, unbalanced forces may have this size relative to the forces that balance."""
+    vanishing_derivative: Final = 1e-7
+    """A constraint has no derivative where it is smaller than this beside, and vanishes within this part of the scene.
+    """
     coordinate_rounding: Final = 100.0 * EPS
     """Accuracy of coordinates, relative to the sizes in the scene."""
     contradiction: Final = 1e-7
