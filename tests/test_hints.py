@@ -45,6 +45,12 @@ CASES = {
     ROD + "constraints: {c: {nonholonomic: rate(rod.x) = 1}}\n": ("4:", "what is zero: left - (right)"),
     HELD + "forces: {c: {type: pid, joint: pivot, of: angle(pivot), target: 1, P: 3, I: 1}}\n"
     "reference: {find: equilibrium, coordinates: {rod: {theta: 0}}}\n": ("6:", "they settle where the rate is zero"),
+    CONTROLLED.replace("angle(GIVEN): 20", "pivot: 20").replace("LAG", ""): ("5:", "'pivot' is a joint: angle(pivot)"),
+    CONTROLLED.replace("angle(GIVEN): 20", "rod: 20").replace("LAG", ""): (
+        "5:", "'rod' is a body: it has the coordinates rod.x"
+    ),
+    CONTROLLED.replace("GIVEN", "pivot").replace("LAG", "").replace("20", "20,5"): ("5:", "write 0.5 for 0,5"),
+    ROD + "expect: [{source: a book}]\n": ("4:10", "mbstab schema expect shows the keys"),
     ROD + "constraints: {c: {holonomic: rod.y**2}}\n": ("4:", "without a power"),
     ROD + "constraints: {c: {holonomic: (rod.x - 1)**4}}\nreference: {guess: {rod: {x: 1.3}}}\n": (
         "4:", "without a power"

@@ -149,6 +149,14 @@ def test_every_command_option_key_and_verdict_is_found():
     assert missing == []
 
 
+@pytest.mark.parametrize(
+    "words", ["LQR", "riccati", "observer", "saturation", "dead time", "pade", "Padé", "sampling", "delay"]
+)
+def test_the_words_of_control_are_found(words):
+    found = CliRunner().invoke(main, ["manual", "--search", words])
+    assert found.exit_code == 0
+
+
 def test_a_search_shows_what_explains_the_words_first():
     assert said("--search", "krein", "signature").stdout.startswith("glossary: ")
     first = said("--search", "--rightmost").stdout.splitlines()

@@ -255,7 +255,7 @@ def test_errors_of_zeros_include_those_of_derivatives_of_the_output():
     [
         (("whipple_bicycle.yaml", "--input", "steer"), "there is no input 'steer'"),
         (("whipple_bicycle.yaml", "--measured", "rol"), "did you mean 'roll'"),
-        (("whipple_bicycle.yaml", "--from", "2", "--to", "1"), "the smaller first"),
+        (("whipple_bicycle.yaml", "--from", "2", "--to", "2"), "two different positive numbers"),
         (("whipple_bicycle.yaml", "--step", "1", "--impulse", "1"), "exclude each other"),
         (("whipple_bicycle.yaml", "--step", "-1"), "give a positive time"),
         (("whipple_bicycle.yaml", "--step", "1", "--from", "1"), "are frequencies"),
@@ -417,3 +417,24 @@ def test_phases_fall_across_an_undamped_pole_and_rise_across_an_undamped_zero():
         values = (4 - x**2) / ((1 - x**2) * (9 - x**2)) * (1.0 + sign * 1e-17j * (-1.0) ** np.arange(len(x)))
         expected = np.where(x < 1, 0, np.where(x < 2, -180, np.where(x < 3, 0, -180)))
         np.testing.assert_allclose(phase(values), expected, atol=1e-9)
+
+
+def test_a_step_response_of_an_unstable_plant_says_so():
+    text = (
+        "mbstab: 1\nparameters: {k: -4}\nbodies: {b: {type: planar_point, mass: 1}}\n"
+        "forces: {s: {type: expression, on: {b.x: -k*b.x - rate(b.x)}}}\n"
+        "inputs: {f: {type: force, at: b, direction: x}}\noutputs: {x: b.x}\nreference: {coordinates: {b: {x: 0}}}\n"
+    )
+    model = mbstab.loads(text)
+    (said,) = answer(model.state_space(), duration=1.0).growth
+    assert said == "the eigenvalue 1.56155 is unstable"
+    assert answer(model.at(k=4).state_space(), duration=1.0).growth == ("",)
+
+
+def test_frequencies_may_be_given_from_either_end():
+    one, other = (
+        run("response", "whipple_bicycle.yaml", "--input", "steer_torque", *ends).stdout
+        for ends in (("--from", "1", "--to", "2"), ("--from", "2", "--to", "1"))
+    )
+    assert one == other
+    assert "1 " in one

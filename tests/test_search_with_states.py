@@ -5,6 +5,7 @@ import math
 import pytest
 
 import mbstab
+from mbstab.analysis.response.frequency import FrequencyResponse
 
 ARM = """\
 mbstab: 1
@@ -12,7 +13,8 @@ parameters: {T: 0.005, P: 300, I: 400, D: 20, Tf: 0.002}
 gravity: [0, -9.81]
 bodies: {arm: {type: planar, mass: 4, inertia: 0.1, points: {a: [-0.3, 0]}}}
 joints: {axle: {type: revolute, between: [arm.a, ground]}}
-forces: {c: {type: pid, joint: axle, of: angle(axle), target: 0.5, P: P, D: D, filter: Tf, lag: TGIVEN}}
+forces:
+  c: {type: pid, joint: axle, of: angle(axle), target: 0.5, P: P, D: D, filter: Tf, lag: TGIVEN}
 reference: {find: equilibrium, guess: {arm: {theta: 0.4}}}
 """
 INTEGRATING = mbstab.loads(ARM.replace("GIVEN", ", I: I"))
@@ -33,6 +35,18 @@ def test_an_integrating_controller_holds_its_target_whatever_its_time_constants_
     assert at["c_effort"] == pytest.approx(torque, rel=1e-12)
     assert at["c_filtered"] == pytest.approx(0.5, rel=1e-12)
     assert at["c_integral"] * (value if name == "I" else 400) == pytest.approx(torque, rel=1e-9)
+
+
+def test_the_loop_of_an_arm_that_carries_weight_is_cut_as_the_manual_says():
+    parameters = "hold: 4*9.81*0.3*cos(0.5), loop: 0, T"
+    cut = "  cut: {type: expression, on: {angle(axle): -(1 - loop)*(c_effort - hold)}}\nreference"
+    inputs = "inputs: {u: {type: joint, joint: axle}}\noutputs: {y: -c_effort}\nreference"
+    text = ARM.replace("GIVEN", ", I: I").replace("{T", f"{{{parameters}", 1).replace("reference", cut, 1)
+    model = mbstab.loads(text.replace("reference", inputs, 1))
+    # Where the loop gain is -1, an eigenvalue of the closed loop is: 1 + L(s) = 0.
+    opened = FrequencyResponse(model.state_space())
+    for value in model.at(loop=1).eig().values():
+        assert opened.value(complex(value))[0, 0] == pytest.approx(-1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("P", [20.0, 1e3, 1e7, 1e12])

@@ -11,6 +11,9 @@ from mbstab.model.yamlfile import Document, Mapping, Scalar, Sequence, YamlNode
 
 Word = TypeVar("Word", bound=str)
 
+COMMA = "a comma ends a value within braces: write 0.5 for 0,5, and quotes around a text with a comma"
+"""A hint where half of a value is left, as after {value: 0,5}."""
+
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 
 
@@ -56,9 +59,7 @@ class NodeReader:
                 value = node.entries[key]
                 if isinstance(value, Scalar) and value.empty:
                     # As {value: 0,5} and {description: long, thin} are read.
-                    hint = (
-                        "a comma ends a value within braces: write 0.5 for 0,5, and quotes around a text with a comma"
-                    )
+                    hint = COMMA
                 self.complain(scalar, path, f"unknown key {key!r}", hint)
                 meant.update(x for x in known if x not in node.keys and repr(x) in hint)
         return meant

@@ -107,11 +107,19 @@ class QuantityReader:
                 continue
             known = [*parameters, *CALLED, *CONSTANTS, *(("t",) if time else ())]
             known += [*self.names.definitions, *(x for x in self.names.coordinates if is_state(x))]
-            raise ExpressionError(f"unknown parameter {name!r}", at, suggestion(name, known))
+            raise ExpressionError(f"unknown parameter {name!r}", at, self._measured(name) or suggestion(name, known))
         for name, at in expression.rates().items():
             if not state:
                 raise ExpressionError("rate(...) cannot be used here", at)
             self._check_coordinate(name, at, state)
+
+    def _measured(self, name: str) -> str:
+        """Return what expressions take of a joint or a body, as a hint."""
+        if name in self.names.joints:
+            motions = self.names.joints[name].motions
+            return f"{name!r} is a joint: " + " or ".join(f"{x}({name})" for x in motions) if motions else ""
+        own = [x for x in self.names.coordinates if x.startswith(f"{name}.")]
+        return f"{name!r} is a body: it has the coordinates {', '.join(own)}" if own else ""
 
     def _check_widths(self, expression: Expression) -> None:
         """Refuse a width of smoothing that is not a constant."""

@@ -197,6 +197,12 @@ def _require_known(off: float, what: str) -> None:
         raise Undecided(f"{what} is beyond the errors")
 
 
+def growing(zeros: Zeros) -> str:
+    """Return in words that an eigenvalue which the input reaches and the output sees grows; empty if none does."""
+    values = zeros.poles[zeros.poles.real > zeros.pole_errors]
+    return f"the eigenvalue {_text(values[np.argmax(values.real)])} is unstable" if len(values) else ""
+
+
 def largest_gain(zeros: Zeros, exact: Exact) -> LargestGain:
     """Return the H-infinity norm of what the input reaches and the output sees."""
     if zeros.vanishes:
@@ -204,10 +210,8 @@ def largest_gain(zeros: Zeros, exact: Exact) -> LargestGain:
     if zeros.doubt:
         return LargestGain(np.nan, np.nan, np.nan, f"not decided: {zeros.doubt}")
     poles, errors = zeros.poles, zeros.pole_errors
-    growing = poles[poles.real > errors]
-    if len(growing):
-        worst = growing[np.argmax(growing.real)]
-        return LargestGain(np.nan, np.nan, np.nan, f"the eigenvalue {_text(worst)} is unstable")
+    if growth := growing(zeros):
+        return LargestGain(np.nan, np.nan, np.nan, growth)
     for k in np.flatnonzero(np.abs(poles.real) <= errors):
         if not zeros.undamped[k]:
             reason = f"whether the eigenvalue {_text(poles[k])} is damped is beyond its error, {errors[k]:.1g} 1/s"

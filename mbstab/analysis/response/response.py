@@ -9,7 +9,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.bounds.tolerances import TOLERANCES as BOUNDS
 from mbstab.analysis.response.frequency import FrequencyResponse
-from mbstab.analysis.response.margins import LargestGain, Margins, closed_loop, largest_gain, margins
+from mbstab.analysis.response.margins import LargestGain, Margins, closed_loop, growing, largest_gain, margins
 from mbstab.analysis.response.state_space import ControlModel
 from mbstab.analysis.response.tolerances import TOLERANCES
 from mbstab.analysis.response.transfer import Channel, channels
@@ -26,8 +26,9 @@ def frequencies(zeros: TransferZeros, start: float | None, stop: float | None, p
     sizes = sizes[(sizes > zeros.bounds) & (sizes > BOUNDS.slow_eigenvalue * np.max(sizes, initial=0.0))]
     low = start if start is not None else 0.1 * float(np.min(sizes, initial=np.inf)) if len(sizes) else 0.1
     high = stop if stop is not None else 10.0 * float(np.max(sizes)) if len(sizes) else 100.0
+    low, high = sorted((low, high))
     if not 0.0 < low < high < np.inf:
-        raise UsageError(f"frequencies from {low:g} to {high:g} rad/s: two positive numbers, the smaller first")
+        raise UsageError(f"frequencies from {low:g} to {high:g} rad/s: two different positive numbers")
     return np.geomspace(low, high, points)
 
 
@@ -52,6 +53,8 @@ class Response:
     margins : tuple of Margins
     largest : tuple of LargestGain
         Of each channel; empty over time, and for very many states.
+    growth : tuple of str
+        Of each channel over time: why its output grows without bound; empty: none of its eigenvalues is unstable.
     exact : FrequencyResponse or None
         Of all channels at any frequency; None over time.
     """
@@ -65,6 +68,7 @@ class Response:
     poles: Complex
     margins: tuple[Margins, ...] = ()
     largest: tuple[LargestGain, ...] = ()
+    growth: tuple[str, ...] = ()
     exact: FrequencyResponse | None = None
 
 
@@ -91,7 +95,8 @@ def answer(
     zeros = tuple(map(all_zeros.of, found))
     if duration is not None:
         x = np.linspace(0.0, duration, points)
-        return Response(kind, tuple(found), x, tuple(c.step(x, impulse) for c in found), (), zeros, all_zeros.poles)
+        values, growth = tuple(c.step(x, impulse) for c in found), tuple(map(growing, zeros))
+        return Response(kind, tuple(found), x, values, (), zeros, all_zeros.poles, growth=growth)
     x = frequencies(all_zeros, *ends, points)
     values, errors = exact.over(x)
     at = [exact.number(c) for c in found]
@@ -99,5 +104,5 @@ def answer(
     of = [(z, exact.of(c), closed_loop(z, all_zeros.of(c, 1.0))) for c, z in judged]
     return Response(
         kind, tuple(found), x, tuple(values[k] for k in at), tuple(errors[k] for k in at), zeros, all_zeros.poles,
-        tuple(margins(*x) for x in of), tuple(largest_gain(*x[:2]) for x in of), exact,
+        tuple(margins(*x) for x in of), tuple(largest_gain(*x[:2]) for x in of), exact=exact,
     )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from unicodedata import combining, normalize
 
 from mbstab.errors import UsageError, nearest
 from mbstab.records import dataclass
@@ -25,15 +26,20 @@ class Place:
 
     def holds(self, words: list[str]) -> bool:
         """Whether all words are in it or its heading, and at least one in the text itself."""
-        own, all_ = self.text.lower(), f"{self.heading} {self.text}".lower()
+        own, all_ = plain(self.text), plain(f"{self.heading} {self.text}")
         return all(word in all_ for word in words) and any(word in own for word in words)
 
     def explains(self, words: list[str]) -> bool:
         """Whether it begins with the words, as a definition does."""
-        beginning = re.match(r"[*|\s]*(`[^`]*`|.*)", self.text.lower())
+        beginning = re.match(r"[*|\s]*(`[^`]*`|.*)", plain(self.text))
         assert beginning is not None
         said = beginning[1]
         return all(word in said for word in words) if said[:1] == "`" else said.startswith(" ".join(words))
+
+
+def plain(text: str) -> str:
+    """Return text in small letters without accents, which a query may leave out."""
+    return "".join(c for c in normalize("NFKD", text.lower()) if not combining(c))
 
 
 def places(topic: str, text: str) -> Iterator[Place]:
@@ -59,13 +65,13 @@ def found_places(every: Sequence[Place], query: str) -> list[Place]:
     UsageError
         If there is none.
     """
-    words = query.lower().split()
+    words = plain(query).split()
     if not words:
         raise UsageError("--search needs a word, such as --search damping")
     found = [place for place in every if place.holds(words)] or _nearly(every, words)
     if not found:
-        known = sorted({word for place in every for word in re.findall(r"[\w-]{3,}", place.text.lower())})
-        alone = [word for word in words if not any(word in place.text.lower() for place in every)]
+        known = sorted({word for place in every for word in re.findall(r"[\w-]{3,}", plain(place.text))})
+        alone = [word for word in words if not any(word in plain(place.text) for place in every)]
         near = _nearest(alone[0], known) if alone else ""
         hint = f"did you mean {near!r}?" if near else "use fewer or other words; mbstab manual lists the topics"
         raise UsageError(f"the manual has nothing about {query!r}\nhint: {hint}")
@@ -75,7 +81,7 @@ def found_places(every: Sequence[Place], query: str) -> list[Place]:
 def _nearly(every: Sequence[Place], words: list[str]) -> list[Place]:
     """Return the pieces that hold the most words, at least two; those of up to three letters do not count."""
     told = [word for word in words if len(word) > 3]
-    counts = [sum(word in f"{place.heading} {place.text}".lower() for word in told) for place in every]
+    counts = [sum(word in plain(f"{place.heading} {place.text}") for word in told) for place in every]
     most = max(counts, default=0)
     return [place for place, count in zip(every, counts, strict=True) if count == most] if most > 1 else []
 

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from mbstab.mechanics.catalogue import Field, Moved, Number
 from mbstab.model.expressions import Binary, Rate, moves
 from mbstab.model.fields.base import BY_NAME, NUMBER, NUMBERS, TEXT, FieldKind, FormError, Owner, Reading, text_of
+from mbstab.model.nodes import COMMA
 from mbstab.model.schema import Quantity
 from mbstab.model.units import per_second
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
@@ -224,6 +225,9 @@ class GainsField(FieldKind):
             return None
         if not mapping.entries:
             reading.nodes.complain(node, path, "there are no gains", hint)
+        if cut := [key for key, x in mapping.pairs() if isinstance(x, Scalar) and x.empty]:
+            reading.nodes.complain(cut[0], f"{path}.{cut[0].text}", "there is no gain", COMMA)
+            return None
         signals = [self._signal(reading, key, path) for key in mapping.keys.values()]
         gains = [reading.quantities.quantity(x, f"{path}.{key.text}") for key, x in mapping.pairs()]
         return [x for x in (*signals, *gains) if x is not None]

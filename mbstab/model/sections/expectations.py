@@ -64,6 +64,8 @@ class ExpectationReader:
             return None
         nodes.known_keys(mapping, path, EXPECT_FIELDS)
         entries = mapping.entries
+        if not entries.keys() - {"at", "tolerance", "frozen", "source"}:
+            nodes.complain(mapping, path, "nothing is expected here", "mbstab schema expect shows the keys")
         frozen = "frozen" in entries and nodes.choice(entries["frozen"], f"{path}.frozen", ("true", "false")) == "true"
         return Expectation(
             mapping.location,
