@@ -6,6 +6,7 @@ import pytest
 
 import mbstab
 from mbstab.analysis.response.frequency import FrequencyResponse
+from mbstab.errors import EquilibriumError
 
 ARM = """\
 mbstab: 1
@@ -57,3 +58,11 @@ def test_an_arm_sags_by_what_its_stiffness_allows(P, T):
     torque = 4 * 9.81 * 0.3 * math.cos(at["arm.theta"])
     assert at["c_effort"] == pytest.approx(torque, rel=1e-9)
     assert P * (0.5 - at["arm.theta"]) == pytest.approx(torque, rel=1e-9, abs=4e-16 * P)
+
+
+def test_an_integral_with_a_gain_of_zero_is_named():
+    with pytest.raises(EquilibriumError, match="the state c_integral acts on nothing") as caught:
+        INTEGRATING.at(I=0).motion()
+    assert "leave the gain out" in str(caught.value)
+    # Without gravity the error is zero at rest, and so is the rate of the integral.
+    assert mbstab.loads(ARM.replace("GIVEN", ", I: 0").replace("-9.81", "0")).motion().at_rest

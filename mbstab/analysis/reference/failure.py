@@ -112,7 +112,8 @@ class Failure:
         if balanced:
             load = excess(self.search, state)
             balanced = bool(np.all(load <= 1.0))
-        if found := self._broken_row(state, balanced) or self._wrong_rate(state, balanced):
+        found = self._broken_row(state, balanced) or self._without_effect(state) or self._wrong_rate(state, balanced)
+        if found:
             return found
         if moving := self._moving_row(state):
             return (
@@ -185,6 +186,24 @@ class Failure:
         row, left = self.system.rows[i], self.system.dynamics(state.q, 0.0 * state.q, self.scene.time).E[i]
         unit = "" if row.unit == "1" else f" {row.unit}"
         return f"{row} is not satisfied: {row.residual} is {left:.4g}{unit}"
+
+    def _without_effect(self, state: State) -> tuple[str, str] | None:
+        """Return a state that acts on nothing, and whose rate nothing can therefore bring to zero, and a hint."""
+        states, rows = self.system.states
+        if np.any(state.u) or not len(states):
+            return None
+        K, R, D_q = self.system.linearize(state.q, state.u, state.a, state.nu)
+        at = self.system.dynamics(state.q, state.u)
+        acts = np.any(K[:, states], axis=0) | np.any(R[:, states], axis=0) | np.any(D_q[:, states], axis=0)
+        acts |= np.sum(at.J[:, states] != 0.0, axis=0) > 1
+        drifting = np.abs(at.V[rows]) > TOLERANCES.residual * np.abs(D_q[rows - self.system.n_h]) @ self.finder.sizes
+        loose = np.flatnonzero(drifting & ~acts)
+        if not len(loose):
+            return None
+        said = (
+            f"the state {self.system.names[states[loose[0]]]} acts on nothing here, and its rate does not come to zero"
+        )
+        return said, "with a gain of 0 it integrates without end: leave the gain out, or give another value"
 
     def _wrong_rate(self, state: State, balanced: bool) -> tuple[str, str] | None:
         """Return the given rate or the constraint that does not fit the motion where a search ended, and a hint."""

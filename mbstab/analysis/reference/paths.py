@@ -23,7 +23,7 @@ class PathEnd(StrEnum):
     """Why a path of equilibria is known no further, in the words that follow the place."""
 
     NONE = "it ends there"
-    AWAY = "positions grow beyond all bounds there"
+    AWAY = "positions or states grow beyond all bounds there"
     TURNS = "it turns back"
     BRANCHES = "it turns back where others branch off"
     AGAIN = f"it turns back after {TOLERANCES.folds_of_path} folds and is not followed further"
