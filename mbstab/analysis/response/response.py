@@ -95,8 +95,8 @@ def answer(
     zeros = tuple(map(all_zeros.of, found))
     if duration is not None:
         x = np.linspace(0.0, duration, points)
-        values, growth = tuple(c.step(x, impulse) for c in found), tuple(map(growing, zeros))
-        return Response(kind, tuple(found), x, values, (), zeros, all_zeros.poles, growth=growth)
+        outputs, growth = tuple(c.step(x, impulse) for c in found), tuple(map(growing, zeros))
+        return Response(kind, tuple(found), x, outputs, (), zeros, all_zeros.poles, growth=growth)
     x = frequencies(all_zeros, *ends, points)
     values, errors = exact.over(x)
     at = [exact.number(c) for c in found]

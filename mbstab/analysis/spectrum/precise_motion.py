@@ -224,7 +224,7 @@ def _balanced(f: Refining, balance: Balance, at: State, system: System) -> tuple
         parts = [force, E[:n_h] / lengths[:n_h]]
         if balance.with_speeds:
             parts += [
-                V / (lengths * balance.speed),
+                V / (lengths * balance.row_speeds[rows]),
                 (u[balance.given] - rates) / (sizes[balance.given] * balance.speed),
             ]
         return f.exact(np.concatenate(parts))
