@@ -339,6 +339,7 @@ class _Roundings:
         # Forces and speeds in units of the scene.
         balance.energy = float(np.max(np.abs(self.linear.K * motion.sizes * motion.sizes[:, None]), initial=0.0)) or 1.0
         balance.speed = float(np.max(np.abs(motion.u) / motion.sizes, initial=0.0)) or 1.0
+        balance.row_speeds = np.full(plain.n_c, balance.speed)
         c, basis = _coefficients(family, steady), family.basis(motion.q)
         at = balance.state(motion.q, c)
         given = self._given_rates()
