@@ -11,6 +11,7 @@ from chains import straight_chain
 import mbstab
 from mbstab.analysis.simulate import start
 from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.estimate import estimated, reduction, shrunk
 from mbstab.analysis.simulate.steppers import layout
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.machine.tables import RUN_START
@@ -104,18 +105,64 @@ def test_states_looked_at_together_are_those_looked_at_one_by_one(name, monkeypa
     assert np.max(np.abs(one.residuals - other.residuals)) <= 1e-15
 
 
-@pytest.mark.parametrize("name", ["pendulum", "top"])
-def test_the_error_is_neither_above_the_tolerance_nor_far_below(name):
-    perturb = SWING if name == "pendulum" else {"top.theta": 0.3}
-    model = mbstab.load(f"{name}.yaml")
-    exact = model.simulate(10.0, perturb=perturb, tol=1e-13, once=True, points=6)
-    sim = model.simulate(10.0, perturb=perturb, tol=1e-6, points=6)
+DISTURBED = {
+    "pendulum": (mbstab.load("pendulum.yaml"), SWING),
+    "top": (mbstab.load("top.yaml"), {"top.theta": 0.3}),
+    "chain of 20": (mbstab.loads(straight_chain(20)), {"rod_0.theta": 0.3}),
+}
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("name", DISTURBED)
+def test_the_error_is_neither_above_the_tolerance_nor_far_below(name, tol):
+    pytest.importorskip("numba")
+    model, perturb = DISTURBED[name]
+    exact, sim = (
+        model.simulate(10.0, perturb=perturb, tol=x, points=41, compiled=True, once=x < tol) for x in (1e-13, tol)
+    )
+    size = np.max(sim.sizes)
     error = max(
         np.max(np.abs(sim.rotations - exact.rotations)),
-        np.max(np.abs(sim.positions - exact.positions)) / np.max(sim.sizes),
+        np.max(np.abs(sim.positions - exact.positions)) / size,
+        np.max(np.abs(sim.spins - exact.spins))
+        / max(np.max(np.abs(exact.spins)), np.max(np.abs(exact.velocities)) / size),
     )
-    assert 1e-2 <= error / 1e-6 <= TOLERANCES.error_factor
-    assert sim.error_estimate <= 1e-6
+    assert 1e-2 <= error / tol <= 1.0
+    assert sim.error_estimate <= tol
+    assert error <= TOLERANCES.error_factor * sim.error_estimate
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0 / 3.0, 1.25])
+def test_errors_are_estimated_from_the_power_that_runs_show(power):
+    def found(tolerances, errors):
+        last, exact = tolerances[-1], errors[-1]
+        return estimated(
+            [(last / tol, error - exact) for tol, error in zip(tolerances, errors[:-1], strict=False)], power
+        )
+
+    tolerances = [1e-4, 1e-8, 1e-9]
+    errors = [tol**power for tol in tolerances]
+    estimate, likely = found(tolerances, errors)
+    assert estimate == likely
+    assert 1.0 < estimate / errors[-1] < 5.0
+    # Errors that shrink with half the power: the motion amplifies them until they are as large as it.
+    errors = [tol ** (0.5 * power) for tol in tolerances]
+    estimate, likely = found(tolerances, errors)
+    assert likely < 0.7 * errors[-1]
+    assert 0.7 * errors[-1] < estimate < 2.0 * errors[-1]
+    # Two runs may agree by chance, and a run far away says little: the difference itself is an upper limit.
+    for tolerances, errors in (([1e-4, 1e-5], [1e-4, 1e-5]), ([1e-4, 1e-5, 1e-9], [1e-4, 1e-5, 1e-9])):
+        estimate, likely = found(tolerances, errors)
+        assert likely < 0.7 * (errors[-2] - errors[-1])
+        assert errors[-2] - errors[-1] < estimate
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0 / 3.0, 1.25])
+@pytest.mark.parametrize("part", [0.3, 0.03, 1e-3, 1e-6])
+def test_a_tolerance_is_reduced_so_that_the_wanted_part_of_the_error_is_left(power, part):
+    ratio = reduction(part, power)
+    assert shrunk(ratio, power) == pytest.approx(part, rel=1e-12)
+    assert ratio**power <= part
 
 
 def test_operations_stand_in_long_runs_each_after_those_it_uses():

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mbstab.analysis.simulate.estimate import Estimate, estimated, reduction
 from mbstab.analysis.simulate.run import Follower, Run, difference, fastest
 from mbstab.analysis.simulate.steppers.interface import Method, Options
 from mbstab.analysis.simulate.tolerances import TOLERANCES
@@ -31,6 +32,7 @@ class Work:
     ) -> None:
         self.follower, self.method, self.solver = follower, method, solver
         self.tol, self.step, self.compiled, self.progress = tol, step, compiled, progress
+        self.first = tol
         motion = follower.motion
         relative = float(np.max(np.abs(motion.u / motion.sizes), initial=0.0))
         pulled = math.sqrt(float(np.max(np.abs(motion.a / motion.sizes), initial=0.0)))
@@ -47,7 +49,7 @@ class Work:
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
         """Follow the motion with a tolerance per step."""
         # The longest step shrinks with the tolerance like the others: else runs would not differ where it is active.
-        longest = self.longest * (tol / self.tol) ** (self.method.power / self.method.order)
+        longest = self.longest * (tol / self.first) ** (self.method.power / self.method.order)
         options = Options(tol, self.step, None, self.rate, longest, self.solver, self.compiled)
         if self.follower.budget:
             self.follower.budget.start_run(self._further(refining=progress is not None))
@@ -67,7 +69,8 @@ class Work:
     def refined(self) -> Run:
         """Follow the motion until the estimate of its global error is below the tolerance."""
         least = TOLERANCES.step_tolerance_least
-        local = max(self.tol, least)
+        coarse = min(TOLERANCES.first_tolerance * self.tol, TOLERANCES.first_tolerance_most)
+        local = self.first = max(self.tol, coarse, least)
         sizes = self.follower.motion.sizes
         before = self.once(local, self._share(0.0, 0.15))
         if not before.complete:
@@ -84,24 +87,20 @@ class Work:
                 return before
         shares = [0.15, 0.3, 0.5, 0.8, 0.95, 1.0]
         # The first run assumed another rate as fast: for speeds its tolerance was smaller by that factor.
-        earlier, improved = [(local * (min(started / self.rate, 1.0) if self.runs == 1 else 1.0), before)], True
+        known, improved = [(local * (min(started / self.rate, 1.0) if self.runs == 1 else 1.0), before)], True
         for k in range(1, TOLERANCES.runs_most):
             run = self.once(following, self._share(shares[k - 1], shares[k]))
             if not run.complete:
-                return self._better(before, run)
+                return self._better(known[-1][1], run)
+            known.append((following, run))
             # Earlier runs may have missed something.
             last = self.estimate
-            self.estimate = self._estimated(run, following, earlier[1 - TOLERANCES.runs_least :], fast)
+            found = self._estimated(known[-TOLERANCES.runs_least :], fast)
+            self.estimate = found.error
             improved = not self.estimate > TOLERANCES.estimate_improvement * last
             if following <= least or (self.estimate <= self.tol and k + 1 >= TOLERANCES.runs_least):
                 break
-            wanted = TOLERANCES.step_tolerance_reduction * following
-            if self.estimate > self.tol and (k == 1 or self.estimate < TOLERANCES.difference_of_motions):
-                order = TOLERANCES.order_counted_on * self.method.power
-                wanted = following * (TOLERANCES.repeated_run_aim * self.tol / self.estimate) ** (1.0 / order)
-            earlier.append((following, run))
-            before = run
-            following = max(min(wanted, 0.3 * following), least)
+            following = self._next(following, found.likely)
         if self.estimate > self.tol:
             reason = (
                 f"stopped after {self.runs} runs"
@@ -118,21 +117,24 @@ class Work:
         self.progress(1.0)
         return run
 
-    def _estimated(self, run: Run, tol: float, earlier: list[tuple[float, Run]], fast: float) -> float:
-        """Return the error of a run: the largest estimate from its differences to earlier ones.
+    def _estimated(self, known: list[tuple[float, Run]], fast: float) -> Estimate:
+        """Return the error of the last of some runs, each with its tolerance per step."""
+        *earlier, (tol, run) = known
+        sizes = self.follower.motion.sizes
+        found = [(tol / larger, difference(run, other, sizes, fast)) for larger, other in earlier]
+        return estimated(found, self.method.power)
 
-        A difference as large as the motion does not shrink with any power yet: it says nothing beside smaller ones, and
-        alone that nothing is known.
-        """
-        away = [(larger, difference(run, other, self.follower.motion.sizes, fast)) for larger, other in earlier]
-        near = [(larger, off) for larger, off in away if off < TOLERANCES.difference_of_motions]
-        if not near:
-            return max(off for _, off in away)
-        found, order = 0.0, TOLERANCES.order_counted_on * self.method.power
-        for larger, off in near:
-            ratio = min(tol / larger, TOLERANCES.step_tolerance_ratio) ** order
-            found = max(found, off * ratio / (1.0 - ratio))
-        return found
+    def _next(self, last: float, likely: float) -> float:
+        """Return the tolerance per step of the next run, from that of the last one and its likely error."""
+        least, wanted = TOLERANCES.step_tolerance_least, last
+        if likely >= TOLERANCES.difference_of_motions:
+            wanted = math.sqrt(last * least)  # nothing is known yet: half the digits that are left
+        elif likely > self.tol:
+            wanted = last * reduction(TOLERANCES.repeated_run_aim * self.tol / likely, self.method.power)
+        # An estimate needs a run nearby: far reductions are made in two.
+        if max(wanted, least) < TOLERANCES.clear_reduction * last:
+            wanted = max(wanted, least) / TOLERANCES.step_tolerance_reduction
+        return max(min(wanted, TOLERANCES.confirming_reduction * last), least)
 
     def _share(self, low: float, high: float) -> Callable[[float], object]:
         """Return the progress function of a part of the work."""

@@ -3,10 +3,12 @@
 The tolerance is that of the result: the largest error of positions (in sizes of the scene), of
 orientations (of entries of the rotation matrices) and of speeds (relative to the largest of the
 motion; where nothing moves, to the part `TOLERANCES.resting_speed` of the natural rate of the scene) at
-any output time. It is estimated from at least three runs with different tolerances per step, to which
-power the error is proportional (`TOLERANCES.order_counted_on` times `Method.power` is assumed), and runs
-are repeated with smaller ones until the estimate is below the tolerance: the largest estimate from the two runs before,
-as the errors of two may agree by chance, without those that differ by `TOLERANCES.difference_of_motions` or more.
+any output time. It is estimated from at least three runs with different tolerances per step, the first with one
+`TOLERANCES.first_tolerance` times as large as that of the result. To which power of it the error is proportional is
+assumed (`TOLERANCES.order_counted_on` times `Method.power`, and all of it far below), unless the runs show a smaller
+power (`mbstab.analysis.simulate.estimate`). Runs are repeated with smaller tolerances until the estimate is below the
+tolerance: the largest estimate from the two runs before, as the errors of two may agree by chance, without those that
+differ by `TOLERANCES.difference_of_motions` or more.
 The true error may exceed the estimate by the factor `TOLERANCES.error_factor`.
 """
 

@@ -90,7 +90,7 @@ class Tolerances:
     """The error of a result is below this factor times the tolerance, unless a warning says otherwise."""
     time_resolution: Final = 1e-3
     """Required accuracy of the time, as a fraction of the natural time of a scene."""
-    runs_most: Final = 5
+    runs_most: Final = 6
     """Maximum number of runs with different tolerances …"""
     runs_least: Final = 3
     """… and the minimum."""
@@ -98,6 +98,10 @@ class Tolerances:
     """Speeds below this fraction of the natural rate count as rest."""
     step_tolerance_least: Final = 1e-13
     """Tolerance per step below which rounding dominates."""
+    first_tolerance: Final = 100.0
+    """Tolerance per step of the first run, over that of the result, …"""
+    first_tolerance_most: Final = 1e-4
+    """… but at most this, or that of the result if it is larger."""
     step_tolerance_reduction: Final = 0.1
     """Ratio of the tolerances per step of the first and the second run."""
     step_tolerance_ratio: Final = 0.5
@@ -105,11 +109,15 @@ class Tolerances:
     estimate_improvement: Final = 0.7
     """A run whose estimate is above this fraction of the previous one has not improved the result."""
     order_counted_on: Final = 0.75
-    """Fraction of `Method.power` that is assumed: errors of single runs may shrink less than in theory."""
+    """Fraction of `Method.power` that is assumed: errors of single runs may shrink less than in theory …"""
+    clear_reduction: Final = 0.01
+    """… down to this part of a tolerance per step; the whole power is assumed from there on."""
     difference_of_motions: Final = 0.5
     """From this difference on, in sizes of the scene or rad, two runs show different motions."""
-    repeated_run_aim: Final = 0.3
-    """A repeated run aims at this fraction of the tolerance."""
+    repeated_run_aim: Final = 0.5
+    """A repeated run aims at this fraction of the tolerance …"""
+    confirming_reduction: Final = 0.3
+    """… and has at most this fraction of the tolerance per step of the one before."""
     looks_at_given_functions: Final = 8
     """Cells in the longest step, and minimum of samples in each, at which given functions of time are examined …"""
     looks_in_all: Final = 2**16
