@@ -78,9 +78,11 @@ class Work:
         started, speed = self.rate, fastest(before, float(np.max(sizes)))
         self.rate = max(speed, 1e-3 * self.rate, TOLERANCES.resting_speed * self.natural)
         fast = self.fast = max(speed, TOLERANCES.resting_speed * self.natural)
+        if speed < fast:
+            local = self.first = max(self.tol, least)  # of rest, coarse runs show nothing but the rounding of forces
         following = max(local * TOLERANCES.step_tolerance_reduction, least)
         # A first run that assumed too large a rate as fast has larger errors of speeds than its tolerance.
-        if following >= local or TOLERANCES.step_tolerance_reduction * started > self.rate:
+        if following >= local or TOLERANCES.step_tolerance_reduction * started > self.rate or speed < fast:
             following, local = (least, 10.0 * least) if following >= local else (following, local)
             before = self.once(local, self._share(0.15, 0.2))
             if not before.complete:
