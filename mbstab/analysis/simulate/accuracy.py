@@ -74,7 +74,8 @@ class Work:
         sizes = self.follower.motion.sizes
         before = self.once(local, self._share(0.0, 0.15))
         if not before.complete:
-            return before
+            # Where a motion ends is told as exactly as it is asked for.
+            return before if before.interrupted or local <= self.tol else self.once(max(self.tol, least))
         started, speed = self.rate, fastest(before, float(np.max(sizes)))
         self.rate = max(speed, 1e-3 * self.rate, TOLERANCES.resting_speed * self.natural)
         fast = self.fast = max(speed, TOLERANCES.resting_speed * self.natural)
