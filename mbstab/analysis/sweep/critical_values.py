@@ -389,7 +389,8 @@ class CriticalValues(Branches):
         a, middle, b = self.x[k - 1 : k + 2].tolist()
         toward = -np.sign(value.real)
         for _ in range(TOLERANCES.turning_rounds):
-            points = np.union1d(np.linspace(a, b, TOLERANCES.turning_points), middle)
+            points = np.linspace(a, b, TOLERANCES.turning_points)
+            points[1 + np.argmin(np.abs(points[1:-1] - middle))] = middle
             new = points[~np.isin(points, self.x) & ~np.isin(points, self.between)]
             if len(new) and np.any(np.isnan(self.at(new))):
                 return
@@ -467,8 +468,8 @@ class CriticalValues(Branches):
         for key, (search, limit) in limits.items():
             # A test function that jumps has no zero.
             if not search.failed and abs(search.residual) <= limit:
-                # Nearer to zero than the rounding of the ends: zero, which was looked at.
-                zero = key[0] < 0.0 < key[1] and abs(search.best) <= search.least
+                # Nearer to zero than the rounding of the range: zero, which was looked at.
+                zero = key[0] < 0.0 < key[1] and abs(search.best) <= EPS * self.width
                 self.roots[key] = 0.0 if zero else search.best
 
     def _verified(

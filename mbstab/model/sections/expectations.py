@@ -64,10 +64,8 @@ class ExpectationReader:
             return None
         nodes.known_keys(mapping, path, EXPECT_FIELDS)
         entries = mapping.entries
-        if not entries.keys() - {"at", "tolerance", "frozen", "source"}:
-            nodes.complain(mapping, path, "nothing is expected here", "mbstab schema expect shows the keys")
         frozen = "frozen" in entries and nodes.choice(entries["frozen"], f"{path}.frozen", ("true", "false")) == "true"
-        return Expectation(
+        found = Expectation(
             mapping.location,
             self.parameter_values(entries.get("at"), f"{path}.at"),
             self._eigenvalues(entries.get("eigenvalues"), f"{path}.eigenvalues"),
@@ -80,6 +78,9 @@ class ExpectationReader:
             self._critical(entries.get("critical"), f"{path}.critical"),
             nodes.text(entries.get("source"), f"{path}.source"),
         )
+        if not entries.keys() - {"at", "tolerance", "frozen", "source"} and not nodes.faulty(path):
+            nodes.complain(mapping, path, "nothing is expected here", "mbstab schema expect shows the keys")
+        return found
 
     def parameter_values(self, node: YamlNode | None, path: str) -> dict[str, Quantity]:
         """Return values of parameters by name."""
