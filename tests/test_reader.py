@@ -1070,7 +1070,8 @@ def test_mistakes_in_searches_and_expectations_are_placed(lines: str, place: tup
 def test_expectations_of_motions_are_read() -> None:
     text = (
         SEARCH
-        + "  time: 0\nexpect:\n  - {frozen: true, redundant: 2, coordinates: {a: {x: Omega, psi: 1}}}\n  - {neutral: 2}\n"
+        + "  time: 0\nexpect:\n  - {frozen: true, redundant: 2, coordinates: {a: {x: Omega, psi: 1}}}\n"
+        + "  - {neutral: 2}\n"
     )
     first, second = read(text).model.expect
     assert (first.frozen, first.redundant, sorted(first.coordinates)) == (True, 2, ["a.psi", "a.x"])
