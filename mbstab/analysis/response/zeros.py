@@ -305,11 +305,14 @@ def find(values: Values, poles: Complex, bounds: Array, axis: Complex) -> Zeros:
 def _seen(values: Values, groups: Sequence[Group]) -> list[tuple[Complex, Array]]:
     """Return the poles of G with their errors, and the other eigenvalues with theirs."""
     found: list[tuple[list[complex], list[float]]] = [([], []), ([], [])]
-    for group in groups:
+    every = np.array([s for group in groups for s in group.values], dtype=complex)
+    errors_of_every = np.array([error for group in groups for error in group.errors])
+    owner = np.repeat(np.arange(len(groups)), [len(group.values) for group in groups])
+    for n, group in enumerate(groups):
         if group.centre.imag < 0.0 and group.radius < -group.centre.imag:
             continue
-        apart = [np.abs(np.array(g.values) - group.centre) - g.errors for g in groups if g is not group]
-        count = order(group, values, np.concatenate([np.zeros(0), *apart]))
+        others = owner != n
+        count = order(group, values, np.abs(every[others] - group.centre) - errors_of_every[others])
         own = sorted(group.values, key=lambda s: (s.real, s.imag))
         parts = own[:count], own[count:]
         wide = max((abs(s - x) for s in own for x in own), default=0.0) if 0 < count < len(own) else 0.0
