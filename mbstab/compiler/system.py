@@ -389,7 +389,8 @@ class System:
 
         moved = {i: x for i, x in enumerate(use.parameters) if isinstance(x, Moved)}
         coordinates, parameters, measures = self._contents(x.expression for x in moved.values())
-        places = tuple((i, x.expression.root, x.positive) for i, x in moved.items())
+        settled = self.scene.rationals.settled
+        places = tuple((i, settled(x.expression).root, x.positive) for i, x in moved.items())
         frame = name.removesuffix(f"_{ELEMENTS[name].name}")
         kernel = moved_kernel(name, frame, places, coordinates, parameters, tuple(measures))
         own = (x for i, x in enumerate(use.parameters) if i not in moved)
@@ -403,8 +404,9 @@ class System:
         from mbstab.compiler.user import user_kernel
 
         number = {name: i for i, name in enumerate(self.names)}
-        acted, expressions = tuple(equations) if role == "force" else (), tuple(equations.values())
-        coordinates, parameters, measures = self._contents(expressions, acted)
+        acted = tuple(equations) if role == "force" else ()
+        coordinates, parameters, measures = self._contents(equations.values(), acted)
+        expressions = tuple(map(self.scene.rationals.settled, equations.values()))
         kernel = user_kernel(role, expressions, acted, coordinates, parameters, tuple(measures))
         columns = tuple(number[name] for name in coordinates)
         values = self._numbers(parameters, measures)

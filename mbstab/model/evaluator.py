@@ -14,6 +14,7 @@ from mbstab.mechanics.measures import Pose
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.expressions import Expression, ExpressionError, Node
 from mbstab.model.numbers import all_of, broken_sign, is_finite, nominal, require_finite
+from mbstab.model.rationals import Rationals
 from mbstab.model.schema import (
     Components,
     Model,
@@ -62,6 +63,7 @@ class Evaluator:
         self.parameters = parameters
         self.f = arithmetic
         self.symbolic = arithmetic.name == "symbol"
+        self.rationals = Rationals(model, parameters, arithmetic)
         self.lengths: list[float] = []
         self._known: dict[int, tuple[Node, Number]] = {}
         self.body_numbers = {name: i for i, name in enumerate(model.bodies)}
@@ -150,7 +152,7 @@ class Evaluator:
 
     def law(self, quantity: Quantity) -> Law:
         """Return a function of time."""
-        return Law(quantity, self.parameters, self.f)
+        return Law(self.rationals.settled(quantity), self.parameters, self.f)
 
     def check_law(self, law: Law, time: Number) -> None:
         """Record a problem if a function of time or one of its derivatives is not finite at a time (s)."""

@@ -78,6 +78,11 @@ class _Tree:
         return names, rates
 
     @cached_property
+    def named_exponents(self) -> bool:
+        """Whether names stand in an exponent."""
+        return any(isinstance(node, Binary) and node.operator == "**" and node.right.used[0] for node in self.walk())
+
+    @cached_property
     def widths(self) -> list[tuple[str, Node]]:
         """The widths over which functions are smoothed, each with the name of its function."""
         calls = (node for node in self.walk() if isinstance(node, Call))

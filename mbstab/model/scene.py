@@ -17,6 +17,7 @@ from mbstab.model.evaluator import Evaluator
 from mbstab.model.expressions import Expression
 from mbstab.model.fields.catalogue import given_fields, kind_of
 from mbstab.model.numbers import all_of
+from mbstab.model.rationals import Rationals
 from mbstab.model.schema import (
     Components,
     Entry,
@@ -168,6 +169,11 @@ class Scene:
     def dimension(self) -> int:
         """2 for a planar scene, 3 for a spatial one."""
         return self.model.dimension
+
+    @cached_property
+    def rationals(self) -> Rationals:
+        """Which parameters are rational numbers."""
+        return Rationals(self.model, self.parameters, self.arithmetic)
 
     @cached_property
     def written(self) -> list[Expression]:

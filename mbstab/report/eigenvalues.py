@@ -13,7 +13,7 @@ from mbstab.analysis.verdict.rule import Verdict
 from mbstab.analysis.verdict.wording import show
 from mbstab.errors import counted
 from mbstab.report import WIDTH
-from mbstab.report.modes import modes_table, shapes_text, value_text
+from mbstab.report.modes import UNKNOWN, modes_table, shapes_text, value_text
 from mbstab.report.tables import eigenvalue, number, table
 
 if TYPE_CHECKING:
@@ -102,6 +102,8 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
 
 
 def _eigenvalue_row(e: Eigenvalue) -> list[str]:
+    if e.error_bound == math.inf:
+        return [UNKNOWN, "-", "-", "-", "inf", e.kind]
     value = eigenvalue(e.significant)
     # If its side of the axis is undecided, it is also undecided whether it grows.
     side = e.kind != "undecided" or e.error_bound < abs(e.value.real)

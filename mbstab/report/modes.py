@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from mbstab.analysis.spectrum.mode_energy import EnergyBalance
     from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
 
+UNKNOWN = "unknown"
+"""Stands for an eigenvalue without an error bound: it may have any value."""
+
 SMALL = 5e-4
 """Shares of energy and power smaller than this fraction of the largest are not printed."""
 
@@ -23,8 +26,8 @@ FAINT = 1e-12
 
 
 def value_text(e: Eigenvalue) -> str:
-    """Return an eigenvalue, or a conjugate pair, with six digits."""
-    return show(e.significant)
+    """Return an eigenvalue, or a conjugate pair, with six digits; one without an error bound is not known."""
+    return show(e.significant) if e.error_bound < math.inf else UNKNOWN
 
 
 def motions_text(motions: Sequence[tuple[str, complex]]) -> str:

@@ -57,6 +57,7 @@ class Meter:
             If it has no value or no slope here.
         """
         scene = self.system.scene
+        expression = scene.rationals.settled(expression)
         names = {
             name: self._constant(lambda s, name=name: s.parameters[name])  # type: ignore[misc]
             if name in scene.parameters

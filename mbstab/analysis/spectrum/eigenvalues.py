@@ -46,7 +46,7 @@ from mbstab.analysis.verdict.rule import (
 )
 from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.system import Array, System
-from mbstab.errors import MassError, MbstabError, NumericalError, UsageError
+from mbstab.errors import MassError, MbstabError, NumericalError, UsageError, counted
 from mbstab.model.schema import is_state
 
 
@@ -332,7 +332,10 @@ def _of_large(system: System, digits: ManyDigits | None) -> EigenResult | None:
 
 
 def inexact(found: list[Eigenvalue], remedy: str = "; --precision gives more digits") -> tuple[str, ...]:
-    """Return a warning about eigenvalues with few known digits, or nothing."""
+    """Return warnings about eigenvalues with few known digits, or with none."""
+    unknown = sum(not e.exact and e.error_bound == math.inf for e in found)
+    if unknown:
+        return (f"{counted(unknown, 'eigenvalue')} may have any value: the effect of rounding has no bound{remedy}",)
     few = [
         e
         for e in found

@@ -40,7 +40,6 @@ from mbstab.analysis.verdict.exact_sums import (
     floats,
     linear,
     ratio,
-    same_number,
 )
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.written import Role, cut, with_time
@@ -48,6 +47,7 @@ from mbstab.compiler.system import System
 from mbstab.errors import counted
 from mbstab.model.expressions import Call, Expression, ExpressionError, Name
 from mbstab.model.functions import CALLED, PIECED
+from mbstab.model.rationals import same_number
 from mbstab.records import dataclass
 
 Kind = Literal["affine", "settled", "periodic", "other"]

@@ -16,6 +16,7 @@ from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.model.arithmetic import Arithmetic, array_arithmetic
 from mbstab.model.expressions import Expression
 from mbstab.model.functions import CALLED
+from mbstab.model.rationals import FRACTIONS, meaning
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Parameter
 from mbstab.model.units import exact_factor
@@ -254,10 +255,6 @@ def _root(x: Fraction) -> Sum:
     return Sum.of(Atom.of("sqrt", arguments=(Sum.of(inside),))) * outside
 
 
-FRACTIONS = Arithmetic("fraction", Fraction, {}, {"abs": abs, "held": lambda x: min(max(x, Fraction(0)), Fraction(1))})
-"""The arithmetic of functions that are composed of polynomials."""
-
-
 def function(name: str, *arguments: Sum) -> Sum:
     """Return a function of sums; its value where that is rational by structure."""
     x, value = arguments[0], arguments[0].rational
@@ -327,25 +324,12 @@ class Structure:
     def given(self, expression: Expression, value: Any, name: str, parameter: Parameter | None = None) -> Sum:
         """Return the exact value of a number of the scene: that of its expression, or of its decimals."""
         f = self.scene.arithmetic
-        plain = f.name in ("float", "array")
-        default, exact = expression.evaluate(self.scene.parameters, f), Sum.of(1)
-        if parameter is not None:
-            factor = parameter.factor
-            if factor != 1.0:
-                exact = exact_factor(parameter.unit, self.arithmetic())
-            # Exactly as the scene was built: in balls, even a factor of 1 has an effect.
-            default = default * (factor if plain or factor == 1.0 else exact_factor(parameter.unit, f))
-            if plain and factor != 1.0 and not getattr(value, "ndim", 0) and not same_number(default, value):
-                in_unit = f"{float(value) / factor:.12g}"
-                if float(in_unit) * factor == value:
-                    return Sum.of(Fraction(in_unit)) * exact
-        if same_number(default, value):
-            return self.exact(expression) * exact
-        decimals = _decimals(value, f)
-        if decimals is not None:
-            return Sum.of(decimals)
+        known = meaning(value, expression, self.scene.parameters, f, parameter)
+        if known is not None:
+            exact = self.exact(known.content) if isinstance(known.content, Expression) else Sum.of(known.content)
+            return exact * exact_factor(known.unit, self.arithmetic()) if known.unit else exact
         self.values[name] = floats(value)
-        if not plain and f.name != "mpmath":
+        if f.name not in ("float", "array", "mpmath"):
             self.vague.add(name)
         return Sum.of(Atom.of("constant", name))
 
@@ -483,32 +467,6 @@ class Structure:
                 low, high = (float(getattr(f, atom.kind)(end)) for end in inside)
             return low, high
         return (-math.inf, math.inf) if entry is None else entry.span
-
-
-def same_number(a: Any, b: Any) -> bool:
-    """Return whether two numbers of a number system are the same."""
-    if hasattr(a, "shape") or hasattr(b, "shape"):
-        return bool(np.array_equal(a, b))
-    if hasattr(a, "rad") and hasattr(b, "rad"):
-        return bool(a.mid() == b.mid() and a.rad() == b.rad())
-    try:
-        return bool(a == b)
-    except TypeError:
-        return False
-
-
-def _decimals(value: Any, f: Arithmetic) -> Fraction | None:
-    """Return the printed decimals of a number, if they are exactly its value; None for others."""
-    if getattr(value, "ndim", 0):
-        value = value.flat[0] if bool(np.all(value == value.flat[0])) else None
-    if value is None or f.name == "symbol":
-        return None
-    try:
-        text = repr(float(value))
-        same = f.name in ("float", "array") or same_number(f.number(text), value)
-        return Fraction(text) if same else None
-    except (TypeError, ValueError, OverflowError):
-        return None
 
 
 def floats(value: Any) -> Any:
