@@ -58,3 +58,40 @@ def test_a_change_through_infinity_is_told_beside_slow_eigenvalues(place, beside
     assert (infinite.kind, infinite.unstable) == ("unresolved", (0, 1))
     assert (zero.kind, zero.unstable) == ("divergence", (1, 0))
     np.testing.assert_allclose([infinite.value, zero.value], [place, 0.9], rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", sample(range(40), 10))
+def test_a_window_that_begins_or_ends_on_a_point_of_the_sweep_is_found(seed):
+    """An eigenvalue exactly on the axis at a point is beyond it on one side of the point."""
+    rng = np.random.default_rng(seed)
+    grid = np.linspace(0.0, 1.0, int(rng.integers(12, 60)))
+    k, step = int(rng.integers(2, len(grid) - 3)), float(grid[1])
+    point, part = float(grid[k]), step * rng.uniform(0.02, 0.9)
+    windows = [(point, point + part), (point - part, point), (point, float(grid[k + 1])), (point, point + part + step)]
+    for a, b in windows:
+        sign = "-" if rng.uniform() < 0.3 else ""
+        square = f"{sign}(p - {a!r})*(p - {b!r})"
+        more, own = ((1, (square, "1")), (2, ("4", square)))[int(rng.integers(2))]
+        found = oscillators([own, ("1", "1")][: int(rng.integers(1, 3))]).sweep("p", grid)
+        np.testing.assert_allclose([c.value for c in found.critical], [a, b], rtol=0.0, atol=1e-9)
+        inside, outside = (0, more) if sign else (more, 0)
+        assert [c.unstable for c in found.critical] == [(outside, inside), (inside, outside)]
+        assert {c.kind for c in found.critical} == {"divergence" if more == 1 else "flutter"}
+
+
+@pytest.mark.parametrize("seed", sample(range(40), 10))
+def test_eigenvalues_that_pass_in_opposite_directions_at_nearly_one_value_are_both_told(seed):
+    """What a passing eigenvalue adds or takes must fit the direction in which it passes."""
+    rng = np.random.default_rng(seed)
+    first = float(rng.uniform(0.2, 0.8))
+    places = [first, first + float(10.0 ** rng.uniform(-7.0, -3.0) * rng.choice([-1, 1]))]
+    laws, truth = [], []
+    for sign, place in zip(rng.permutation([1, -1]).tolist(), places, strict=True):
+        law = f"{'' if sign < 0 else '-'}(p - {place!r})"
+        real = bool(rng.integers(2))
+        laws.append((law, str(float(rng.uniform(1.0, 2.0)))) if real else (str(float(rng.uniform(3.0, 5.0))), law))
+        truth.append((place, "divergence" if real else "flutter", sign * (1 if real else 2)))
+    found = oscillators(laws).sweep("p", np.linspace(0.0, 1.0, 26)).critical
+    told = [(c.kind, c.unstable[1] - c.unstable[0]) for c in found]
+    assert told == [x[1:] for x in sorted(truth)]
+    np.testing.assert_allclose([c.value for c in found], sorted(places), rtol=1e-9)

@@ -177,6 +177,15 @@ def signs(sides: Sides) -> Sides:
     return np.where(sides == OPEN, np.int8(0), sides)
 
 
+def touching(before: Sides, now: Sides, after: Sides) -> Sides:
+    """Return 1 or −1 for eigenvalues that come from that side of the axis to it, or near it, and do not pass it.
+
+    They are at a point between two others, one of which may have them near the axis, too.
+    """
+    from_, to = signs(before), signs(after)
+    return np.where((signs(now) == 0) & (from_ * to >= 0), np.sign(from_ + to), np.int8(0))
+
+
 def unstable_counts(sides: Sides, words: npt.NDArray[np.int8]) -> Index:
     """Return the numbers of unstable eigenvalues of points, by the sides of all; −1 where the verdict is open."""
     counts = np.where(words == WORD[UNSTABLE], np.sum(sides == RIGHT, axis=1), 0)

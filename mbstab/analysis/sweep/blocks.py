@@ -19,7 +19,7 @@ from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import Surface
 from mbstab.analysis.sweep.batched_equations import Pattern
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
-from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, unplaced, unstable_counts
+from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, touching, unplaced, unstable_counts
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning
 from mbstab.analysis.verdict.rule import UNDECIDED
@@ -196,7 +196,8 @@ def _watched(values: Complex, sides: Sides) -> tuple[Flags, Flags]:
     with np.errstate(invalid="ignore"):
         sign = signs(sides)
         passes[:-1] = np.any(sign[1:] * sign[:-1] < 0, axis=1)
-        turns[1:-1] = np.any(turning(values[:-2], values[1:-1], values[2:]) & (sign[1:-1] != 0), axis=1)
+        near = turning(values[:-2], values[1:-1], values[2:]) & (sign[1:-1] != 0)
+        turns[1:-1] = np.any(near | (touching(sides[:-2], sides[1:-1], sides[2:]) != 0), axis=1)
     return passes, turns
 
 

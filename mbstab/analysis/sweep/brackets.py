@@ -15,8 +15,33 @@ from mbstab.records import dataclass
 Test = Callable[[Complex, float], float]
 """A function of a spectrum and a typical size of its eigenvalues."""
 
-Bracket = tuple[int, int, str, Test | None]
-"""Numbers of two points, what happens between them, and a function of the spectrum that is zero there."""
+
+@dataclass(frozen=True)
+class Bracket:
+    """Two points between which stability may change.
+
+    Attributes
+    ----------
+    i, j : int
+        Numbers of the points.
+    kind : str
+        What happens between them …
+    test : callable or None
+        … and a function of the spectrum that is zero there.
+    toward : int
+        1 where an eigenvalue passes to the right of the axis, −1 to the left, 0 where that is not known.
+    """
+
+    i: int
+    j: int
+    kind: str
+    test: Test | None
+    toward: int = 0
+
+    @property
+    def points(self) -> tuple[int, int]:
+        """Return the numbers of both points."""
+        return self.i, self.j
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from mbstab.analysis.sweep.batched_verdict import (
     Sides,
     settled,
     signs,
+    touching,
 )
 from mbstab.analysis.sweep.brackets import Bracket, RealPart, Stretch, Test, far_apart, needed, spaced
 from mbstab.analysis.sweep.branches import Branches
@@ -98,10 +99,11 @@ class CriticalValues(Branches):
             critical = self._located(part, bracket, branches)
             if critical is not None:
                 found.append(critical)
-            elif bracket[:2] not in doubtful:
-                doubtful.append(bracket[:2])
+            elif bracket.points not in doubtful:
+                doubtful.append(bracket.points)
         for a, b in self._unexplained(part, found, doubtful):
-            critical = self._located(part, (*self._beyond_zeros(part, a, b), "divergence", self._product), branches)
+            bracket = Bracket(*self._beyond_zeros(part, a, b), "divergence", self._product)
+            critical = self._located(part, bracket, branches)
             if critical is None:
                 doubtful.append((a, b))
             else:
@@ -315,9 +317,9 @@ class CriticalValues(Branches):
                 real = before.imag == 0.0 and after.imag == 0.0
                 if real or (single and 0.0 in (before.imag, after.imag)):
                     # A pair may meet near the axis, and one of the two pass it.
-                    yield a, b, "divergence", self._product if single else passing
+                    yield Bracket(a, b, "divergence", self._product if single else passing, int(sign[b, i]))
                 elif before.imag >= 0.0 and after.imag >= 0.0:
-                    yield a, b, "flutter", passing
+                    yield Bracket(a, b, "flutter", passing, int(sign[b, i]))
 
     def _meeting(self, part: Stretch) -> Iterator[Bracket]:
         """Yield brackets in which a spectrum that is symmetric about the axis loses or gains stability."""
@@ -332,11 +334,11 @@ class CriticalValues(Branches):
                 continue
             before, after = part.values[a], part.values[b]
             if x[b] - x[a] > TOLERANCES.interval_width * max(abs(x[a]), abs(x[b])) and far_apart(before, after):
-                yield a, b, "collision", None
+                yield Bracket(a, b, "collision", None)
                 continue
             size = float(np.max(np.abs([before, after])))
             passed = [(kind, test) for kind, test in tests if test(before, size) * test(after, size) < 0.0]
-            yield (a, b, *(passed[0] if passed else ("collision", None)))
+            yield Bracket(a, b, *(passed[0] if passed else ("collision", None)))
 
     def _apart(self, x: Array, known: Index, states: Index | Sides, a: int, b: int) -> tuple[int, int]:
         """Return points on both sides of a change, far enough apart that rounding does not hide it.
@@ -378,16 +380,19 @@ class CriticalValues(Branches):
         watched = np.flatnonzero(self.raw.turns[1:-1] | ~clear[:-1] | ~clear[1:]) + 1
         with np.errstate(invalid="ignore"):
             turns = turning(branches[watched - 1], branches[watched], branches[watched + 1])
-        if not turns.any():
-            return
-        turns &= (signs(self.sides(branches, watched)) != 0) & (branches[watched].imag >= 0.0)
-        for n, i in np.argwhere(turns).tolist():
-            self._look_around(int(watched[n]), complex(branches[watched[n], i]))
+        sides = [self.sides(branches, rows) for rows in (watched - 1, watched, watched + 1)]
+        # What is on the axis at the point itself is most likely beyond it on one side of the point.
+        touches = np.where(self.raw.mirrored[watched][:, None], 0, touching(*sides))
+        sign = np.where(turns, signs(sides[1]), touches) * (branches[watched].imag >= 0.0)
+        for n, i in np.argwhere(sign).tolist():
+            self._look_around(int(watched[n]), complex(branches[watched[n], i]), -int(sign[n, i]))
 
-    def _look_around(self, k: int, value: complex) -> None:
-        """Examine the real part of an eigenvalue of a point until it is seen to cross the axis beside it, or not to."""
+    def _look_around(self, k: int, value: complex, toward: int) -> None:
+        """Examine the real part of an eigenvalue of a point until it is seen to cross the axis beside it, or not to.
+
+        The sign of what is beyond the axis is given.
+        """
         a, middle, b = self.x[k - 1 : k + 2].tolist()
-        toward = -np.sign(value.real)
         for _ in range(TOLERANCES.turning_rounds):
             points = np.linspace(a, b, TOLERANCES.turning_points)
             points[1 + np.argmin(np.abs(points[1:-1] - middle))] = middle
@@ -410,7 +415,7 @@ class CriticalValues(Branches):
 
         Where the number of unstable eigenvalues differs at its ends, whatever the search for branches has spent.
         """
-        i, j, kind, test = bracket
+        i, j, kind, test = *bracket.points, bracket.kind, bracket.test
         if test is None:
             return None
         a, b = float(part.x[i]), float(part.x[j])
@@ -420,8 +425,9 @@ class CriticalValues(Branches):
             return None
         there = self.looked[value].values
         counts, words = self._verified(part, i, j, value, needed(part, i, j))
-        # A passing pair changes the number by two.
-        if min(counts) < 0 or counts[0] == counts[1] or (kind == "flutter" and (counts[1] - counts[0]) % 2):
+        # A passing pair changes the number by two, and others that pass nearby hide what passes the other way.
+        change = counts[1] - counts[0]
+        if min(counts) < 0 or not change or (kind == "flutter" and change % 2) or change * bracket.toward < 0:
             return None
         # Others may pass the axis at the same value.
         which = test.number(there) if isinstance(test, RealPart) else None
@@ -445,7 +451,8 @@ class CriticalValues(Branches):
         """Find the roots of test functions in brackets, all together; None where there is none, or a jump."""
         open_: list[tuple[Search, Test, float, bool]] = []
         limits: dict[tuple[float, float, Test], tuple[Search, float]] = {}
-        for part, (i, j, _, test) in brackets:
+        for part, bracket in brackets:
+            i, j, test = *bracket.points, bracket.test
             if test is None or (key := (float(part.x[i]), float(part.x[j]), test)) in self.roots:
                 continue
             size = float(np.max(np.abs(part.values[[i, j]])))
