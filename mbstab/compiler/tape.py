@@ -151,6 +151,7 @@ class Tape:
         self._partials: dict[int, list[tuple[int, Term]]] = {}
         self._inputs = 0
         self._slopes_of_abs: set[int] = set()
+        self._signed: dict[int, tuple[int, int]] = {}  # products with such slopes that have a value at 0, as factors
         self._norms: dict[int, frozenset[int]] = {}  # roots of sums of squares, and the steps that are squared
         self._over_norms: dict[int, frozenset[int]] = {}  # sums of quotients by such roots, and what is squared in them
 
@@ -214,20 +215,61 @@ class Tape:
     def _without_slopes_of_abs(self, exponents: dict[int, int]) -> tuple[Fraction, dict[int, int]]:
         """Return factors in which x times the derivative of abs(x) is abs(x), and a number besides.
 
-        The derivative has no value at 0, the product has one: so x*abs(x) has its derivative there.
+        The derivative has no value at 0, the product has one: so x*abs(x) has its derivative there. Any other factors
+        that are 0 where x is take the sign of x: so has sin(x)*abs(x).
         """
-        flat, number, found = self._flat(exponents), Fraction(1), False
-        for slope in self._slopes_of_abs & flat.keys():
-            known = self.steps[slope]
-            assert isinstance(known, Call)
-            ((x, times),) = known.arguments
-            if flat[slope] == 1 and flat.get(x, 0) > 0:
-                size = self.call("abs", Term(self, times, x))
-                del flat[slope]
-                flat[x] -= 1
-                flat[size.step] = flat.get(size.step, 0) + 1
-                number, found = number * size.coefficient / times, True
-        return (number, flat) if found else (number, exponents)
+        flat, number = self._flat(exponents), Fraction(1)
+        while len(flat) > 1 and (known := [step for step in self._signed.keys() & flat.keys() if flat[step] == 1]):
+            step = max(known)
+            flat = self._flat({**flat, step: 0, **{x: flat.get(x, 0) + 1 for x in self._signed[step]}})
+        slopes = sorted(slope for slope in self._slopes_of_abs & flat.keys() if flat[slope] == 1)
+        for slope in slopes:
+            x, times = self._argument(slope)
+            size = self.call("abs", Term(self, times, x))
+            if flat.get(x, 0) > 0:
+                number, factors = number * size.coefficient / times, {slope: -1, x: -1, size.step: 1}
+            elif flat.get(size.step, 0) > 0:
+                number, factors = number * times / size.coefficient, {slope: -1, size.step: -1, x: 1}
+            else:
+                continue
+            for step, e in factors.items():
+                flat[step] = flat.get(step, 0) + e
+            number *= self._shortened(flat, size.step)
+        rest = self._raised((step, e) for step, e in flat.items() if step not in slopes or e != 1)
+        if self.shares and rest.number is None:
+            last, number = rest.step, number * rest.coefficient
+            for slope in (slope for slope in slopes if flat[slope] == 1):
+                x, times = self._argument(slope)
+                signed = self.call("signed", Term(self, Fraction(1), last), Term(self, times, x))
+                self._signed[signed.step] = last, slope
+                last, number = signed.step, number * signed.coefficient
+            flat = {last: 1}
+        return (number, flat) if slopes else (number, exponents)
+
+    def _argument(self, step: int) -> tuple[int, Fraction]:
+        """Return the step of which a step is a function, and its coefficient."""
+        known = self.steps[step]
+        assert isinstance(known, Call)
+        return known.arguments[0]
+
+    def _shortened(self, flat: dict[int, int], x: int) -> Fraction:
+        """Divide x in factors by negative powers of x between -1 and 0, which have no value at 0; return a number."""
+        number = Fraction(1)
+        for step, e in list(flat.items()):
+            known = self.steps[step]
+            if not isinstance(known, Call) or known.arguments[0][0] != x or not flat.get(x, 0) > 0:
+                continue
+            (_, times), *exponent = known.arguments
+            if known.function == "sqrt" and e < 0:
+                changes, number = {x: -1, step: 2}, number / times
+            elif known.function == "power" and e == 1 and exponent[0][0] == ONE and exponent[0][1] < 0:
+                power = self.power(Term(self, times, x), self.term(exponent[0][1] + 1))
+                changes, number = {x: -1, step: -1, power.step: 1}, number * power.coefficient / times
+            else:
+                continue
+            for changed, by in changes.items():
+                flat[changed] = flat.get(changed, 0) + by
+        return number
 
     def _divided_by_norms(self, exponents: dict[int, int]) -> dict[int, int]:
         """Return factors in which x*y/hypot(x, y) is x times the share of y in hypot(x, y): it has a value at 0."""

@@ -126,6 +126,7 @@ def symbol_arithmetic() -> Arithmetic:
     functions = {name: getattr(sympy, name) for name in NATIVE if hasattr(sympy, name)}
     functions |= {"abs": sympy.Abs, "signum": sympy.sign, "abs_slope": sympy.sign, "held": held, "power": power}
     functions["inside"] = lambda x: sympy.Piecewise((0, (x >= 0) & (x <= 1)), (sympy.nan, True))
+    functions["signed"] = lambda x, y: x * sympy.sign(y)
     formulas = {name: entry.formula for name, entry in TABLE.items() if entry.formula and name not in functions}
     functions |= {name: folded(formula) for name, formula in formulas.items()}
     f = Arithmetic("symbol", sympy.Rational, {"pi": sympy.pi, "deg": sympy.pi / 180}, functions)

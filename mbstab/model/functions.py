@@ -350,6 +350,11 @@ CALLED = FUNCTIONS | TABULATED
 AUXILIARY: dict[str, Function] = {
     "signum": Function("-1, 0 or 1", lambda f, value, x: (0 * x,), parity="odd"),
     "abs_slope": Function("the derivative of abs, which does not exist at 0", lambda f, v, x: (0 * x,), parity="odd"),
+    "signed": Function(
+        "x times the derivative of abs at y; 0 where both are 0",
+        lambda f, value, x, y: (f.abs_slope(y), 0 * x),
+        lambda f, x, y: x * f.abs_slope(y + (1 - f.abs(f.signum(y))) * (1 - f.abs(f.signum(x)))),
+    ),
     "share": Function(
         "x/s where no x is larger than s; 0 where both are 0",
         lambda f, value, x, s: (1 / s, -value / s),

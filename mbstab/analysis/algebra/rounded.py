@@ -155,6 +155,9 @@ def _quotient(a: float, d: float, b: float, e: float) -> Rounded:
 def _power(x: Any, n: Any) -> Rounded:
     (a, d), (p, e) = map(float, value_and_error(x)), map(float, value_and_error(n))
     v = math.pow(a, p)
+    if not a and p > e:
+        # Between 0 and the power of the largest base.
+        return Rounded(v, max(d ** (p - e), d ** (p + e)))
     whole = a.is_integer() and p.is_integer() and p > 0.0 and abs(v) < WHOLE and not d and not e
     error = FUNCTION * abs(v) if p not in (1.0, 0.0) and not whole else 0.0
     if d and p:
@@ -218,6 +221,12 @@ def _abs_slope(x: Any) -> float:
     return math.copysign(1.0, a)
 
 
+def _signed(x: Any, y: Any) -> Rounded:
+    (a, d), (b, e) = value_and_error(x), value_and_error(y)
+    # Where the sign is not known, it is that of b or the other one.
+    return Rounded(a * _abs_slope(b), d + (2.0 * abs(a) if abs(b) <= e else 0.0)) if a or b else Rounded(0.0, d)
+
+
 def _held(x: Any) -> Any:
     a, _ = value_and_error(x)
     return 0.0 if a <= 0.0 else 1.0 if a >= 1.0 else x
@@ -245,6 +254,7 @@ def rounded_arithmetic() -> Arithmetic:
         "abs": abs,
         "signum": _signum,
         "abs_slope": _abs_slope,
+        "signed": _signed,
         "held": _held,
         "inside": _inside,
         "power": _power,

@@ -129,7 +129,7 @@ def _wave(function: Any, slope: Any, one: Any) -> Any:
 @cache
 def _arithmetic() -> Arithmetic:
     plain = rounded_arithmetic()
-    names = ["power", *(name for name, entry in TABLE.items() if entry.formula is None)]
+    names = ["power", "signed", *(name for name, entry in TABLE.items() if entry.formula is None)]
     functions = {name: _each(name) for name in names}
     functions |= {"sin": _wave(np.sin, np.cos, plain.sin), "cos": _wave(np.cos, np.sin, plain.cos)}
     return Arithmetic("rounded", plain.number, plain.constants, functions)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterator
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,7 @@ class Corners:
     def __init__(self, structure: Structure, system: System, q: Any, u: Any, time: Any, along: bool = False) -> None:
         self.structure, self.along = structure, along
         q, u = np.asarray(q, dtype=float), np.asarray(u, dtype=float)
+        self.alone = q.ndim == 1
         lengths = np.array([is_length(name) for name in system.names], dtype=bool)
         known = max((abs(float(x)) for x in system.scene.lengths), default=0.0) or 1.0
         sizes = np.where(lengths, max(known, float(np.max(np.abs(q[..., lengths]), initial=0.0))), 1.0)
@@ -125,12 +127,14 @@ class Corners:
                 derivatives, where = self._derivatives(atom, n, monomial)
                 if -1 < derivatives < SMOOTH and _with_its_argument(x, atom, n):
                     derivatives += 1
-                if derivatives < SMOOTH:
-                    found.append((derivatives, atom, where))
+                places = [(derivatives, atom, where)] if derivatives < SMOOTH else []
                 inner = atom.arguments
                 if atom.kind == "power" and (size := _absolute(inner[0])) is not None:
                     inner = size[0].arguments
-                found += [place for argument in inner if (place := self.worst(argument)) is not None]
+                places += [place for argument in inner if (place := self.worst(argument)) is not None]
+                if any(not place[0] for place in places) and self._fades(x, atom, n):
+                    places = [(place[0] or 1, *place[1:]) for place in places]
+                found += places
         self._worst[x] = min(found, key=lambda place: place[0]) if found else None
         return self._worst[x]
 
@@ -145,6 +149,35 @@ class Corners:
             return (-1, "it divides by 0") if n < 0 and self.near(x) else (SMOOTH, "")
         found = [(self._smooth(where, atom, n, monomial), where.text) for where in self._met(atom)]
         return min(found, default=(SMOOTH, ""))
+
+    def _fades(self, x: Sum, atom: Atom, n: int) -> bool:
+        """Whether all that has a factor without a derivative has one at the state, where its other factors vanish."""
+        if not self.alone:
+            return False
+        others = self._order(_beside(x, (atom, n)))
+        return others >= 1 or others + n * self._vanishing(atom) > 1
+
+    def _vanishing(self, atom: Atom) -> Fraction:
+        """Return p such that a factor is at most of the size of r**p at a small distance r from the only state."""
+        if not atom.state or not self.near(Sum.of(atom)):
+            return Fraction(0)
+        if atom.kind == "state":
+            return Fraction(1)
+        orders = [self._order(x) for x in atom.arguments]
+        match atom.kind:
+            case "abs" | "hypot" | "group":
+                return min(orders)
+            case "sqrt":
+                return orders[0] / 2
+            case "power":
+                return orders[0] * max(self._least(atom.arguments[1]), Fraction(0))
+        smooth = not any(self._met(atom)) and all(self.worst(x) is None for x in atom.arguments)
+        return Fraction(smooth)
+
+    def _order(self, x: Sum) -> Fraction:
+        """Return the same of a sum that vanishes: what its terms vanish with, or 1 if it has slopes and they cancel."""
+        least = min((sum(n * self._vanishing(atom) for atom, n in m) for m, _ in x.terms), default=Fraction(0))
+        return Fraction(least) if least > 0 else Fraction(self.worst(x) is None and self.near(x))
 
     def _met(self, atom: Atom) -> Iterator[Break]:
         """Yield the breaks of a function near which the state is."""
@@ -171,9 +204,19 @@ class Corners:
         base, exponent = atom.arguments
         if not base.state or not self.near(base):
             return SMOOTH, ""
-        size, n = _absolute(base), exponent.rational
-        smooth = math.ceil(size[1] * n) - 1 if size is not None and n is not None and n > 0 else -1
+        size, n = _absolute(base), self._least(exponent)
+        smooth = math.ceil(size[1] * n) - 1 if size is not None and n > 0 else -1
         return smooth, "the base of a power is 0"
+
+    def _least(self, exponent: Sum) -> Fraction:
+        """Return an exponent, or what it surely exceeds: 0 if nothing is known."""
+        if exponent.rational is not None:
+            return exponent.rational
+        if exponent.time or exponent.state or self.structure.uncertain(exponent):
+            return Fraction(0)
+        value, size = self.structure.value(exponent)
+        least = float(np.min(value - TOLERANCES.constant_rounding * size))
+        return Fraction(least) if math.isfinite(least) else Fraction(0)
 
     def text(self, expression: Expression, atom: Atom) -> str:
         """Return a function in an expression as it is written, or the whole expression."""
@@ -199,8 +242,12 @@ def _with_its_argument(x: Sum, atom: Atom, n: int) -> bool:
     argument = atom.arguments[0] if atom.kind == "abs" else Sum()
     if len(argument.terms) < 2:
         return False
-    factor = atom, n
-    return divided(Sum(frozenset((m - {factor}, c) for m, c in x.terms if factor in m)), argument) is not None
+    return divided(_beside(x, (atom, n)), argument) is not None
+
+
+def _beside(x: Sum, factor: tuple[Atom, int]) -> Sum:
+    """Return by what a factor is multiplied in a sum."""
+    return Sum(frozenset((m - {factor}, c) for m, c in x.terms if factor in m))
 
 
 def _inside(atom: Atom) -> set[Atom]:
