@@ -107,3 +107,50 @@ def test_a_fault_at_one_file_leaves_the_others_their_answers(tmp_path, monkeypat
     assert "second.yaml: a fault of mbstab" in found.stderr
     assert "TypeError: unhashable" in found.stderr
     assert isinstance(CliRunner().invoke(main, ["eig", "second.yaml"]).exception, TypeError)
+
+
+RESTING = ["0.3", "c", "2*c - sin(c)", "named"]
+"""Signals in which nothing moves; `named` is a definition."""
+
+
+def with_signal(kind, key, signal):
+    model = written(kind, **{key: signal}).replace(
+        "forces:", "parameters: {c: 0.2}\ndefinitions: {named: 3*c}\nforces:"
+    )
+    return read_model_text(model)
+
+
+@pytest.mark.parametrize("signal", RESTING)
+@pytest.mark.parametrize(("kind", "key", "form"), [("pid", "of", "X"), ("state_feedback", "gains", "{X: 1}")])
+def test_a_controller_that_reacts_to_nothing_is_told_at_its_key(kind, key, form, signal):
+    with pytest.raises(ModelFileError) as caught:
+        with_signal(kind, key, form.replace("X", signal))
+    (problem,) = caught.value.problems
+    assert problem.message == f"nothing in {signal!r} moves"
+    assert problem.path.startswith(f"forces.u.{key}")
+    assert "body.x" in problem.hint
+    assert problem.source[problem.location.column - 1 :].startswith(signal)
+
+
+@pytest.mark.parametrize(
+    "signal", ["angle(axle) - c", "rate(angle(axle))", "rod.x", "named - rod.y", "c - t", "u_effort"]
+)
+def test_a_controller_that_reacts_to_what_moves_is_read(signal):
+    with_signal("pid", "of", signal)
+    with_signal("state_feedback", "gains", f"{{{signal}: 1}}")
+
+
+@pytest.mark.parametrize("output", RESTING)
+def test_an_output_in_which_nothing_moves_is_refused_but_for_inputs_of_parameters(output):
+    model = HEAD + f"parameters: {{c: 0.2}}\ndefinitions: {{named: 3*c}}\noutputs: {{o: {output}}}\n"
+    with pytest.raises(ModelFileError, match=r"outputs\.o: nothing in .* moves"):
+        read_model_text(model)
+    read_model_text(model + "inputs: {i: {type: parameter, parameter: c}}\n")
+
+
+def test_a_rate_has_no_rate_of_its_own_in_a_controller():
+    text = written("pid", of="rate(angle(axle))").replace(", filter: 1", "")
+    with pytest.raises(ModelFileError, match="give filter, a time constant") as caught:
+        read_model_text(text)
+    (problem,) = caught.value.problems
+    assert problem.source[problem.location.column - 1 :].startswith("rate(angle(axle))")

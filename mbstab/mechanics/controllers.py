@@ -12,7 +12,7 @@ from typing import Any
 from mbstab.mechanics.catalogue import EFFORT, ElementUse, Field, Item, Kind, Part, PartError, Product
 from mbstab.mechanics.drives import MOTION
 
-_SINGLE = re.compile(r"\s*[\w.]+\s*(\([^()+*/-]*\))?\s*")
+_SINGLE = re.compile(r"\s*(?!rate\s*\()[\w.]+\s*(\([^()+*/-]*\))?\s*")
 """A coordinate or a measure: what has a rate of its own."""
 
 
@@ -179,7 +179,11 @@ _CONTROLLERS = (
         "NAME_integral, NAME_filtered with filter, NAME_effort with lag",
         (
             Field(
-                "of", "signal", "what is controlled, a coordinate or a measure: body.x, angle(joint)", "", required=True
+                "of",
+                "moving signal",
+                "what is controlled, a coordinate or a measure: body.x, angle(joint)",
+                "",
+                required=True,
             ),
             Field("target", "signal", "what it should be, an expression in the unit of that; 0 if not given", ""),
             Field("P", "number", "proportional gain: effort for the error, N/m or N*m/rad; 0 if not given", ""),

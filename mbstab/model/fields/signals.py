@@ -37,6 +37,28 @@ class SignalField(FieldKind):
         return {**NUMBER}
 
 
+def _check_moves(reading: Reading, node: YamlNode, expression: Quantity | None, hint: str = "") -> None:
+    """Refuse a signal to which a controller reacts and in which nothing moves."""
+    if expression is None or expression.rates():
+        return
+    if not any(name == "t" or moves(name, reading.names.coordinates) for name in expression.names()):
+        message = f"nothing in {expression.text!r} moves"
+        hint = f"write a coordinate or a measure, such as body.x or angle(joint){hint}"
+        reading.nodes.complain(node, expression.path, message, hint)
+
+
+class MovingSignalField(SignalField):
+    """An expression to whose motion a controller reacts."""
+
+    name = "moving signal"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
+        """Return the expression."""
+        expression = super().read(reading, field, node, path)
+        _check_moves(reading, node, expression, "; what it should be stands under target")
+        return expression
+
+
 class ConstraintField(SignalField):
     """An expression of coordinates, rates and time that must be zero."""
 
@@ -240,7 +262,9 @@ class GainsField(FieldKind):
 
     @staticmethod
     def _signal(reading: Reading, key: Scalar, path: str) -> Quantity | None:
-        return reading.quantities.quantity(key, f"{path}.{key.text}", time=True, state=True)
+        signal = reading.quantities.quantity(key, f"{path}.{key.text}", time=True, state=True)
+        _check_moves(reading, key, signal)
+        return signal
 
     def check(self, owner: Owner, field: Field, numbers: list[Quantity], time: Number) -> None:
         """Require positive widths of smoothing."""
@@ -258,6 +282,7 @@ class GainsField(FieldKind):
 
 KINDS = (
     SignalField(),
+    MovingSignalField(),
     HolonomicField(),
     NonholonomicField(),
     RateField(),
