@@ -37,7 +37,7 @@ from mbstab.analysis.reference.steady import Family, Generator, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
-from mbstab.model.bare_degrees import bare_degrees
+from mbstab.model.doubts import doubts
 from mbstab.model.schema import is_length, is_state
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
@@ -391,7 +391,7 @@ class Finder:
                 )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant,
-            tuple(self.solved), (*self.warnings, *misread(system, q, u), *bare_degrees(system.scene.model)),
+            tuple(self.solved), (*self.warnings, *misread(system, q, u), *doubts(system.scene.model)),
             massless=massless,
         )  # fmt: skip
         if massless is not None:

@@ -38,7 +38,7 @@ from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.verdict.rule import WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
-from mbstab.model.bare_degrees import bare_degrees
+from mbstab.model.doubts import doubts
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
@@ -236,7 +236,7 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
     # What is said of the speeds of one point holds for the others.
     points = [(pattern.linear.system, pattern.linear.motion) for pattern in evaluator.patterns[:1]]
     warnings += tuple(text for system, motion in points for text in misread(system, motion.q, motion.u))
-    warnings += tuple(bare_degrees(model))
+    warnings += tuple(doubts(model))
     reference = _named(model, raw.motion)
     return Sweep(
         parameter, x, branches, unstable_counts(raw.sides, words), raw.neutral, tuple(critical),
