@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import islice
 from typing import Any
 
@@ -140,6 +141,13 @@ class ModelFileError(MbstabError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = sorted(problems, key=lambda problem: problem.location.order)
         super().__init__("\n\n".join(str(problem) for problem in self.problems))
+
+
+def in_one_line(error: MbstabError) -> str:
+    """Return what an error says, without its hint and the line of the file."""
+    problem = error.problems[0] if isinstance(error, ModelFileError) else None
+    text = str(error).partition("\nhint:")[0] if problem is None else str(replace(problem, source="", hint=""))
+    return text.replace("\n", "; ")
 
 
 class UsageError(MbstabError):

@@ -460,3 +460,42 @@ def test_times_of_zero_are_left_out(key, hint):
     with pytest.raises(ModelFileError, match=f"{key} must be positive, got 0 s") as caught:
         mbstab.loads(CART.replace("lag: T", f"{key}: 0")).eig()
     assert hint in str(caught.value)
+
+
+INTEGRAL = """
+mbstab: 1
+parameters: {I: 2, load: 0.3}
+bodies: {p: {type: planar_point, mass: 1}}
+constraints: {rail: {holonomic: p.y}}
+forces:
+  spring: {type: expression, on: {p.x: -p.x + load}}
+  a: {type: pid, of: p.x, target: 0.1, coordinate: p.x, P: 3, D: 1, I: I}
+reference: {find: equilibrium}
+"""
+
+
+@pytest.mark.parametrize("first", [0.0, -1.0])
+def test_a_sweep_names_the_integral_that_has_no_value_at_a_gain_of_zero(first):
+    result = mbstab.loads(INTEGRAL).sweep("I", np.linspace(first, 3.0, 13))
+    assert [(c.kind, c.value) for c in result.critical] == [("loss of equilibrium", pytest.approx(0.0, abs=1e-9))]
+    i = int(np.argmin(np.abs(result.values)))
+    assert result.problems[i] == "no solution at I = 0 on this path: a_integral grows beyond all bounds there"
+    if not first:
+        assert "a_integral acts on nothing here, and its rate does not come to zero" in result.moved
+
+
+def test_positions_that_grow_are_named_too():
+    # x = load/(k - 1): two points do, the third does not.
+    text = """
+mbstab: 1
+parameters: {k: 3}
+bodies: {p: {type: planar_point, mass: 1}, r: {type: planar_point, mass: 1}}
+constraints: {rail: {holonomic: r.y}}
+forces:
+  f: {type: expression, on: {p.x: (1 - k)*p.x - rate(p.x) + 1, p.y: (1 - k)*p.y - rate(p.y) - 2}}
+  g: {type: expression, on: {r.x: 1 - r.x - rate(r.x)}}
+reference: {find: equilibrium}
+"""
+    result = mbstab.loads(text).sweep("k", np.linspace(3.0, 0.0, 9))
+    said = set(result.problems.values())
+    assert "no solution beyond k = 1 on this path: p.x and p.y grow beyond all bounds there" in said

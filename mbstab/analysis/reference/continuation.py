@@ -29,7 +29,7 @@ from mbstab.analysis.reference.paths import Path, PathEnd, Sheet, Surface
 from mbstab.analysis.reference.smooth import SmoothSolutions
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
-from mbstab.errors import MbstabError, NumericalError
+from mbstab.errors import MbstabError, NumericalError, in_one_line
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import bound, evaluate_parameters, settings_in_si
 from mbstab.model.schema import Model
@@ -73,7 +73,7 @@ def follow(
     else:
         assert failure is not None
         raise failure
-    moved = "" if failure is None else str(failure).splitlines()[0]
+    moved = "" if failure is None else in_one_line(failure)
     if smooth := curve.smooth(start, wanted):
         return replace(smooth, moved=moved)
     up, down = (curve.traced(sign, further) for sign in (1.0, -1.0))
@@ -210,7 +210,15 @@ class _Curve:
         values, index = np.unique([point.p for point in run.points], return_index=True)
         q, c = (np.array([getattr(run.points[i], name) for i in index]) for name in ("q", "c"))
         crossings = tuple(sorted(run.crossings))
-        return Path(self.model.parameters[self.parameter], values, q, c, tuple(run.ends), crossings, start)
+        growing = {end: self._largest(q[np.argmin(np.abs(values - end))]) for end, x in run.ends if x is PathEnd.AWAY}
+        return Path(
+            self.model.parameters[self.parameter], values, q, c, tuple(run.ends), crossings, start, growing=growing
+        )
+
+    def _largest(self, q: Array) -> tuple[str, ...]:
+        """Return the coordinates that are largest, relative to their sizes."""
+        size = np.abs(q) / self.balance.sizes
+        return tuple(self.problem.system.names[i] for i in np.flatnonzero(size > TOLERANCES.pole_share * np.max(size)))
 
     # --- equations --------------------------------------------------------------------------------------------------
 
@@ -411,7 +419,7 @@ class _Curve:
         ):
             return None
         factor = self.model.parameters[self.parameter].factor
-        return float(round(pole / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor)
+        return float(round(pole / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor) + 0.0  # no −0
 
     def _beyond_a_kink(self, at: Point, end: float) -> Point | None:
         """Return the solution a little beyond a kink, where a path continues in another direction."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import field
 from enum import StrEnum
 from functools import cached_property
 
@@ -96,6 +97,8 @@ class Path:
         Paths to which it leads through folds: first from its upper end, then from its lower end.
     surface : Surface or None
         The solutions at all values in between, if they are smooth.
+    growing : dict
+        Names of the coordinates that grow beyond all bounds, by the end at which they do.
     """
 
     parameter: Parameter
@@ -108,6 +111,7 @@ class Path:
     moved: str = ""
     beyond: tuple[Path, ...] = ()
     surface: Surface | None = None
+    growing: Mapping[float, tuple[str, ...]] = field(default_factory=dict)
 
     def covers(self, values: Values) -> Flags:
         """Return which points lie on the path, shape (points,)."""
@@ -134,9 +138,11 @@ class Path:
         """Say why there is no solution at a point."""
         value = float(values[self.parameter.name][i])
         end, reason = min(self.ends, key=lambda item: abs(item[0] - value), default=(value, "it does not lead there"))
-        unit = after_number(self.parameter.unit)
+        unit, names = after_number(self.parameter.unit), self.growing.get(end, ())
         at = f"{self.parameter.name} = {end / self.parameter.factor:.12g}{unit}"
-        return f"no solution beyond {at} on this path: {reason}"
+        if 0 < len(names) <= TOLERANCES.pole_names:
+            reason = f"{' and '.join(names)} {'grows' if len(names) == 1 else 'grow'} beyond all bounds there"
+        return f"no solution {'at' if value == end else 'beyond'} {at} on this path: {reason}"
 
     @cached_property
     def _interpolants(self) -> tuple[Array, Callable[[Array], Array], Callable[[Array], Array]]:

@@ -150,6 +150,10 @@ class Tolerances:
     """… and where, to within this fraction of the range …"""
     pole_resolution: Final = 1e-13
     """… which is never smaller than this."""
+    pole_share: Final = 0.1
+    """Coordinates become infinite there if they are at least this fraction of the largest, relative to their sizes."""
+    pole_names: Final = 2
+    """So many of them are named."""
     kink_step: Final = 1e-6
     """A path is continued this fraction of the range beyond a kink, if the solution moves by little more."""
     crossing_distance: Final = 1e-6
