@@ -170,7 +170,10 @@ def test_a_model_of_other_size_mass_and_speed_has_eigenvalues_scaled_by_the_time
     values, own = model.parameters(), model.model.parameters
     scaled = {k: values[k] * in_other_units(p.unit, factors) / p.factor for k, p in own.items() if p.expression.literal}
     original, found = answer(name), model.eig(**scaled)
-    assert (found.verdict, found.counts, found.modulo) == (original.verdict, original.counts, original.modulo)
+    assert (found.verdict, found.counts) == (original.verdict, original.counts)
+    # Which of two speeds that lead to each other is named first depends on rounding.
+    for part in ("symmetries", "family"):
+        assert sorted(getattr(found.modulo, part)) == sorted(getattr(original.modulo, part))
     assert_close(found, original, time, 1e-12)
 
 

@@ -608,7 +608,7 @@ def test_a_fold_on_a_point_of_the_grid_counts_for_neither_side():
     assert 0.0 not in second.values
 
 
-@pytest.mark.parametrize("largest", sample([1e6, 1e8, 1e9, 1e12], 3))
+@pytest.mark.parametrize("largest", sample([1e8, 1e6, 1e9, 1e12], 3))
 def test_a_range_of_many_magnitudes(largest):
     found = mbstab.load("top.yaml").sweep("omega", np.linspace(0.0, largest, 5)).critical
     assert [(c.kind, c.unstable) for c in found] == [("collision", (2, 0))]

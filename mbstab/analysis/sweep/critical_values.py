@@ -475,9 +475,11 @@ class CriticalValues(Branches):
         for key, (search, limit) in limits.items():
             # A test function that jumps has no zero.
             if not search.failed and abs(search.residual) <= limit:
-                # Nearer to zero than the rounding of the range: zero, which was looked at.
+                # Nearer to zero than the rounding of the range: zero.
                 zero = key[0] < 0.0 < key[1] and abs(search.best) <= EPS * self.width
-                self.roots[key] = 0.0 if zero else search.best
+                self.roots[key] = value = 0.0 if zero else search.best
+                if value not in self.looked:
+                    self.look(np.array([value]))
 
     def _verified(
         self, part: Stretch, i: int, j: int, value: float, needed: bool
