@@ -369,6 +369,18 @@ def test_resonances_are_drawn_between_printed_frequencies():
     assert upper.get_ylim()[0] < np.min(printed) < upper.get_ylim()[0] + 30.0
 
 
+@pytest.mark.parametrize("upper", [0.02, 0.5, 30.0])
+@pytest.mark.parametrize("name", ["whipple_bicycle.yaml", "cart_pendulum.yaml"])
+def test_phases_have_a_handful_of_marks_at_common_angles(name, upper):
+    """Whether phases fill some degrees or several turns."""
+    result = answer(mbstab.load(name).state_space(), ends=(0.01, upper), points=20)
+    lower = response_picture(result, "").axes[1]
+    low, high = lower.get_ylim()
+    marks = np.array([x for x in lower.get_yticks() if low <= x <= high])
+    assert 2 <= len(marks) <= 9
+    assert high - low < 3.5 or set(np.diff(marks)) <= {1.0, 5.0, 15.0, 45.0, 90.0, 180.0, 360.0}
+
+
 def test_outputs_over_time_share_a_panel_if_they_share_a_unit():
     car = response_picture(answer(mbstab.load("car.yaml").state_space(), points=20, duration=1.0), "")
     names = [f"yaw_rate after a unit step (rad/s/{unit})" for unit in ("rad", "N")]

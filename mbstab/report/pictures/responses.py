@@ -23,8 +23,11 @@ from mbstab.report.pictures.scales import Axis, typeset
 from mbstab.report.responses import decibels, phase, unit
 
 STYLES = ("-", "--", "-.", ":")
-TURN = 45.0
-"""Smallest step of the marks of phases (degrees)."""
+MARKS = 7.0
+"""Marks of phases are so near to each other that they divide the axis into at most so many parts …"""
+
+STEPS = (1.0, 5.0, 15.0, 45.0, 90.0, 180.0)
+"""… of these sizes (degrees), or of whole turns, or of decimal parts of a degree."""
 
 FAR = 4.0
 """Nyquist diagrams show the critical point if it is within so many times the size of the curves …"""
@@ -62,21 +65,20 @@ def response_picture(result: Response, title: str) -> Figure:
 def _bode(result: Response, title: str) -> Figure:
     """Return gains and phases, with more frequencies around resonances; those without damping leave the panel."""
     figure, (upper, lower) = titled_figure(title, heights=(2.6, 2.0))
-    handles, spread = [], 0.0
+    handles = []
     x, every = _everywhere(result)
     printed = [decibels(values[np.isfinite(values) & (values != 0.0)]) for values in result.values]
     low, high = (f(np.concatenate(printed), initial=0.0 if not any(map(len, printed)) else s * math.inf)
                  for f, s in ((np.min, 1), (np.max, -1)))  # fmt: skip
     for k, (channel, values) in enumerate(zip(result.channels, every, strict=True)):
-        style, angle = _style(k), phase(values)
+        style = _style(k)
         handles.append(_entry(channel, result.kind, style))
-        spread = max(spread, float(np.nanmax(angle, initial=0.0) - np.nanmin(angle, initial=0.0)))
         gain = decibels(values)
         high = max(high, float(np.max(gain[gain < high + PEAK], initial=high)))
         upper.semilogx(x, gain, **style)
-        lower.semilogx(x, angle, **style)
+        lower.semilogx(x, phase(values), **style)
     upper.set_ylim(low - 0.05 * (high - low) - 1.0, high + 0.05 * (high - low) + 1.0)
-    _finish(upper, lower, spread, "frequency (rad/s)")
+    _finish(upper, lower, "frequency (rad/s)")
     upper.set_ylabel("gain (dB)")
     for axes in (upper, lower):
         axes.set_xlim(result.x[0], result.x[-1])
@@ -110,11 +112,14 @@ def _over_time(result: Response, title: str) -> Figure:
     return figure
 
 
-def _finish(upper: Axes, lower: Axes, spread: float, across: str) -> None:
-    """Finish panels of amplitudes and phases, which differ by as much as `spread` (degrees)."""
+def _finish(upper: Axes, lower: Axes, across: str) -> None:
+    """Finish panels of amplitudes and phases, which are in degrees."""
     upper.tick_params(labelbottom=False)
     lower.set_ylabel("phase (°)")
-    lower.yaxis.set_major_locator(MultipleLocator(TURN * (2 if spread > 200.0 else 1)))
+    low, high = lower.get_ylim()
+    if (least := (high - low) / MARKS) > 0.5 * STEPS[0]:
+        turns = 360.0 * math.ceil(least / 360.0)
+        lower.yaxis.set_major_locator(MultipleLocator(next((step for step in STEPS if step >= least), turns)))
     lower.set_xlabel(across)
     for axes in (upper, lower):
         axes.grid(color="0.85", linewidth=0.6)
@@ -128,16 +133,15 @@ def unbalance_picture(result: UnbalanceResponse, title: str, spin: Axis) -> Figu
     speeds, upward = result.speeds / spin.factor, 1.0 if result.speeds[-1] >= result.speeds[0] else -1.0
     with house_style():
         figure, panels = titled_figure(title, heights=(2.6, 2.0))
-        handles, spread = list[Artist](), 0.0
+        handles = list[Artist]()
         for k, (name, own, peak) in enumerate(zip(result.outputs, result.units, result.peaks, strict=True)):
             # The peak belongs to the curve, however coarse the steps are; beyond all bounds, the curve has a gap there.
             at = int(np.searchsorted(result.speeds * upward, peak.speed * upward))
             x, values = np.insert(speeds, at, peak.speed / spin.factor), np.insert(result.values[k], at, peak.value)
-            style, angle = _style(k), phase(values)
-            spread = max(spread, float(np.nanmax(angle, initial=0.0) - np.nanmin(angle, initial=0.0)))
+            style = _style(k)
             handles.append(Line2D([], [], label=name + (f" ({typeset(own)})" if own else ""), **style))
             panels[0].semilogy(x, np.abs(values), **style)
-            panels[1].plot(x, angle, **style)
+            panels[1].plot(x, phase(values), **style)
         for axes in panels:
             axes.set_xlim(*sorted((speeds[0], speeds[-1])))
             across = axes.get_xaxis_transform()
@@ -147,7 +151,7 @@ def unbalance_picture(result: UnbalanceResponse, title: str, spin: Axis) -> Figu
             )  # fmt: skip
         if np.any(result.unstable):
             handles.append(unstable_patch())
-        _finish(panels[0], panels[1], spread, spin.text)
+        _finish(panels[0], panels[1], spin.text)
         shared = set(result.units)
         unit = typeset(shared.pop() or "1") if len(shared) == 1 else "each in its own unit"
         panels[0].set_ylabel(f"amplitude for 1 kg·m ({unit})")
