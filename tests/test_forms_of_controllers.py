@@ -140,14 +140,6 @@ def test_a_controller_that_reacts_to_what_moves_is_read(signal):
     with_signal("state_feedback", "gains", f"{{{signal}: 1}}")
 
 
-@pytest.mark.parametrize("output", RESTING)
-def test_an_output_in_which_nothing_moves_is_refused_but_for_inputs_of_parameters(output):
-    model = HEAD + f"parameters: {{c: 0.2}}\ndefinitions: {{named: 3*c}}\noutputs: {{o: {output}}}\n"
-    with pytest.raises(ModelFileError, match=r"outputs\.o: nothing in .* moves"):
-        read_model_text(model)
-    read_model_text(model + "inputs: {i: {type: parameter, parameter: c}}\n")
-
-
 def test_a_rate_has_no_rate_of_its_own_in_a_controller():
     text = written("pid", of="rate(angle(axle))").replace(", filter: 1", "")
     with pytest.raises(ModelFileError, match="give filter, a time constant") as caught:

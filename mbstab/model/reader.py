@@ -143,7 +143,7 @@ def _read(document: Document, root: Mapping) -> Model:
         bodies=bodies,
         entries=entries,
         inputs=inputs,
-        outputs=read_outputs(quantities, top.get("outputs"), entries, inputs),
+        outputs=read_outputs(quantities, top.get("outputs"), entries),
         reference=reference.reference(root),
         initial=reference.initial(root),
         sweep=expectations.sweep(top.get("sweep")),

@@ -17,9 +17,7 @@ from mbstab.model.yamlfile import Scalar, YamlNode
 Entries = Mapping[str, Mapping[str, Entry]]
 
 
-def read_outputs(
-    quantities: QuantityReader, node: YamlNode | None, entries: Entries, inputs: Mapping[str, Entry]
-) -> dict[str, Quantity]:
+def read_outputs(quantities: QuantityReader, node: YamlNode | None, entries: Entries) -> dict[str, Quantity]:
     """Return the outputs by name."""
     nodes, names, found = quantities.nodes, quantities.names, {}
     section = nodes.optional(node, "outputs")
@@ -33,8 +31,6 @@ def read_outputs(
             expression = _parsed(item.text, names.definitions, names.tables, entries)
             coordinates = [x for x in names.coordinates if not names.unread(x)]
             _check(expression, entries, quantities.places, coordinates, names.parameters)
-            if not any(entry.kind.name == "parameter" for entry in inputs.values()):
-                _check_moves(expression, names.parameters)
         except ExpressionError as error:
             if any(nodes.faulty(f"{section}.{x}") for section in names.written for x in _named(item.text)):
                 continue  # what it names has a problem of its own
@@ -94,13 +90,6 @@ def _check(
             elif name not in parameters and x.arguments[0] not in coordinates:
                 known = [*coordinates, *parameters, *MEASURES, *DERIVED, *CONSTANTS]
                 raise ExpressionError(f"unknown coordinate {x.arguments[0]!r}", at, suggestion(x.arguments[0], known))
-
-
-def _check_moves(expression: Expression, parameters: Collection[str]) -> None:
-    """Refuse an output in which nothing moves."""
-    if not expression.rates() and all(name in parameters for name in expression.names()):
-        hint = "write a coordinate or a measure, such as body.x or angle(joint)"
-        raise ExpressionError(f"nothing in {expression.text!r} moves", 0, hint)
 
 
 def _check_measure(x: Measurement, entries: Entries, places: Places, at: int) -> None:
