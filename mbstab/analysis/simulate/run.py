@@ -7,7 +7,7 @@ samples so far are kept.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 
@@ -536,10 +536,11 @@ class _Leg:
 
 
 def difference(one: Run, other: Run, sizes: Array, fast: float | None = None) -> float:
-    """Return the largest difference of positions, orientations and speeds of two runs at common times.
+    """Return the largest difference of positions, orientations, speeds and first-order states of two runs.
 
-    Lengths are in sizes of the scene, orientations are entries of rotation matrices, speeds and
-    angular velocities are relative to the largest, or to `fast` (1/s).
+    They are taken at common times. Lengths are in sizes of the scene, orientations are entries of rotation matrices,
+    speeds and angular velocities are relative to the largest, or to `fast` (1/s), and states to their largest value
+    or their size, whichever is larger.
     """
     count = min(len(one.samples), len(other.samples))
     length = float(np.max(sizes))
@@ -550,8 +551,17 @@ def difference(one: Run, other: Run, sizes: Array, fast: float | None = None) ->
         _largest(a.rotations[:count] - b.rotations[:count]),
         _largest(a.velocities[:count] - b.velocities[:count]) / (length * fast),
         _largest(a.spins[:count] - b.spins[:count]) / fast,
+        _difference_of_states(one.samples[:count], other.samples[:count], sizes),
     )
     return worst if math.isfinite(worst) else math.inf
+
+
+def _difference_of_states(one: Sequence[Sample], other: Sequence[Sample], sizes: Array) -> float:
+    columns = one[0].frame.system.states[0]
+    if not len(columns):
+        return 0.0
+    first, second = (np.array([sample.q[columns] for sample in samples]) for samples in (one, other))
+    return _largest((first - second) / np.maximum(np.max(np.abs([first, second]), axis=(0, 1)), sizes[columns]))
 
 
 def fastest(run: Run, length: float) -> float:
