@@ -2,6 +2,7 @@
 
 Exit codes: 0 answered, 1 the computation failed, 2 the file or the command line
 is wrong, 3 an expectation (``expect:``, ``--require`` or ``--verify``) did not hold.
+A command that a signal stops ends with 128 and its number (130 Ctrl-C, 143 SIGTERM).
 """
 
 from __future__ import annotations

@@ -737,7 +737,7 @@ def test_ctrl_c_while_animating_leaves_no_half_file(tmp_path, number):
         assert [p.name.startswith(".a.gif.") for p in tmp_path.iterdir()] == [True]
         process.send_signal(number)
         process.wait(timeout=30)
-    assert process.returncode == 1
+    assert process.returncode == 128 + number
     assert list(tmp_path.iterdir()) == []
 
 
@@ -751,7 +751,7 @@ def test_ctrl_c_while_data_are_written_leaves_no_half_file(tmp_path, number):
         until(lambda: any(p.stat().st_size for p in tmp_path.iterdir()), process)
         process.send_signal(number)
         process.wait(timeout=30)
-    assert process.returncode == 1
+    assert process.returncode == 128 + number
     assert list(tmp_path.iterdir()) == []
 
 
@@ -771,7 +771,7 @@ def test_ffmpeg_ends_with_the_animation(tmp_path, number):
         writer = int(half.read_text())
         process.send_signal(number)
         process.wait(timeout=30)
-    assert process.returncode == 1
+    assert process.returncode == 128 + number
     assert list(out.iterdir()) == []
     assert ended(writer)
 

@@ -67,9 +67,13 @@ class _Group(click.Group):
     def main(self, *arguments: Any, **options: Any) -> Any:
         """Run the command and end the process with its exit code."""
         options["standalone_mode"] = False
-        with _terminable(), _rarely_collected():
+        with _stoppable() as received, _rarely_collected():
             code = _exit_code(lambda: super(_Group, self).main(*arguments, **options))
-        sys.exit(code)
+        sys.exit(STOPPED + received[0] if code and received else code)
+
+
+STOPPED = 128
+"""Exit code of a command that a signal has stopped, less the number of the signal, as shells have it."""
 
 
 FORMATS = ("table", "json", "csv", "npz", "md", "html")
@@ -130,20 +134,27 @@ def _rarely_collected() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """Let a request to terminate stop a command as Ctrl-C does: no half file and no process is left."""
-    if threading.current_thread() is not threading.main_thread():  # where signals cannot be handled
-        yield
-        return
+def _stoppable() -> Iterator[list[int]]:
+    """Let Ctrl-C and a request to terminate stop a command: no half file and no process is left.
+
+    Yields the list that the numbers of their signals are appended to. A signal that is ignored stays so.
+    """
+    received: list[int] = []
 
     def stop(number: int, frame: Any) -> None:
+        received.append(number)
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, stop)
+    main = threading.current_thread() is threading.main_thread()  # elsewhere signals cannot be handled
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM) if main}
+    handled = [number for number, handler in before.items() if handler not in (signal.SIG_IGN, None)]
     try:
-        yield
+        for number in handled:
+            signal.signal(number, stop)
+        yield received
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number in handled:
+            signal.signal(number, before[number])
 
 
 def _version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
@@ -162,7 +173,7 @@ def main() -> None:
     FILE is a model file (YAML), or - for stdin; a name that is not a file is looked up among the example models.
     Answers go to the terminal or to --output, whose suffix says the format; messages go to stderr. Exit codes:
     0 answered, 1 the computation failed, 2 the file or the command line is wrong, 3 an expectation did not hold or
-    --verify contradicts.
+    --verify contradicts, 130 stopped by Ctrl-C, 143 by a request to terminate (SIGTERM).
     """
     one_thread_by_default()
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 from mbstab.errors import visible
 from mbstab.records import dataclass
+from mbstab.report import WIDTH
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.expectations import Outcome
@@ -41,14 +43,22 @@ class Tested:
 
 
 def tested_text(models: Sequence[Tested], failures_only: bool) -> str:
-    """Return one line for each expectation, and how many hold."""
+    """Return a paragraph for each expectation, which begins with its place in the file, and how many hold."""
     lines = []
     for model in models:
         if model.failure:
             lines.append(f"FAIL {visible(model.name, lines=False)}")
         for x in model.outcomes:
             if not (x.passed and failures_only):
-                lines.append(f"{'ok  ' if x.passed else 'FAIL'} {x.location}: {x.what}: {x.detail}")
+                place = f"{'ok  ' if x.passed else 'FAIL'} {x.location}: "
+                lines += wrap(
+                    f"{x.what}: {x.detail}",
+                    width=WIDTH,
+                    initial_indent=place,
+                    subsequent_indent=" " * 5,
+                    break_long_words=False,
+                    break_on_hyphens=False,
+                )
     lines.append(f"{sum(x.passed for x in models)} passed, {sum(x.failed for x in models)} failed")
     return "\n".join(lines) + "\n"
 

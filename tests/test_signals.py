@@ -1,0 +1,37 @@
+"""Commands that signals stop say so by their exit code."""
+
+import signal
+
+import pytest
+from click.testing import CliRunner
+
+from mbstab.cli import main
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=str)
+@pytest.mark.parametrize(
+    ("place", "arguments"),
+    [
+        ("mbstab.analysis.simulate.run._Leg.follow", ("simulate", "pendulum.yaml", "--perturb", "rod.theta=1")),
+        ("mbstab.analysis.design.search._better", ("design", "car.yaml", "--vary", "a=5%", "--goal", "decay")),
+        ("mbstab.api.Mechanism.eig", ("eig", "pendulum.yaml")),
+    ],
+    ids=str,
+)
+def test_exit_codes_tell_by_which_signal_a_command_was_stopped(monkeypatch, place, arguments, number):
+    # Whether or not it writes what is finished.
+    before = signal.getsignal(number)
+    monkeypatch.setattr(place, lambda *_, **__: signal.raise_signal(number))
+    assert CliRunner().invoke(main, arguments).exit_code == 128 + number
+    assert signal.getsignal(number) is before
+
+
+def test_an_ignored_signal_stays_ignored(monkeypatch):
+    # So are interrupts in the background of a script.
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        monkeypatch.setattr("mbstab.cli.commands.eig.load_model", lambda *_: signal.raise_signal(signal.SIGINT))
+        result = CliRunner().invoke(main, ["eig", "pendulum.yaml"])
+        assert isinstance(result.exception, AttributeError)
+    finally:
+        signal.signal(signal.SIGINT, before)
