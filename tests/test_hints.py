@@ -132,6 +132,26 @@ def test_a_spin_that_is_not_steady_is_told_with_the_remedy(inertia, axis, angle,
     assert ("frozen-time" in reasons) == bool(said)
 
 
+@pytest.mark.parametrize(
+    ("model", "right", "wrong", "said"),
+    [
+        (
+            "rolling_torus",
+            "z: rho",
+            "z: R",
+            "the height of its lowest point (upright, its centre is at the height radius + tube) is -0.05 m",
+        ),
+        ("rattleback", "z: c - h,", "z: c - h + 0.01,", "the height of its lowest point is 0.01 m"),
+    ],
+)
+def test_a_contact_at_the_wrong_height_is_told_which_height_it_has(model, right, wrong, said):
+    text = CliRunner().invoke(main, ["models", "show", model]).stdout
+    assert right in text
+    with pytest.raises(MbstabError) as error:
+        mbstab.loads(text.replace(right, wrong)).eig()
+    assert said in str(error.value)
+
+
 @pytest.mark.parametrize("given", ["1e-9*rod.x + rod.y**2", "rod.y - exp(rod.x/0.001) + 1", "rod.y**2 - 1e-8"])
 def test_a_small_derivative_that_does_not_vanish_is_no_square(given):
     found = mbstab.loads(

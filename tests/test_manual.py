@@ -17,6 +17,7 @@ from mbstab.cli import main
 from mbstab.cli.handbook.lookup import found_places, places
 from mbstab.cli.handbook.pages import FOLDER, TOPICS, WRITTEN, page
 from mbstab.cli.main import COMMANDS
+from mbstab.errors import UsageError
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.functions import FUNCTIONS
 from mbstab.model.library import installed_models
@@ -208,3 +209,32 @@ def test_the_version_is_the_same_wherever_it_stands():
     assert next(x for x in heads if x != "Unreleased") == version
     assert yaml.safe_load((ROOT / "mbstab" / "CITATION.cff").read_text())["version"] == version
     assert f"version = {{{version}}}" in said("citing").stdout
+
+
+@pytest.mark.parametrize(
+    ("query", "word"),
+    [
+        ("rolling disc", "rolling disk"),
+        ("sub-critical", "subcritical"),
+        ("modeshape", "mode-shape"),
+        ("tire", "tyre"),
+        ("color", "colour"),
+        ("centre", "center"),
+        ("center of mass", "centre of mass"),
+        ("Centered", "centred"),
+        ("linearise", "linearize"),
+        ("traveling", "travelling"),
+        ("dashpot", "damper"),
+    ],
+)
+def test_a_search_finds_the_other_spelling(query, word):
+    text = f"# Wheels\n\nThis says nothing.\n\nA {word} moves.\n"
+    every = [*places("x", text), *places("glossary", PAGES["glossary"])]
+    assert any(word in place.text for place in found_places(every, query))
+
+
+def test_a_search_does_not_find_other_words():
+    every = list(places("x", "This is for one wheel of an entire car, which is at rest."))
+    for query in ("four", "tyre", "centre"):
+        with pytest.raises(UsageError):
+            found_places(every, query)

@@ -26,20 +26,49 @@ class Place:
 
     def holds(self, words: list[str]) -> bool:
         """Whether all words are in it or its heading, and at least one in the text itself."""
-        own, all_ = plain(self.text), plain(f"{self.heading} {self.text}")
-        return all(word in all_ for word in words) and any(word in own for word in words)
+        return all(self.says(word) for word in words) and any(_said(self.text, word) for word in words)
+
+    def says(self, word: str) -> bool:
+        """Whether a word is in it or its heading."""
+        return _said(f"{self.heading} {self.text}", word)
 
     def explains(self, words: list[str]) -> bool:
         """Whether it begins with the words, as a definition does."""
-        beginning = re.match(r"[*|\s]*(`[^`]*`|.*)", plain(self.text))
+        beginning = re.match(r"[*|\s]*(`[^`]*`|.*)", self.text)
         assert beginning is not None
         said = beginning[1]
-        return all(word in said for word in words) if said[:1] == "`" else said.startswith(" ".join(words))
+        if said[:1] == "`":
+            return all(_said(said, word) for word in words)
+        return respelled(said).startswith(respelled(" ".join(words)))
 
 
 def plain(text: str) -> str:
     """Return text in small letters without accents, which a query may leave out."""
     return "".join(c for c in normalize("NFKD", text.lower()) if not combining(c))
+
+
+SPELLINGS = (
+    (r"(?<=\w)-(?=\w)", ""),  # sub-critical, subcritical
+    (r"(?<=\w{3})our", "or"),  # colour, color
+    (r"(?<=\w{2}[bt])(ere|er|re)", "r"),  # centred, centered
+    (r"ll(?=ed|er|ing)", "l"),  # modelling, modeling
+    (r"\btire", "tyre"),
+    ("sk", "sc"),  # disk, disc
+    ("z", "s"),  # linearize, linearise
+)
+"""Patterns that make one of two spellings, the same in a query and in a text, and what stands for them."""
+
+
+def respelled(text: str) -> str:
+    """Return plain text in which British and American spellings, with and without hyphens, are the same."""
+    text = plain(text)
+    for pattern, common in SPELLINGS:
+        text = re.sub(pattern, common, text)
+    return text
+
+
+def _said(text: str, word: str) -> bool:
+    return word in plain(text) or respelled(word) in respelled(text)
 
 
 def places(topic: str, text: str) -> Iterator[Place]:
@@ -71,7 +100,7 @@ def found_places(every: Sequence[Place], query: str) -> list[Place]:
     found = [place for place in every if place.holds(words)] or _nearly(every, words)
     if not found:
         known = sorted({word for place in every for word in re.findall(r"[\w-]{3,}", plain(place.text))})
-        alone = [word for word in words if not any(word in plain(place.text) for place in every)]
+        alone = [word for word in words if not any(_said(place.text, word) for place in every)]
         near = _nearest(alone[0], known) if alone else ""
         hint = f"did you mean {near!r}?" if near else "use fewer or other words; mbstab manual lists the topics"
         raise UsageError(f"the manual has nothing about {query!r}\nhint: {hint}")
@@ -81,7 +110,7 @@ def found_places(every: Sequence[Place], query: str) -> list[Place]:
 def _nearly(every: Sequence[Place], words: list[str]) -> list[Place]:
     """Return the pieces that hold the most words, at least two; those of up to three letters do not count."""
     told = [word for word in words if len(word) > 3]
-    counts = [sum(word in plain(f"{place.heading} {place.text}") for word in told) for place in every]
+    counts = [sum(place.says(word) for word in told) for place in every]
     most = max(counts, default=0)
     return [place for place, count in zip(every, counts, strict=True) if count == most] if most > 1 else []
 
