@@ -1,12 +1,14 @@
 """Crossings of frequencies with orders of the spin, against closed forms of a rigid rotor on two bearings."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from test_cli import run
 
 import mbstab
+from mbstab.analysis.sweep import orders
 from mbstab.errors import UsageError
 
 MASS, TRANSVERSE, POLAR, HALF = 122.679193122681426, 2.86251450619589994, 0.61339596561340713, 0.25
@@ -71,6 +73,19 @@ def test_branches_tell_the_sense_of_their_whirl():
     highest = int(np.argmax(last.imag))
     assert found.whirls[highest] == "forward"
     assert mbstab.loads(ROTOR).sweep("Omega", np.array([50.0, 60.0])).whirls == ()
+
+
+def test_a_whirl_that_changes_its_sense_is_told():
+    """Also where only a crossing shows it, on both branches of its pair."""
+    found = mbstab.loads(ROTOR).sweep("Omega", np.linspace(50.0, 400.0, 15), orders=(1.0,))
+    changed = replace(
+        found.crossings[0], whirl={"forward": "backward", "backward": "forward"}[found.crossings[0].whirl]
+    )
+    search = orders._Search(mbstab.loads(ROTOR).model, found)
+    told = search.whirls([changed])
+    pair = [j for j, (one, other) in enumerate(zip(told, found.whirls, strict=True)) if one != other]
+    assert [told[j] for j in pair] == ["changing", "changing"]
+    assert changed.branch in pair
 
 
 def test_a_campbell_diagram_ends_at_a_frequency_that_is_given(tmp_path):

@@ -170,9 +170,9 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     ``warnings``, ``names`` (of the branches, null for those without), ``start`` (from where equilibria were followed,
     null if they are given), ``orders``, ``crossings`` (of frequencies with these: ``value``, ``order``,
     ``frequency`` in rad/s, ``branch``, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches, with orders:
-    ``forward``, ``backward``, ``mixed``, null elsewhere), ``reference`` (where the file asks to find it, lists of its
-    coordinates in m and rad by name, and of its rates as ``rate(…)``; else empty) and ``beyond``: for each path beyond
-    a fold, an object with the same keys from ``values`` on.
+    ``forward``, ``backward``, ``mixed``, ``changing``, null where nothing whirls), ``reference`` (where the file asks
+    to find it, lists of its coordinates in m and rad by name, and of its rates as ``rate(…)``; else empty) and
+    ``beyond``: for each path beyond a fold, an object with the same keys from ``values`` on.
 
     An ``enclosure`` is null unless proofs are asked for: ``midpoint`` and ``radius`` as decimal texts, in the unit of
     the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why

@@ -61,7 +61,7 @@ def with_orders(model: Model, result: Sweep, orders: Sequence[float]) -> Sweep:
     notes += search.notes
     return replace(
         result, orders=tuple(orders), crossings=tuple(found), warnings=(*result.warnings, *dict.fromkeys(notes)),
-        whirls=search.whirls(),
+        whirls=search.whirls(found),
     )  # fmt: skip
 
 
@@ -111,8 +111,11 @@ class _Search:
         name = self.result.names[branch] if self.result.names else ""
         return OrderCrossing(order, value, s.imag, branch, name, mode.whirl, mode.motions)
 
-    def whirls(self) -> tuple[str, ...]:
-        """Return the sense in which bodies whirl on each branch, told at some points; empty where it changes."""
+    def whirls(self, crossings: Sequence[OrderCrossing]) -> tuple[str, ...]:
+        """Return the sense in which bodies whirl on each branch, as some points and the crossings tell it.
+
+        It is ``changing`` on branches where they differ, and empty where no body whirls.
+        """
         branches = self.result.branches
         senses: list[set[str]] = [set() for _ in branches.T]
         answered = np.flatnonzero(np.isfinite(branches).all(axis=1))
@@ -127,7 +130,11 @@ class _Search:
                 k = int(np.argmin(np.abs(values - complex(s.real, abs(s.imag)))))
                 if s.imag:
                     sense.add(whirl.of(complex(values[k]), shapes[:, k]))
-        return tuple(next(iter(found)) if len(found := sense - {""}) == 1 else "" for sense in senses)
+        for c in crossings:
+            i = int(np.argmin(np.abs(self.result.values - c.value)))
+            for s in (branches[i, c.branch], np.conj(branches[i, c.branch])):
+                senses[int(np.argmin(np.abs(branches[i] - s)))].add(c.whirl)
+        return tuple("changing" if len(found := sense - {""}) > 1 else "".join(found) for sense in senses)
 
     @staticmethod
     def _mode(linear: Linearization, s: complex) -> Eigenvalue:

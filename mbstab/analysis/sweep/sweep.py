@@ -112,7 +112,7 @@ class Sweep:
         … and found, in the order of the parameter.
     whirls : tuple of str
         With orders: ``forward``, ``backward`` or ``mixed`` for each branch on which spinning bodies whirl in the same
-        sense from end to end, else empty.
+        sense from end to end, ``changing`` if they change it, empty if none whirls.
     reference : dict of ndarray, shape (points,)
         If the file asks to find the reference: its coordinates by name (m, rad), and as ``rate(…)`` those rates that
         are not zero everywhere; nan where there is no answer.

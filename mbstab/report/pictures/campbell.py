@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
-from mbstab.errors import UsageError
+from mbstab.errors import UsageError, counted
 from mbstab.report.pictures.branch_labels import add_branches
 from mbstab.report.pictures.curves import BEYOND_INK, INK, THIN, Mask, draw_branch
 from mbstab.report.pictures.drawing import draw_legend, house_style, legend_marker
@@ -25,8 +25,11 @@ from mbstab.report.pictures.sweep_curves import TINY, SweepCurves
 SQUEEZED = 10.0
 """The axis is logarithmic if the highest frequency is so many times the highest of another branch."""
 
-WHIRL_INK = {"forward": "#1f5fa8", "backward": "#b03a2e", "mixed": "#6a3d9a"}
+WHIRL_INK = {"forward": "#1f5fa8", "backward": "#b03a2e", "mixed": "#6a3d9a", "changing": "#2e7d32"}
 """Colours of branches with a sense of whirl, and of the markers of crossings."""
+
+WHIRL_TEXT = {**{word: f"{word} whirl" for word in WHIRL_INK}, "changing": "whirl changes its sense", "": "no whirl"}
+"""What the legend says about branches."""
 
 
 def campbell(result: Sweep, label: Axis | str, title: str, highest: float = math.inf) -> Figure:
@@ -72,22 +75,26 @@ def campbell(result: Sweep, label: Axis | str, title: str, highest: float = math
             axes.set_ylim(0.0, highest)
         else:
             _set_scale(axes, heights / (2.0 * math.pi), curves.size / (2.0 * math.pi))
-        handles: list[Artist] = []
-        if not all(result.whirls) or not result.whirls:
-            text = "no whirl, or its sense changes" if any(result.whirls) else "frequency of a branch"
-            handles.append(Line2D([], [], color="k", linewidth=THIN, label=text))
-        handles += [
-            Line2D([], [], color=ink, linewidth=THIN, label=f"{word} whirl")
-            for word, ink in WHIRL_INK.items()
-            if word in result.whirls
-        ]
+        handles = _branch_entries(result, frequency)
         labels = PointLabels(axes)
+        add_branches(labels, result, curves, (curves.x[:, None], frequency), "branch ")
         if result.orders:
             handles += _draw_orders(labels, result, curves)
-        add_branches(labels, result, curves, (curves.x[:, None], frequency), "branch ")
         draw_legend(figure, handles + legend_entries(curves, _oscillates, unlabelled))
         labels.draw()
         return figure
+
+
+def _branch_entries(result: Sweep, frequency: Array) -> list[Artist]:
+    """Return the legend entries of branches: by their whirl, where some have one."""
+    texts = {"": (INK[0], "frequency of a branch")}
+    drawn = {""}
+    if any(result.whirls):
+        texts = {word: (WHIRL_INK.get(word, INK[0]), text) for word, text in WHIRL_TEXT.items()}
+        drawn = {result.whirls[j] for j in np.flatnonzero(np.any(frequency > 0.0, axis=0))}
+    return [
+        Line2D([], [], color=ink, linewidth=THIN, label=text) for word, (ink, text) in texts.items() if word in drawn
+    ]
 
 
 def _head(result: Sweep) -> str:
@@ -110,6 +117,9 @@ def _set_scale(axes: Axes, frequency: Array, largest: float) -> None:
         axes.set_ylim(upward_range(frequency, largest))
 
 
+ROOM = 0.4
+"""Part of the panel that each crossing with a number has (square inches); those of orders near 1 come first."""
+
 _LINE: dict[str, Any] = {"color": "0.25", "linewidth": 1.1}
 MARKERS = {
     "forward": ("^", "crossing, forward whirl"),
@@ -131,7 +141,9 @@ def _draw_orders(labels: PointLabels, result: Sweep, curves: SweepCurves) -> lis
     handles: list[Artist] = [Line2D([], [], linestyle=dots, label=f"orders of {label.name}", **style)]
     shown: dict[str, Artist] = {}
     written: set[tuple[str, str]] = set()
-    for c in result.crossings:
+    extent, dpi = axes.get_window_extent(), axes.figure.dpi
+    most, left_out = len(labels.wanted) + int(extent.width * extent.height / (ROOM * dpi**2)), 0
+    for c in sorted(result.crossings, key=lambda c: (abs(math.log(c.order)), c.value)):
         marker, text = MARKERS.get(c.whirl, ("o", "crossing"))
         at = c.value / label.factor, c.frequency / (2.0 * math.pi)
         if at[1] > axes.get_ylim()[1]:
@@ -142,10 +154,18 @@ def _draw_orders(labels: PointLabels, result: Sweep, curves: SweepCurves) -> lis
         number = f"{number_text(at[0], curves.span, 4)}"
         # Branches that coincide cross a line together.
         here = number, number_text(at[1], curves.size / (2.0 * math.pi), 4)
-        if len(labels.wanted) < LABELS and here not in written:
+        if here in written:
+            continue
+        if len(labels.wanted) < min(LABELS, most):
             labels.add(*at, number)
             written.add(here)
-    return handles + list(shown.values())
+        else:
+            left_out += 1
+    handles += shown.values()
+    if left_out:
+        text = f"{counted(left_out, 'crossing')} without {'its' if left_out == 1 else 'their'} value"
+        handles.append(Line2D([], [], linestyle="none", label=text))
+    return handles
 
 
 def _name_excitation(labels: PointLabels, x: Array, line: Array, text: str) -> None:

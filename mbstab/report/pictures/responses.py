@@ -26,7 +26,7 @@ STYLES = ("-", "--", "-.", ":")
 MARKS = 7.0
 """Marks of phases are so near to each other that they divide the axis into at most so many parts …"""
 
-STEPS = (1.0, 5.0, 15.0, 45.0, 90.0, 180.0)
+STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0)
 """… of these sizes (degrees), or of whole turns, or of decimal parts of a degree."""
 
 FAR = 4.0
