@@ -230,3 +230,46 @@ def test_all_eigenvalues_of_a_cart_pass_zero_where_it_stands(seed):
     assert critical.kind == "divergence"
     assert critical.unstable == (left, right)
     assert len(critical.branches) == abs(left - right)
+
+
+TOWED = """
+mbstab: 1
+title: Undamped trailer on a knife edge, towed at an elastic kingpin
+parameters: {{p: 0.3, v: {{value: "{speed}"}}}}
+bodies:
+  W: {{type: planar, mass: {m}, inertia: {J}, points: {{K: [{a}, 0], E: [{b}, 0]}}}}
+contacts: {{e: {{type: knife_edge, at: W.E, along: x}}}}
+drives: {{tow: {{type: point, at: W.K, direction: x, position: v*t}}}}
+forces:
+  turning: {{type: expression, on: {{W.theta: -{kt}*W.theta}}}}
+  lateral:
+    type: expression
+    on: {{W.y: "-{k}*(W.y + {a}*sin(W.theta))", W.theta: "-{k}*(W.y + {a}*sin(W.theta))*{a}*cos(W.theta)"}}
+reference:
+  coordinates: {{W: {{x: -{a}, y: 0, theta: 0}}}}
+  rates: {{W: {{x: v, y: 0, theta: 0}}}}
+"""
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2, 6, 7])
+def test_trailers_with_three_eigenvalues_are_swept_through_rest(seed):
+    """At rest the spectrum is symmetric and of odd size; elsewhere the verdict is that of Routh's rule."""
+    rng = np.random.default_rng(seed)
+    m, J, a, k, kt = 10.0 ** rng.uniform(-1, 1, size=5)
+    b = a * rng.uniform(-0.5, 1.5)
+    zeros, speed = [((0.0,), "p"), ((0.318, 0.367), "(p - 0.318)*(p - 0.367)*7")][seed % 2]
+    model = mbstab.loads(TOWED.format(speed=speed, m=m, J=J, a=a, b=b, k=k, kt=kt))
+    swept = model.sweep("p", np.linspace(-1.0, 1.0, 11 + seed // 2))
+
+    d = a - b
+
+    def unstable(p: float) -> int:
+        v = p if seed % 2 == 0 else (p - 0.318) * (p - 0.367) * 7
+        roots = np.roots([m * b * b + J, -m * b * v, d * d * k + kt, d * k * v])
+        return int(np.sum(roots.real > 0.0))
+
+    assert all(unstable(p) == n for p, n in zip(swept.values, swept.unstable, strict=True) if p not in zeros)
+    for zero in zeros:
+        beside = [c for c in swept.critical if abs(c.value - zero) < 1e-9]
+        assert [beside[0].unstable[0], beside[-1].unstable[1]] == [unstable(zero - 1e-4), unstable(zero + 1e-4)]
+    assert all(min(abs(c.value - zero) for zero in zeros) < 1e-9 for c in swept.critical)

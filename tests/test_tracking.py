@@ -26,7 +26,15 @@ from mbstab.analysis.sweep.batched_verdict import (
 )
 from mbstab.analysis.sweep.stacks import inertia
 from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP
-from mbstab.analysis.sweep.tracking import continuous, discriminant, doubtful, follow, product, squares
+from mbstab.analysis.sweep.tracking import (
+    continuous,
+    discriminant,
+    doubtful,
+    follow,
+    product,
+    squares,
+    symmetric_product,
+)
 from mbstab.analysis.verdict.rule import MARGINAL, STABLE, UNDECIDED, UNSTABLE
 from mbstab.errors import NumericalError
 
@@ -225,6 +233,18 @@ def test_the_discriminant_changes_its_sign_where_two_pairs_meet():
     before = spectrum(1j, -1j, 1.01j, -1.01j, 3j, -3j)
     after = spectrum(*quadruple(0.01 + 1.005j), 3j, -3j)
     assert discriminant(before, 3.0) > 0.0 > discriminant(after, 3.0)
+
+
+def test_a_zero_that_is_its_own_mirror_image_is_left_out_of_the_functions_of_symmetric_spectra():
+    before, after = [1j, -1j, 1.01j, -1.01j, 3j, -3j], [*quadruple(0.01 + 1.005j), 3j, -3j]
+    for zero in (0.0, 1e-17, -1e-17):
+        for pairs in (before, after):
+            found = discriminant(spectrum(zero, *pairs), 3.0), discriminant(spectrum(zero, 0.0, *pairs), 3.0, 1)
+            assert np.allclose(found, discriminant(spectrum(*pairs), 3.0), rtol=1e-12)
+    for zeros, count in ((spectrum(1e-17), 0), (spectrum(1e-17), 1), (spectrum(1e-17, -1e-18, 0.0), 2)):
+        stable = symmetric_product(np.concatenate([zeros, spectrum(0.1j, -0.1j, 2j, -2j)]), 1.0, count)
+        unstable = symmetric_product(np.concatenate([zeros, spectrum(0.1, -0.1, 2j, -2j)]), 1.0, count)
+        assert stable > 0.0 > unstable
 
 
 # --- following ------------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import RIGHT, settled
 from mbstab.analysis.sweep.blocks import Block
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import discriminant, product
+from mbstab.analysis.sweep.tracking import discriminant, symmetric_product
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -185,8 +185,8 @@ def _signatures(found: Spectra, unplaced: int, index: npt.NDArray[np.intp] | Non
         values = found.values[i]
         if found.mirrored[i] and not np.any(np.isnan(values)):
             size = float(np.max(np.abs(values), initial=1e-300))
-            others = values[np.argsort(np.abs(values), kind="stable")[unplaced:]]
-            result[n] = np.sign(product(values, size, unplaced)), np.sign(discriminant(others, size))
+            tests = symmetric_product(values, size, unplaced), discriminant(values, size, unplaced)
+            result[n] = np.sign(tests)
     return result
 
 

@@ -26,7 +26,7 @@ from mbstab.analysis.sweep.brackets import Bracket, RealPart, Stretch, Test, far
 from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, turning
+from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, symmetric_product, turning
 from mbstab.analysis.verdict.rule import WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
@@ -325,7 +325,7 @@ class CriticalValues(Branches):
         """Yield brackets in which a spectrum that is symmetric about the axis loses or gains stability."""
         x, counts = part.x, part.counts
         settled = np.flatnonzero(counts >= 0)
-        tests = (("divergence", self._product), ("collision", self._discriminant))
+        tests = (("divergence", self._symmetric_product), ("collision", self._discriminant))
         for left, right in pairwise(settled.tolist()):
             if counts[left] == counts[right]:
                 continue
@@ -357,9 +357,13 @@ class CriticalValues(Branches):
         """Return the product of the eigenvalues apart from unexplained zeros."""
         return product(spectrum, size, self.unplaced)
 
+    def _symmetric_product(self, spectrum: Complex, size: float) -> float:
+        """Return the product of the eigenvalues of a symmetric spectrum apart from zeros."""
+        return symmetric_product(spectrum, size, self.unplaced)
+
     def _discriminant(self, spectrum: Complex, size: float) -> float:
-        """Return the discriminant of λ² apart from unexplained zeros."""
-        return discriminant(spectrum[np.argsort(np.abs(spectrum), kind="stable")[self.unplaced :]], size)
+        """Return the discriminant of λ² apart from zeros."""
+        return discriminant(spectrum, size, self.unplaced)
 
     def _look_inside(self) -> None:
         """Add points between those of a coarse sweep: both ends may look alike although the middle differs.

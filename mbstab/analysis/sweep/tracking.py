@@ -16,7 +16,7 @@ NO_EIGENVALUE = complex("nan+nanj")
 
 
 def squares(values: Complex) -> Complex:
-    """Return λ² of a symmetric spectrum, each one once."""
+    """Return λ² of a symmetric spectrum of an even number of eigenvalues, each one once."""
     square = np.sort_complex(values * values)
     left = list(square)
     found = []
@@ -42,11 +42,29 @@ def product(values: Complex, size: float, zeros: int = 0) -> float:
     return float(np.prod(scaled).real)
 
 
-def discriminant(values: Complex, size: float) -> float:
-    """Return the discriminant of λ², in units of a size; real."""
-    mu = squares(values) / size**2
+def symmetric_product(values: Complex, size: float, zeros: int = 0) -> float:
+    """Return the product of the eigenvalues of a symmetric spectrum; its zeros are left out as by `discriminant`."""
+    return product(values, size, _zeros_of_symmetric(len(values), zeros))
+
+
+def discriminant(values: Complex, size: float, zeros: int = 0) -> float:
+    """Return the discriminant of λ² of a symmetric spectrum, in units of a size; real.
+
+    Parameters
+    ----------
+    zeros : int
+        Number of zeros that are left out. If an odd number of eigenvalues remains, one more is left out: the one
+        that is its own mirror image about the imaginary axis.
+    """
+    others = values[np.argsort(np.abs(values), kind="stable")[_zeros_of_symmetric(len(values), zeros) :]]
+    mu = squares(others) / size**2
     differences = [one - other for i, one in enumerate(mu) for other in mu[i + 1 :]]
     return float(np.prod(np.array(differences) ** 2).real)
+
+
+def _zeros_of_symmetric(count: int, zeros: int) -> int:
+    """Return the number of zeros of a symmetric spectrum, of which some are known: an even number is not zero."""
+    return zeros + (count - zeros) % 2
 
 
 def has_twins(values: Complex) -> Flags:
