@@ -82,17 +82,21 @@ def balanced_states(
 def _couplings(system: System, spaces: Subspaces, matrices: tuple[Array, ...]) -> Array:
     """Return the sizes of the effects of positions, speeds and each state (columns) on each other (rows)."""
     (states, rows), scale, N = system.states, spaces.scale, spaces.N
-    N = N @ rank_of(N[states]).null
     J, K, R, D_q = matrices
+    # Constraints may couple states and bodies: a state moves these with it, and they move where no state does. What
+    # rounding leaves of either would be taken for a coupling.
+    X = _product(N, np.asarray(np.linalg.pinv(N[states])))
+    N = N @ rank_of(N[states]).null
+    N[states] = 0.0
     R, K = (x * scale * scale[:, None] for x in (R, K))
     rates = np.linalg.pinv(J[rows][:, states]) / scale[states, None]
     J, D_q = J[rows] * scale, D_q[rows - system.n_h] * scale
     found = np.zeros((2 + len(states), 2 + len(states)))
     found[0, 1] = 1.0
     found[1, 0], found[1, 1] = (float(np.linalg.norm(N.T @ x @ N)) for x in (K, R))
-    found[1, 2:] = _lengths(_product(N.T, K[:, states]), 0) + _lengths(_product(N.T, R[:, states]), 0)
+    found[1, 2:] = _lengths(_product(N.T, _product(K, X)), 0) + _lengths(_product(N.T, _product(R, X)), 0)
     found[2:, 0], found[2:, 1] = (_lengths(_product(_product(rates, x), N), 1) for x in (D_q, J))
-    found[2:, 2:] = np.abs(_product(rates, D_q[:, states]))
+    found[2:, 2:] = np.abs(_product(rates, _product(D_q, X)))
     return found
 
 
@@ -111,14 +115,16 @@ def _factors(couplings: Array) -> Array:
     size = couplings * (1.0 - np.eye(len(couplings)))
     weights = np.ones(len(size))
     seen, seeing = np.any(size, axis=0), np.any(size, axis=1)
+    mutual = (seen & seeing) | (np.arange(len(size)) < 2)
+    between = np.where(mutual[:, None] & mutual, size, 0.0)  # a state that only drives has no part in their balance
     for _ in range(TOLERANCES.balancing_steps):
         before = weights.copy()
-        for i in (np.flatnonzero((seen & seeing)[1:]) + 1).tolist():
-            row, column = _around(size, weights, i)
-            weights[i] *= _power_of_two(math.sqrt(row / column))
+        for i in range(1, len(size)):
+            row, column = _around(between, weights, i)
+            if row and column:
+                weights[i] *= _power_of_two(math.sqrt(row / column))
         if np.all(weights == before):
             break
-    mutual = (seen & seeing) | (np.arange(len(size)) < 2)
     rate = float(np.max((couplings * weights / weights[:, None])[np.ix_(mutual, mutual)]))
     for i in np.flatnonzero(seen ^ seeing).tolist():
         # The effect of what only follows or only drives is made as large as those of the others.

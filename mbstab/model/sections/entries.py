@@ -102,11 +102,10 @@ class EntryReader:
             and (item := self.nodes.mapping(node, f"states.{name}", "{rate: expression}")) is not None
         }
         self._refuse_loops(found_states)
-        return {
-            **entries,
-            "constraints": self._constraints(sections.get("constraints")),
-            "states": found_states | dict(self._own_states(entries["forces"])),
-        }
+        constraints = self._constraints(sections.get("constraints"))
+        states = found_states | dict(self._own_states(entries["forces"]))
+        self._refuse_reactions_of_states(constraints, states)
+        return {**entries, "constraints": constraints, "states": states}
 
     @staticmethod
     def _own_states(forces: dict[str, Entry]) -> Iterator[tuple[str, Entry]]:
@@ -373,6 +372,36 @@ class EntryReader:
             message = "an algebraic loop: rates depend on each other in a circle: " + " → ".join(circle)
             hint = "solve the equations for the rates, or let one of them be a lag: (x - z)/T"
             self.nodes.complain(state.places["rate"], f"{state.path}.rate", message, hint)
+
+    def _refuse_reactions_of_states(self, constraints: dict[str, Entry], states: dict[str, Entry]) -> None:
+        """Refuse constraints on states whose rates contain speeds of bodies.
+
+        The row of such a rate passes the reaction of the constraint on to these bodies, as a linkage does; a signal
+        has no such effect.
+        """
+        felt: dict[str, str] = {}  # states, and the coordinate or the state whose speed stands in their rates
+        while True:
+            before = len(felt)
+            for name, state in states.items():
+                rate = state.values.get("rate")
+                seen = [x for x in rate.rates() if x not in states or x in felt] if rate is not None else [name]
+                if seen and name not in felt:
+                    felt[name] = seen[0]
+            if len(felt) == before:
+                break
+        for entry in constraints.values():
+            for role, expression in entry.values.items():
+                used = expression.names() if role == "holonomic" else expression.rates()
+                for name in (x for x in used if x in felt):
+                    message = (
+                        f"state '{name}' moves bodies here, and its rate contains rate({felt[name]}): the reaction "
+                        f"would act on {felt[name]}, too, as through a linkage"
+                    )
+                    hint = (
+                        f"let another state follow the speed, such as w: {{rate: (rate({felt[name]}) - w)/T}}, and "
+                        f"'{name}' follow w; or apply a force instead, of type: actuator"
+                    )
+                    self.nodes.complain(entry.places[role], f"{entry.path}.{role}", message, hint)
 
     # --- constraints ------------------------------------------------------------------------------------------------
 
