@@ -199,6 +199,7 @@ def product(given: Iterable[tuple[str, int]]) -> str:
     return ("*".join(over) or "1") + (f"/{below}" if below else "")
 
 
+@lru_cache(maxsize=256)
 def per_second(unit: str, order: int = 1) -> str:
     """Return the unit of a time derivative."""
     return product([(unit, 1), ("s", -order)])
