@@ -15,6 +15,7 @@ from dataclasses import replace
 from mbstab.errors import Location, suggestion
 from mbstab.mechanics.catalogue import ROWS, Field, Kind, Part, PartError
 from mbstab.mechanics.elements import KINDS
+from mbstab.mechanics.measures import is_speed
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import ExpressionError, filled_in, moves, parse
 from mbstab.model.fields.base import FormError, Reading
@@ -393,13 +394,15 @@ class EntryReader:
             for role, expression in entry.values.items():
                 used = expression.names() if role == "holonomic" else expression.rates()
                 for name in (x for x in used if x in felt):
+                    # A speed such as vx(point) counts as the rate of itself.
+                    speed = felt[name] if is_speed(felt[name]) else f"rate({felt[name]})"
                     message = (
-                        f"state '{name}' moves bodies here, and its rate contains rate({felt[name]}): the reaction "
-                        f"would act on {felt[name]}, too, as through a linkage"
+                        f"state '{name}' moves bodies here, and its rate contains {speed}: the reaction would act on "
+                        f"what has this speed, too, as through a linkage"
                     )
                     hint = (
-                        f"let another state follow the speed, such as w: {{rate: (rate({felt[name]}) - w)/T}}, and "
-                        f"'{name}' follow w; or apply a force instead, of type: actuator"
+                        f"let another state follow the speed, such as w: {{rate: ({speed} - w)/T}}, and '{name}' "
+                        "follow w; or apply a force instead, of type: actuator"
                     )
                     self.nodes.complain(entry.places[role], f"{entry.path}.{role}", message, hint)
 
