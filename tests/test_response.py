@@ -439,7 +439,7 @@ def test_a_step_response_of_an_unstable_plant_says_so():
     )
     model = mbstab.loads(text)
     (said,) = answer(model.state_space(), duration=1.0).growth
-    assert said == "the eigenvalue 1.56155 is unstable"
+    assert said == "the output grows without bound: the eigenvalue 1.56155 is unstable"
     assert answer(model.at(k=4).state_space(), duration=1.0).growth == ("",)
 
 
@@ -450,3 +450,33 @@ def test_frequencies_may_be_given_from_either_end():
     )
     assert one == other
     assert "1 " in one
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_hidden_eigenvalues_that_grow_do_not_spoil_responses_over_time(seed):
+    """States z, beside an oscillator, which the output does not see, or which the input does not reach."""
+    rng = np.random.default_rng(seed)
+    a, b, (c, d) = rng.uniform(0.3, 2.0), rng.uniform(-2.0, 2.0), rng.uniform(-1.0, 1.0, 2)
+    unseen = f"z: {{rate: {a}*z + {b}*v + b.x}}, v: {{rate: {a}*v - {b}*z + rate(b.x)}}, w: {{rate: -w + z + v}}"
+    beside = f"{c}*(rate(w) + w - z - v)"
+    unreached = f"z: {{rate: {a}*z + {b}*v}}, v: {{rate: {a}*v - {b}*z}}, w: {{rate: -w + z + v}}"
+    text = (
+        "mbstab: 1\nbodies: {{b: {{type: planar_point, mass: 1}}}}\nconstraints: {{rail: {{holonomic: b.y}}}}\n"
+        "states: {{{}}}\nforces: {{s: {{type: expression, on: {{b.x: -2*b.x - 3*rate(b.x)}}}}}}\n"
+        "inputs: {{u: {{type: force, at: b, direction: x}}}}\noutputs: {{o: {}*b.x + {}, p: z + b.x}}\n"
+        "reference: {{coordinates: {{b: {{x: 0, y: 0}}}}}}\n"
+    )
+    gain = 1.0 + d
+    for states, more in ((unseen, beside), (unreached, f"{c}*w")):
+        model = mbstab.loads(text.format(states, gain, more)).state_space()
+        for impulse in (False, True):
+            found = answer(model, ("u",), ("o",), duration=80.0, points=9, impulse=impulse)
+            t = found.x
+            exact = np.exp(-t) - np.exp(-2 * t) if impulse else 0.5 - np.exp(-t) + 0.5 * np.exp(-2 * t)
+            np.testing.assert_allclose(found.values[0], gain * exact, atol=1e-11)
+            assert found.growth == ("",)
+            # Pictures draw the same motion.
+            np.testing.assert_array_equal(found.channels[0].step(t, impulse), found.values[0])
+    # What sees one of them grows.
+    (found,) = answer(mbstab.loads(text.format(unseen, 1, beside)).state_space(), ("u",), ("p",), duration=20.0).growth
+    assert "grows without bound" in found

@@ -79,7 +79,7 @@ def response_text(result: Response, title: str) -> str:
         else:
             body = [[f"{x:.6g}" for x in (result.x[k], values[k])] for k in rows]
             lines.append(table(["time (s)", f"after a unit {result.kind}"], body))
-            lines += [f"the output grows without bound: {growth}"] if (growth := result.growth[i]) else []
+            lines += [growth] if (growth := result.growth[i]) else []
         lines += _left_out(len(result.x), "frequencies" if result.kind == "frequency" else "times")
         lines += _zeros_text(zeros)
         if result.margins:

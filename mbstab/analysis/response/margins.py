@@ -10,7 +10,7 @@ import numpy as np
 
 from mbstab.analysis.response.factored import Exact, Factored, Undecided
 from mbstab.analysis.response.tolerances import TOLERANCES
-from mbstab.analysis.response.zeros import Zeros
+from mbstab.analysis.response.zeros import Zeros, growing
 from mbstab.records import dataclass
 
 
@@ -197,12 +197,6 @@ def _require_known(off: float, what: str) -> None:
         raise Undecided(f"{what} is beyond the errors")
 
 
-def growing(zeros: Zeros) -> str:
-    """Return in words that an eigenvalue which the input reaches and the output sees grows; empty if none does."""
-    values = zeros.poles[zeros.poles.real > zeros.pole_errors]
-    return f"the eigenvalue {_text(values[np.argmax(values.real)])} is unstable" if len(values) else ""
-
-
 def largest_gain(zeros: Zeros, exact: Exact) -> LargestGain:
     """Return the H-infinity norm of what the input reaches and the output sees."""
     if zeros.vanishes:
@@ -210,7 +204,7 @@ def largest_gain(zeros: Zeros, exact: Exact) -> LargestGain:
     if zeros.doubt:
         return LargestGain(np.nan, np.nan, np.nan, f"not decided: {zeros.doubt}")
     poles, errors = zeros.poles, zeros.pole_errors
-    if growth := growing(zeros):
+    if growth := growing(zeros.poles, zeros.pole_errors):
         return LargestGain(np.nan, np.nan, np.nan, growth)
     for k in np.flatnonzero(np.abs(poles.real) <= errors):
         if not zeros.undamped[k]:

@@ -9,7 +9,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.bounds.tolerances import TOLERANCES as BOUNDS
 from mbstab.analysis.response.frequency import FrequencyResponse
-from mbstab.analysis.response.margins import LargestGain, Margins, closed_loop, growing, largest_gain, margins
+from mbstab.analysis.response.margins import LargestGain, Margins, closed_loop, largest_gain, margins
 from mbstab.analysis.response.state_space import ControlModel
 from mbstab.analysis.response.tolerances import TOLERANCES
 from mbstab.analysis.response.transfer import Channel, channels
@@ -54,7 +54,7 @@ class Response:
     largest : tuple of LargestGain
         Of each channel; empty over time, and for very many states.
     growth : tuple of str
-        Of each channel over time: why its output grows without bound; empty: none of its eigenvalues is unstable.
+        Of each channel over time: a sentence if its output grows without bound, or may do so; empty: it does not.
     exact : FrequencyResponse or None
         Of all channels at any frequency; None over time.
     """
@@ -95,7 +95,8 @@ def answer(
     zeros = tuple(map(all_zeros.of, found))
     if duration is not None:
         x = np.linspace(0.0, duration, points)
-        outputs, growth = tuple(c.step(x, impulse) for c in found), tuple(map(growing, zeros))
+        found = [c.without(*z.removable_growing(all_zeros.poles)) for c, z in zip(found, zeros, strict=True)]
+        outputs, growth = tuple(c.step(x, impulse) for c in found), tuple(map(all_zeros.growth, zeros))
         return Response(kind, tuple(found), x, outputs, (), zeros, all_zeros.poles, growth=growth)
     x = frequencies(all_zeros, *ends, points)
     values, errors = exact.over(x)

@@ -7,8 +7,11 @@ Rates and second derivatives of an input count with s and s²; what of them reac
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.response.responding import responding
 from mbstab.analysis.response.state_space import ControlModel
 from mbstab.compiler.system import Array
@@ -44,6 +47,30 @@ class Channel:
     def vanishes(self) -> bool:
         """Whether it is exactly zero: nothing leads from the input to the output."""
         return not np.any(self.C) and not np.any(self.D)
+
+    def without(self, hidden: Complex, others: Complex) -> Channel:
+        """Return the channel without the motions of eigenvalues that the input does not reach or the output not see.
+
+        In numbers they are reached by rounding errors, which would grow with them beyond all that is seen.
+
+        Parameters
+        ----------
+        hidden, others : ndarray of complex (1/s)
+            These eigenvalues, and the other ones of A.
+        """
+        from scipy.linalg import schur, solve_sylvester
+
+        if not len(hidden):
+            return self
+
+        def stays(real: float, imag: float) -> bool:
+            s = complex(real, imag)
+            return bool(np.min(np.abs(others - s), initial=np.inf) <= np.min(np.abs(hidden - s)))
+
+        T, Q, n = schur(self.A, output="real", sort=stays)
+        X = solve_sylvester(T[:n, :n], -T[n:, n:], -T[:n, n:])
+        B = Q.T @ self.B
+        return replace(self, A=T[:n, :n], B=B[:n] - X @ B[n:], C=self.C @ Q[:, :n])
 
     def step(self, times: Array, impulse: bool = False) -> Array:
         """Return the output after a unit step, or a unit impulse, of the input at time 0, without its impulses.

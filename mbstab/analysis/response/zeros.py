@@ -88,6 +88,21 @@ class Zeros:
         """Hidden eigenvalues right of the imaginary axis."""
         return tuple(s for s, e in zip(self.hidden, self.hidden_errors, strict=True) if s.real > e)
 
+    def removable_growing(self, every: Complex) -> tuple[Complex, Complex]:
+        """Return hidden eigenvalues right of the axis that lie apart from those that are seen, and all others.
+
+        Parameters
+        ----------
+        every : ndarray of complex (1/s)
+            All eigenvalues.
+        """
+        apart = [
+            s
+            for s, e in zip(self.hidden, self.hidden_errors, strict=True)
+            if s.real > e and np.all(np.abs(self.poles - s) > self.pole_errors + e)
+        ]
+        return np.array(apart, dtype=complex), every[~np.isin(every, apart)]
+
     @property
     def hidden_decaying(self) -> bool:
         """Whether all hidden eigenvalues lie left of the imaginary axis."""
@@ -268,6 +283,17 @@ class TransferZeros:
             return Zeros.vanishing(self.poles, self.bounds)
         return find(values, self.poles, self.bounds, self.axis)
 
+    def growth(self, zeros: Zeros) -> str:
+        """Return a sentence if the output of a channel grows without bound, or may do so; empty: it does not."""
+        if reason := growing(zeros.poles, zeros.pole_errors):
+            return f"the output grows without bound: {reason}"
+        if zeros.doubt and (reason := growing(self.poles, self.bounds)):
+            return (
+                f"whether the output grows without bound is not decided: {reason}, and if it is not reached or not "
+                "seen, what grows here are rounding errors"
+            )
+        return ""
+
 
 def find(values: Values, poles: Complex, bounds: Array, axis: Complex) -> Zeros:
     """Return the zeros of a transfer function.
@@ -431,6 +457,12 @@ def _starts(values: Values, poles: Complex, m: int, size: float) -> Complex:
         inside = count
     known += [size * 10.0**15] * (m - inside)
     return np.array([r * np.exp(1j * (0.4 + 2.39996 * k)) for k, r in enumerate(known)])
+
+
+def growing(poles: Complex, errors: Array) -> str:
+    """Return in words that one of some eigenvalues grows; empty if none is known to."""
+    values = poles[poles.real > errors]
+    return f"the eigenvalue {_text(values[np.argmax(values.real)])} is unstable" if len(values) else ""
 
 
 def _text(value: complex) -> str:
