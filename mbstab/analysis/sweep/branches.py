@@ -211,6 +211,7 @@ class Branches:
                     np.any(np.isnan(spectra))
                     or piece.b - piece.a <= TOLERANCES.crossing_interval * self.width
                     or self._hidden(piece)
+                    or (_equal(piece.before, *spectra, piece.after) and not multiple[piece.interval])
                 ):
                     done[piece.interval].append((piece, None))
                     continue
@@ -258,7 +259,9 @@ class Branches:
         if not self.unplaced:
             return False
         small = (np.sort(np.abs(x))[min(self.unplaced, len(x) - 1)] for x in (piece.before, piece.after))
-        return bool(max(small) <= 10.0 * TOLERANCES.unexplained_zero * self.size)
+        # With the pair that passes them they are a multiple zero, which rounding moves by a root of its size.
+        moved = max(TOLERANCES.unexplained_zero, float(np.finfo(float).eps) ** (1.0 / (self.unplaced + 2)))
+        return bool(max(small) <= 10.0 * moved * self.size)
 
     def _joined(self, parts: list[tuple[_Piece, Index | None]]) -> Index:
         """Return the links of the eigenvalues through the parts of an interval."""
@@ -294,6 +297,10 @@ class Branches:
         ahead, behind = far_before + slope * step, far_after - back * step
         cost = np.abs(ahead[:, None] - far_after[None, :]) + np.abs(far_before[:, None] - behind[None, :])
         link = assigned(cost)
+        # Only here: those that are equal everywhere do not meet.
+        ends = [x for piece, _ in middle for x in (piece.before, piece.after)]
+        outer = [(left or middle)[0][0].before, (right or middle)[-1][0].after]
+        rounded = _equal(*ends) and not np.all(has_twins(np.array(outer)))
         for i, j in _close_pairs(before, after, link):
             g_before, g_after = (far_before[i] - far_before[j]) ** 2, (far_after[link[i]] - far_after[link[j]]) ** 2
             if not right and b < self.x[-1]:
@@ -305,7 +312,7 @@ class Branches:
             # Equal where the range begins or ends: what happens beyond is not known.
             size = TOLERANCES.twin_distance**2 * float(np.max(np.abs(before))) ** 2
             open_end = (a == self.x[0] and abs(g_before) <= size) or (b == self.x[-1] and abs(g_after) <= size)
-            found = b - a <= TOLERANCES.meeting_interval * self.width and not open_end
+            found = (b - a <= TOLERANCES.meeting_interval * self.width or rounded) and not open_end
             if found and (left or a == self.x[0]):  # else it is the end of the previous interval, and reported there
                 self.meetings.append((0.5 * (a + b), "collide" if collides else "cross"))
             if collides:
@@ -314,6 +321,17 @@ class Branches:
                 one, other = sorted((link[i], link[j]), key=lambda k: (-far_after[k].real, -far_after[k].imag))
                 link[first], link[second] = one, other
         return link
+
+
+def _equal(*spectra: Complex) -> bool:
+    """Return whether in all spectra some eigenvalues are equal up to rounding.
+
+    Those near zero are left out: where a pair passes it, rounding moves them by the root of its size.
+    """
+    values = np.array(spectra)
+    size = np.max(np.abs(values), axis=1, initial=0.0, keepdims=True)
+    apart = np.where(np.abs(values) <= TOLERANCES.unexplained_zero * size, 1.0 + np.arange(values.shape[1]), 0.0)
+    return bool(np.all(has_twins(values + 10.0 * size * apart, TOLERANCES.twin_rounding)))
 
 
 def _move_together(parts: list[_Piece], links: Index, clear: Flags) -> None:

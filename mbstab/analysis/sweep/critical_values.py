@@ -563,7 +563,12 @@ class CriticalValues(Branches):
             frequency = float(abs(spectrum[involved[0]].imag))
         row = branches[k] if not np.any(np.isnan(branches[k])) else branches[max(k - 1, 0)]
         links = assigned(np.abs(spectrum[:, None] - row[None, :]))
-        return Critical(value, kind, tuple(sorted(int(links[i]) for i in involved)), frequency, unstable)
+        numbers = sorted(int(links[i]) for i in involved)
+        if kind == "divergence" and self.unplaced:  # which of several zeros passes shows beside the value
+            growing = self.sides(branches, np.clip([k - 1, k], 0, None)) == RIGHT
+            changed = np.flatnonzero(growing[0] != growing[1]).tolist()
+            numbers = changed if len(changed) == passing else numbers
+        return Critical(value, kind, tuple(numbers), frequency, unstable)
 
 
 def _kind_of(reason: PathEnd) -> str:

@@ -51,6 +51,8 @@ class Tolerances:
     """Between neighbouring points an eigenvalue moves by less than this fraction of its distance to the others."""
     twin_distance: Final = 1e-9
     """Eigenvalues closer than this fraction of the largest are equal, if they are so at both ends of an interval."""
+    twin_rounding: Final = 1e-13
+    """Eigenvalues closer than this fraction of the largest are equal up to rounding."""
     intervals_together: Final = 20_000
     """Intervals that are compared together."""
     crossing_interval: Final = 1e-12

@@ -67,10 +67,10 @@ def _zeros_of_symmetric(count: int, zeros: int) -> int:
     return zeros + (count - zeros) % 2
 
 
-def has_twins(values: Complex) -> Flags:
-    """Return which spectra, shape (m, r), have equal eigenvalues."""
+def has_twins(values: Complex, distance: float = TOLERANCES.twin_distance) -> Flags:
+    """Return which spectra, shape (m, r), have eigenvalues nearer than a fraction of the largest."""
     size = np.max(np.abs(values), axis=1, initial=0.0)
-    found: Flags = np.min(_gaps(values), axis=(1, 2), initial=np.inf) < TOLERANCES.twin_distance * size
+    found: Flags = np.min(_gaps(values), axis=(1, 2), initial=np.inf) < distance * size
     return found
 
 
