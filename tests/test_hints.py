@@ -158,3 +158,11 @@ def test_a_small_derivative_that_does_not_vanish_is_no_square(given):
         f"{HEAD}{ROD}constraints: {{c: {{holonomic: {given}}}}}\nreference: {{guess: {{rod: {{y: 0.5}}}}}}\n"
     )
     assert found.eig().counts.expected == 4
+
+
+@pytest.mark.parametrize(("first", "last", "told"), [("5", "8", True), ("0", "8", False), ("0", "3", False)])
+def test_a_sweep_that_is_undecided_everywhere_says_what_tells_more(first, last, told):
+    arguments = ["sweep", "rolling_disk.yaml", "--param", "omega", "--from", first, "--to", last, "--points", "5"]
+    answer = CliRunner().invoke(main, [*arguments, "--plot", "none"])
+    assert answer.exit_code == 0, answer.stderr
+    assert ("hint: mbstab eig with --set omega=6.5 says what is open there" in answer.stdout) == told

@@ -381,6 +381,14 @@ def test_phases_have_a_handful_of_marks_at_common_angles(name, upper):
     assert high - low < 3.5 or set(np.diff(marks)) <= {1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0, 360.0}
 
 
+def test_constant_phases_have_marks_as_others_have():
+    result = answer(mbstab.load("wheeled_inverted_pendulum.yaml").state_space(), ends=(1.0, 10.0), points=20)
+    lower = response_picture(result, "").axes[1]
+    low, high = lower.get_ylim()
+    assert (low, high) == pytest.approx((-90.0, 90.0))
+    assert set(np.diff([x for x in lower.get_yticks() if low <= x <= high])) == {30.0}
+
+
 def test_outputs_over_time_share_a_panel_if_they_share_a_unit():
     car = response_picture(answer(mbstab.load("car.yaml").state_space(), points=20, duration=1.0), "")
     names = [f"yaw_rate after a unit step (rad/s/{unit})" for unit in ("rad", "N")]

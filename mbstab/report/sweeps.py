@@ -203,6 +203,10 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
         first, last = (number(x, 6) for x in _in_order(result, (low, high)))
         place = f"{first} to {last}" if high > low else f"at {first}"
         lines.append(f"  {place}: {run.word}{many}")
+    if set(result.words.tolist()) == {WORDS.index(UNDECIDED)} and not result.problems:
+        middle = number(float(result.values[len(result.values) // 2]) / factor, 6)
+        hint = f"hint: mbstab eig with --set {result.parameter}={middle} says what is open there"
+        lines += ["", *wrap(hint, width=WIDTH, break_on_hyphens=False)]
     return lines
 
 

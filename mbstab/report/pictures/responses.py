@@ -29,6 +29,9 @@ MARKS = 7.0
 STEPS = (1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 90.0, 180.0)
 """… of these sizes (degrees), or of whole turns, or of decimal parts of a degree."""
 
+CONSTANT = 1e-6
+"""Phases that differ by less (degrees) are constant."""
+
 FAR = 4.0
 """Nyquist diagrams show the critical point if it is within so many times the size of the curves …"""
 
@@ -116,6 +119,9 @@ def _finish(upper: Axes, lower: Axes, across: str) -> None:
     """Finish panels of amplitudes and phases, which are in degrees."""
     upper.tick_params(labelbottom=False)
     lower.set_ylabel("phase (°)")
+    low, high = lower.dataLim.intervaly
+    if high - low < CONSTANT:
+        lower.set_ylim(low - 90.0, high + 90.0)
     low, high = lower.get_ylim()
     if (least := (high - low) / MARKS) > 0.5 * STEPS[0]:
         turns = 360.0 * math.ceil(least / 360.0)
