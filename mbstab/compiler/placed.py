@@ -12,7 +12,7 @@ from mbstab.compiler.scatter import signals_at
 from mbstab.mechanics.catalogue import GROUND, Element, ElementUse
 from mbstab.mechanics.elements import ELEMENTS
 from mbstab.mechanics.vectors import plain_zero
-from mbstab.model.arithmetic import FLOAT, Arithmetic
+from mbstab.model.arithmetic import FLOAT, KINK, Arithmetic
 from mbstab.model.scene import Scene
 from mbstab.model.schema import is_state
 from mbstab.records import dataclass
@@ -45,16 +45,17 @@ class Placed:
             found.append([nu[i] for i in self.rows])
         return found
 
-    @property
-    def hint(self) -> str:
-        """Return a hint for a state without finite equations."""
+    def hint(self, error: Exception) -> str:
+        """Return a hint for a state without finite equations; `error` says why it has none."""
         element = ELEMENTS.get(self.kernel.__name__.rpartition(".")[2])
         if element is not None and element.hint:
             return f"hint: {element.hint}"
         if self.kernel.__name__ == "user":
+            if str(error) == KINK:
+                return "hint: for abs(x) near 0 write sqrt(x**2 + w**2) with a small width w"
             return (
-                "hint: outside its domain or at a kink an expression has no derivative; for abs(x) near 0 write "
-                "sqrt(x**2 + w**2) with a small width w"
+                "hint: the expression or a derivative of it has no value here, as that of sqrt(x) at 0: change it, or "
+                "the reference"
             )
         return (
             "hint: two points that coincide, a wheel lying flat, an expression outside its domain or at a kink has no "

@@ -37,6 +37,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from mbstab.compiler.located import located
 from mbstab.compiler.placed import Acting, Placed, acting, bases_of, columns_of, following, force_sizes, unfelt_states
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of
 from mbstab.errors import Location, NumericalError
@@ -121,7 +122,8 @@ class System:
         groups = [self._row_list(use, entry) if role in _OF_ROWS else [] for use, entry, role in uses]
         parts = [[row for own, x in zip(groups, uses, strict=True) if x[2] == role for row in own] for role in _OF_ROWS]
         self.rows, (self.n_h, self.n_n) = parts[0] + parts[1], map(len, parts)
-        self._elements = self._place(uses, [len(group) for group in groups])
+        with located(scene):
+            self._elements = self._place(uses, [len(group) for group in groups])
         self._plans: dict[str, Plan] = {}
         self._known: dict[str, tuple[Any, Any]] = {}
         self._assembly: Assembly | None = None
@@ -545,7 +547,7 @@ class System:
                 own = getattr(element.kernel, function)(f, *arguments)
             except (ArithmeticError, ValueError) as error:
                 place = self._location(element.path)
-                hint = self.scene.model.table_hint(error) or element.hint
+                hint = self.scene.model.table_hint(error) or element.hint(error)
                 raise NumericalError(
                     f"{place}: {element.path} has no finite equations here ({why_no_number(error)})\n{hint}"
                 ) from None

@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from mbstab.compiler.measured import Measured
-from mbstab.model.expressions import Expression, Node
+from mbstab.model.expressions import Expression, ExpressionError, Node
 
 if TYPE_CHECKING:
     from mbstab.compiler.derive import Derived
@@ -114,7 +114,13 @@ class Contents:
         for measure in self._measures:
             value = tape.term(measure.of(f, names, numbers, lambda x: total(tape.term(x))))
             names[measure.name], rates[measure.name] = value, value if measure.kind.speed else total(value)
-        return [tape.term(Expression("", root).evaluate(names, f, rates)) for root in roots], rates
+        found = []
+        for root in roots:
+            try:
+                found.append(tape.term(Expression("", root).evaluate(names, f, rates)))
+            except ExpressionError as error:
+                raise ExpressionError(error.message, error.position, error.hint, root) from None
+        return found, rates
 
 
 class _Moving:

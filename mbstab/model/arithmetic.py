@@ -61,9 +61,13 @@ def _signum(x: float) -> float:
     return float(x > 0.0) - float(x < 0.0)
 
 
+KINK = "abs has no derivative at 0"
+"""What the error at a kink says."""
+
+
 def _abs_slope(x: float) -> float:
     if x == 0.0:
-        raise ValueError("abs has no derivative at 0")
+        raise ValueError(KINK)
     return math.copysign(1.0, x)
 
 
@@ -153,7 +157,7 @@ def mpmath_arithmetic() -> Arithmetic:
 
     def abs_slope(x: Any) -> Any:
         if x == 0:
-            raise ValueError("abs has no derivative at 0")
+            raise ValueError(KINK)
         return mp.sign(x)
 
     def held(x: Any) -> Any:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 from mbstab.errors import Location
 from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node
 from mbstab.model.schema import Model
+
+_WORD = re.compile(r"[^\W\d][\w.]*")
 
 PLAIN = frozenset((str, float, int, bool, type(None), Location))
 """What contains nothing."""
@@ -22,6 +26,19 @@ def used_in(model: Model, parts: object) -> set[str]:
         if parameter.name in found:
             found |= names_in(parameter.expression)
     return found
+
+
+def unused_texts(model: Model) -> list[str]:
+    """Return the tables and definitions that nothing else in a file uses, such as ``definition 'lift'``."""
+    signals = [entry.values for entry in model.inputs.values()]
+    besides = [model.parameters, signals, model.outputs, model.reference, model.initial, model.sweep, model.expect]
+    used, left = set[str](), expressions_in([equations_of(model), besides])
+    while left:
+        words = set(_WORD.findall(left.pop().text)) - used
+        used |= words
+        left += [x for name, x in model.definitions.items() if name in words]
+    named = [("table", name) for name in model.tables] + [("definition", name) for name in model.definitions]
+    return [f"{what} {name!r}" for what, name in named if name not in used]
 
 
 def equations_of(model: Model) -> list[object]:

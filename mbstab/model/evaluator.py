@@ -95,7 +95,7 @@ class Evaluator:
         try:
             value = quantity.evaluate(self.parameters, self.f)
         except ExpressionError as error:
-            self.complain(quantity, error.message)
+            self.complain(quantity, error.message, error.hint)
             return None
         good = self.check_widths(quantity)
         if not self.symbolic and not is_finite(value):
@@ -164,4 +164,4 @@ class Evaluator:
             for value in (jet.value, jet.rate, jet.second):
                 require_finite(value)
         except ExpressionError as error:
-            self.complain(law.expression, error.message)
+            self.complain(law.expression, error.message, error.hint)

@@ -43,12 +43,16 @@ _TOKEN = re.compile(
 
 
 class ExpressionError(MbstabError):
-    """A text that is not an expression, or has no value; `position` counts characters from 0."""
+    """A text that is not an expression, or has no value; `position` counts characters from 0.
+
+    `root` is the expression, where several are evaluated.
+    """
 
     exit_code = 2
 
-    def __init__(self, message: str, position: int = 0, hint: str = "") -> None:
+    def __init__(self, message: str, position: int = 0, hint: str = "", root: Node | None = None) -> None:
         super().__init__(message)
+        self.root = root
         self.message = message
         self.position = position
         self.hint = hint
@@ -365,7 +369,9 @@ def _evaluate(node: Node, names: Mapping[str, Any], rates: Mapping[str, Any], f:
                 right = _evaluate(node.right, names, rates, f)
                 return OPERATIONS[node.operator](left, right, f)
     except (ArithmeticError, ValueError) as error:
-        raise ExpressionError(f"the expression has no value here ({why_no_number(error)})", node.position) from None
+        message = f"the expression has no value here ({why_no_number(error)})"
+        hint = "a divisor is 0: correct it, or a parameter in it" if isinstance(error, ZeroDivisionError) else ""
+        raise ExpressionError(message, node.position, hint) from None
 
 
 OPERATIONS: dict[str, Callable[[Any, Any, Arithmetic], Any]] = {

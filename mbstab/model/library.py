@@ -56,6 +56,8 @@ def find_model(name: str) -> FoundModel:
     """
     if not name:
         raise UsageError("the name of the file is empty")
+    if "\n" in name:
+        raise UsageError("the name of the file has several lines\nhint: mbstab.loads(text) reads the text of a model")
     path = Path(name)
     if visible(name, lines=False) != name:
         raise UsageError(f"{name!r}: the name contains characters that cannot be seen\nhint: rename the file")

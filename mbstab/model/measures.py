@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from mbstab.errors import Location, suggestion
 from mbstab.mechanics.catalogue import Kind
 from mbstab.mechanics.measures import MEASURES, is_measure, parts
-from mbstab.model.expressions import DERIVED, ExpressionError
+from mbstab.model.expressions import DERIVED, Expression, ExpressionError
 from mbstab.model.schema import (
     Components,
     Entry,
@@ -18,7 +18,7 @@ from mbstab.model.schema import (
     constant,
     owner_of_point,
 )
-from mbstab.model.units import per_second
+from mbstab.model.units import UNKNOWN, Known, Moving, dimension_of, moving, parse_unit, per_second, show
 from mbstab.records import dataclass
 
 TRANSMITTED = ("force", "torque", "effort")
@@ -33,6 +33,24 @@ _INSTEAD = {
 def effort_unit(unit: str) -> str:
     """Return the unit of a force along a motion that has a unit: N*m along an angle or a turn rate."""
     return {"rad": "N*m", "rad/s": "N*m", "m": "N", "m/s": "N"}.get(unit, "")
+
+
+def unit_of_expression(model: Model, expression: Expression) -> str:
+    """Return the SI unit of an expression of the motion; an empty text if what the file declares does not decide it."""
+    known: dict[str, Known] = {}
+    for name, parameter in model.parameters.items():
+        found = parse_unit(parameter.unit)[1] if parameter.unit else dimension_of(parameter.expression, known)
+        # A bare number may be meant in any unit.
+        known[name] = UNKNOWN if isinstance(found, str) else found
+    for name in {*expression.names(), *expression.rates()} - known.keys() - {"t"}:
+        # A speed such as vx(point) counts as the rate of itself.
+        if unit := Measurement.of(name).unit_in(model).removesuffix("/s"):
+            known[name] = moving(unit)
+    try:
+        whole = dimension_of(expression, known)
+    except ExpressionError:
+        return ""
+    return "" if isinstance(whole, str) else show(whole.dimension if isinstance(whole, Moving) else whole)
 
 
 @dataclass(frozen=True)

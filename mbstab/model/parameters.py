@@ -66,7 +66,9 @@ def bound(model: Model, settings: Mapping[str, object]) -> Model:
     """
     if not settings:
         return model
-    given = {name: replace(_parameter(model, name), given=_given(model, name, x)) for name, x in settings.items()}
+    given = {
+        name: replace(require_parameter(model, name), given=_given(model, name, x)) for name, x in settings.items()
+    }
     found = replace(model, parameters={**model.parameters, **given})
     for name, parameter in given.items():
         if parameter.given is not None and len(parameter.given.ends) == 1:
@@ -79,8 +81,17 @@ def settings_in_si(values: Mapping[str, float]) -> dict[str, str]:
     return {name: f"1*({value!r})" for name, value in values.items()}
 
 
-def _parameter(model: Model, name: str) -> Parameter:
+def require_parameter(model: Model, name: str) -> Parameter:
+    """Return a parameter.
+
+    Raises
+    ------
+    UsageError
+        If there is none of this name.
+    """
     if name not in model.parameters:
+        if name in model.document.counts:
+            raise UsageError(f"{name} is a count of {model.name}, not a parameter\nhint: use --set {name}=…")
         hint = suggestion(name, model.parameters) or "parameters: " + (", ".join(model.parameters) or "none")
         raise UsageError(f"{model.name} has no parameter {name!r}\nhint: {hint}")
     return model.parameters[name]
@@ -102,7 +113,7 @@ def plain_setting(model: Model, name: str, setting: object) -> int | float | str
     UsageError
         If the parameter is unknown, or the setting is neither a single number nor a text.
     """
-    parameter = _parameter(model, name)
+    parameter = require_parameter(model, name)
     if getattr(setting, "shape", None) == ():
         setting = setting.item()  # type: ignore[attr-defined]
     match setting:
@@ -264,7 +275,7 @@ def evaluate_parameters(
         If a parameter to be replaced is unknown, or one is given as an interval.
     """
     for name in overrides:
-        _parameter(model, name)
+        require_parameter(model, name)
     document = replace(model.document, problems=[])
     values: dict[str, Number] = {}
     for name, parameter in model.parameters.items():

@@ -110,7 +110,7 @@ class QuantityReader:
             raise ExpressionError(f"unknown parameter {name!r}", at, self._measured(name) or suggestion(name, known))
         for name, at in expression.rates().items():
             if not state:
-                raise ExpressionError("rate(...) cannot be used here", at)
+                raise ExpressionError("rate(...) cannot be used here", at, self._moving_elsewhere(name))
             self._check_coordinate(name, at, state)
 
     def _measured(self, name: str) -> str:
@@ -129,14 +129,18 @@ class QuantityReader:
                 hint = "make it of numbers and parameters"
                 raise ExpressionError(f"the width of {function}() must be constant", width.position, hint)
 
+    def _moving_elsewhere(self, name: str) -> str:
+        """Return where expressions may contain what moves, as a hint; `name` is that of a coordinate or measure."""
+        along = "angle(joint)" if is_state(name) and not is_measure(name) else name
+        return (
+            f"a force written type: expression, on: {{{along}: …}} takes them; what moves with them is a constraint, "
+            "{holonomic: angle(joint) - …}"
+        )
+
     def _check_coordinate(self, name: str, at: int, allowed: bool) -> None:
         if not allowed:
             what = "measures" if is_measure(name) else "states" if is_state(name) else "coordinates"
-            hint = (
-                "a force of type: expression takes them, on: {angle(joint): …}; what moves with them is a constraint, "
-                "{holonomic: angle(joint) - …}"
-            )
-            raise ExpressionError(f"{what} such as {name!r} cannot be used here", at, hint)
+            raise ExpressionError(f"{what} such as {name!r} cannot be used here", at, self._moving_elsewhere(name))
         if is_measure(name):
             self.measure(name, at)
             return

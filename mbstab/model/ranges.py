@@ -7,7 +7,7 @@ from typing import Any
 
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import FLOAT
-from mbstab.model.parameters import bound, evaluate_parameters, given_value
+from mbstab.model.parameters import bound, evaluate_parameters, given_value, require_parameter
 from mbstab.model.schema import Model, SweepRange, after_number
 
 POINTS = 401
@@ -43,7 +43,7 @@ def sweep_values(
     """
     import numpy as np
 
-    bound(model, {parameter: 0.0})  # is there such a parameter?
+    require_parameter(model, parameter)
     if values is not None:
         if start is not None or stop is not None or points is not None or logarithmic:
             raise UsageError("--values gives the whole range: leave out --from, --to, --points and --log")
@@ -51,17 +51,17 @@ def sweep_values(
     default = model.sweep.get(parameter)
     first, last = _ends(model, parameter, start, stop, default)
     if first == last:
-        raise UsageError(f"the range of {parameter} is empty: both ends are {_in_unit(model, parameter, first)}")
+        raise UsageError(f"the range of {parameter} is empty: both ends are {in_unit(model, parameter, first)}")
     count = points if points is not None else default.points if default is not None else POINTS
     if logarithmic:
         if first <= 0.0 or last <= 0.0:
-            ends = " and ".join(_in_unit(model, parameter, x) for x in (first, last))
+            ends = " and ".join(in_unit(model, parameter, x) for x in (first, last))
             raise UsageError(f"--log needs positive ends, not {ends}")
         return np.geomspace(first, last, count)
     return np.linspace(first, last, count)
 
 
-def _in_unit(model: Model, parameter: str, value: float) -> str:
+def in_unit(model: Model, parameter: str, value: float) -> str:
     """Return a value (SI) of a parameter in its unit."""
     own = model.parameters[parameter]
     return f"{value / own.factor:.6g}{after_number(own.unit)}"
@@ -77,7 +77,7 @@ def interval(model: Model, parameter: str, given: str | Sequence[float]) -> tupl
     ModelFileError
         If an end is a value that the file forbids.
     """
-    bound(model, {parameter: 0.0})  # is there such a parameter?
+    require_parameter(model, parameter)
     text = given.strip() if isinstance(given, str) else ""
     if text.endswith("%"):
         value = float(evaluate_parameters(model, {}, FLOAT)[parameter])

@@ -44,6 +44,9 @@ def read_model_text(text: str | bytes, name: str = "<text>", beside: MappingType
     with _uncollected():
         document, root = parse_yaml(text, name)
         document.beside.update(beside or {})
+        if not root.entries.keys() & SECTIONS.keys():
+            hint = "a model starts with the line mbstab: 1; mbstab new writes one to begin with"
+            document.fail(root.location, "", "this is no model: none of its keys is a section of one", hint)
         if isinstance(counts := root.entries.get("counts"), Mapping):
             document.counts = counts.entries
         model = _read(document, expanded(document, root))

@@ -25,7 +25,7 @@ from typing import Any
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, UsageError
-from mbstab.model.arithmetic import MAX_DIGITS, Arithmetic
+from mbstab.model.arithmetic import KINK, MAX_DIGITS, Arithmetic
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.functions import NATIVE
 from mbstab.model.jets import Jet
@@ -378,7 +378,7 @@ def ball_arithmetic() -> Arithmetic:
 
     def abs_slope(x: Any) -> Any:
         if ball(x).is_zero():
-            raise ValueError("abs has no derivative at 0")
+            raise ValueError(KINK)
         return sign(x)
 
     def held(x: Any) -> Any:

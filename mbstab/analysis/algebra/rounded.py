@@ -8,7 +8,7 @@ from functools import cache, lru_cache
 from typing import Any
 
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic
+from mbstab.model.arithmetic import CONSTANTS, FLOAT, KINK, Arithmetic
 from mbstab.model.functions import TABLE
 from mbstab.records import dataclass
 
@@ -217,7 +217,7 @@ def _signum(x: Any) -> float:
 def _abs_slope(x: Any) -> float:
     a, _ = value_and_error(x)
     if a == 0.0:
-        raise ValueError("abs has no derivative at 0")
+        raise ValueError(KINK)
     return math.copysign(1.0, a)
 
 

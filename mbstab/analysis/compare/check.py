@@ -12,7 +12,7 @@ from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.rotation import rate_matrix
 from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.compiler.system import Array, System
-from mbstab.model.dependencies import equations_of, used_in
+from mbstab.model.dependencies import equations_of, unused_texts, used_in
 from mbstab.records import dataclass
 
 
@@ -139,8 +139,8 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
     signals = [entry.values for entry in model.inputs.values()]
     besides = [model.outputs, signals, model.reference, model.initial, model.expect]
     used = used_in(model, [equations_of(model), besides])
-    found += [f"parameter {name!r} is not used" for name in model.parameters if name not in used]
-    return found
+    unused = [f"parameter {name!r}" for name in model.parameters if name not in used] + unused_texts(model)
+    return found + [f"{name} is not used" for name in unused]
 
 
 def _moving(system: System, motion: Motion) -> npt.NDArray[np.bool_]:

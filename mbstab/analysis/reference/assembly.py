@@ -14,6 +14,9 @@ from mbstab.analysis.reference.refusals import vanishing_rows
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Row, System
 from mbstab.errors import Problem
+from mbstab.model.measures import unit_of_expression
+from mbstab.model.schema import after_number
+from mbstab.model.units import per_second
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -92,12 +95,18 @@ def unclosed(system: System, sizes: Array, q: Array, missing: Flags) -> list[Pro
 def not_satisfied(system: System, i: int, value: float, hint: str, also: str = "", per: str = "") -> Problem:
     """Return the problem of a row that the reference does not satisfy."""
     row = system.rows[i]
-    message = f"the reference does not satisfy {row}: {row.residual} is {_measured(value, row.unit, per)}{also}"
+    measured = f"{value:.6g}{unit_of_row(system, row, per)}"
+    message = f"the reference does not satisfy {row}: {row.residual} is {measured}{also}"
     return system.scene.model.document.problem(row.location, f"{row.section}.{row.name}", message, hint)
 
 
-def _measured(value: float, unit: str, per: str = "") -> str:
-    return f"{value:.6g}" if unit == "1" else f"{value:.6g}{' in the' * unit.startswith('unit')} {unit}{per}"
+def unit_of_row(system: System, row: Row, per: str = "") -> str:
+    """Return the unit of the residual of a row as it is written after a number, `per` a unit such as ``/s``."""
+    unit, model = row.unit, system.scene.model
+    if unit.startswith("unit"):
+        ((_, expression),) = model.entries[row.section][row.name].equations.items()
+        unit = unit_of_expression(model, expression) or f"in the {unit}"
+    return after_number(per_second(unit) if per and not unit.startswith("in") else unit + per)
 
 
 def _open_rows(system: System, sizes: Array, q: Array) -> tuple[list[int], Array]:
@@ -127,5 +136,5 @@ def _contradiction(
         gap = float(np.linalg.norm(E[own]))
         what = "the gap" if all(system.rows[i].residual == Row.residual for i in own) else "it"
         where = f"{', '.join(closed)} {'is' if len(closed) == 1 else 'are'} satisfied"
-        said[unit] = f"; where {where}, {what} is {_measured(gap, unit)}"
+        said[unit] = f"; where {where}, {what} is {gap:.6g}{unit_of_row(system, system.rows[own[0]])}"
     return said

@@ -9,7 +9,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.reference.assembly import unclosed
+from mbstab.analysis.reference.assembly import unclosed, unit_of_row
 from mbstab.analysis.reference.equations import State
 from mbstab.analysis.reference.imbalance import force_change
 from mbstab.analysis.reference.motion import Finder
@@ -184,8 +184,7 @@ class Failure:
     def _gap(self, state: State, i: int) -> str:
         """Return in words how far a constraint is from being satisfied."""
         row, left = self.system.rows[i], self.system.dynamics(state.q, 0.0 * state.q, self.scene.time).E[i]
-        unit = "" if row.unit == "1" else f" {row.unit}"
-        return f"{row} is not satisfied: {row.residual} is {left:.4g}{unit}"
+        return f"{row} is not satisfied: {row.residual} is {left:.4g}{unit_of_row(self.system, row)}"
 
     def _without_effect(self, state: State) -> tuple[str, str] | None:
         """Return a state that acts on nothing, and whose rate nothing can therefore bring to zero, and a hint."""

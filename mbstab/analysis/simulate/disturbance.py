@@ -20,7 +20,7 @@ from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError, suggestion
 from mbstab.model.scene import ItemValues
-from mbstab.model.schema import is_length
+from mbstab.model.schema import is_length, is_state
 from mbstab.records import dataclass
 
 _RATE = re.compile(r"rate\(\s*(.*?)\s*\)")
@@ -103,9 +103,17 @@ def read_name(system: System, sizes: Array, name: str) -> tuple[Quantity, bool]:
     whole = [*known, *(f"rate({x})" for x in known)]
     of_joint = [x.name for x in moving if x.joint is not None and x.joint.name in (inner, joint and joint[2])]
     hint = "motions of joints: " + ", ".join(of_joint) if of_joint else suggestion(name, whole)
-    hint = hint or "coordinates: " + ", ".join(system.names[:12])
+    hint = hint or coordinates_text(system.names)
     what = f"joint motion {inner!r}" if joint else f"coordinate {inner!r}"
     raise UsageError(f"--perturb {name}: there is no {what}\nhint: {hint}")
+
+
+def coordinates_text(names: Sequence[str], most: int = 12) -> str:
+    """Return the first names of coordinates and those of states, as a hint."""
+    placed, states = [x for x in names if not is_state(x)], [x for x in names if is_state(x)]
+    groups = (("coordinates", placed), ("states", states))
+    shown = (f"{what}: {', '.join(own[:most])}{' …' if len(own) > most else ''}" for what, own in groups if own)
+    return "; ".join(shown)
 
 
 def staying(at: Placement, J: Array, named: Sequence[Quantity], sizes: Array) -> list[Quantity]:

@@ -160,14 +160,14 @@ def sweep(
         if "campbell" in paths and is_angular_velocity(model.parameters[parameters[0]].unit):
             orders = orders or (1.0,)
         asked = {"certify": certify, "sensitivity": sensitivity, "orders": orders}
-        total, missing = _sweep(
+        total, missing, reason = _sweep(
             mechanism, parameters[0], grids, run, paths, output, asked, (max_frequency, coordinates)
         )
     else:
-        total, missing = _chart(mechanism, grids, run, paths, output)
+        total, missing, reason = _chart(mechanism, grids, run, paths, output)
     if missing:
         rest = "; the others are computed" if missing < total else ""
-        raise NumericalError(f"{missing} of {total} points have no answer{rest}")
+        raise NumericalError(f"{missing} of {total} points have no answer{rest}{reason}")
 
 
 def _sweep(
@@ -179,8 +179,11 @@ def _sweep(
     output: Output,
     asked: dict[str, Any],
     drawn: tuple[float | None, tuple[str, ...]],
-) -> tuple[int, int]:
-    """Sweep a parameter, write and draw the answer; return the number of points, and of those without an answer."""
+) -> tuple[int, int, str]:
+    """Sweep a parameter, write and draw the answer; return how many points there are, how many have no answer, and why.
+
+    The reason is that of the first one, with its value.
+    """
     model = mechanism.model
     with _kept(run.directory, output.path):
         with progress_bar("sweeping") as progress:
@@ -189,13 +192,16 @@ def _sweep(
         if len(answer.unanswered) < len(answer.values):
             _draw(answer, paths, partial(_axis, model, parameter, answer.values), model.title, *drawn)
     warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
-    return len(answer.values), len(answer.unanswered)
+    missing = answer.unanswered
+    told = next((i for i in missing if i in answer.problems), None)
+    reason = "" if told is None else _reason(model, {parameter: answer.values[told]}, answer.problems[told])
+    return len(answer.values), len(missing), reason
 
 
 def _chart(
     mechanism: Mechanism, grids: dict[str, Array], run: SweepSettings, paths: dict[str, Path], output: Output
-) -> tuple[int, int]:
-    """Compute a chart, write and draw it; return the number of points, and of those without an answer."""
+) -> tuple[int, int, str]:
+    """Compute a chart, write and draw it; return the same as `_sweep`."""
     model = mechanism.model
     labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in grids]
     with _kept(run.directory, output.path):
@@ -205,7 +211,19 @@ def _chart(
         for path in paths.values() if len(answer.problems) < answer.unstable.size else ():
             _draw_chart(answer, path, model)
     warn(answer.warnings)
-    return answer.unstable.size, len(answer.problems)
+    reason = ""
+    for i, problem in list(answer.problems.items())[:1]:
+        at = answer.x[i % len(answer.x)], answer.y[i // len(answer.x)]
+        reason = _reason(model, dict(zip(answer.parameters, at, strict=True)), problem)
+    return answer.unstable.size, len(answer.problems), reason
+
+
+def _reason(model: Model, at: dict[str, float], problem: str) -> str:
+    """Return a line that says why the first point without an answer, at values in SI, has none."""
+    from mbstab.model.ranges import in_unit
+
+    where = " and ".join(f"{name} = {in_unit(model, name, float(x))}" for name, x in at.items())
+    return f"\nthe first one, at {where}: {problem.splitlines()[0]}"
 
 
 def _check_options(
