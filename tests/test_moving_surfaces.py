@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 import mbstab
+from mbstab.analysis.verdict.neutral import Separated, drift_of
+from mbstab.analysis.verdict.rule import Neutral
 from mbstab.errors import ModelFileError
 from mbstab.model.library import models_folder
 
@@ -265,3 +267,26 @@ reference: {{coordinates: {{a: {{x: 0, y: 0}}, b: {{x: 1, y: 0}}}}}}
         found = mbstab.loads(text).eig()
         assert found.verdict == "stable up to symmetry"
         assert max(found.values().imag) == pytest.approx(math.sqrt(square), rel=1e-12)
+
+
+@pytest.mark.parametrize("x0", [3e-6, 1e-6, 3e-7, 1e-7, 3e-8, 1e-8, 3e-9])
+def test_a_ball_that_hardly_turns_is_left_behind_like_t(x0):
+    """Another angular velocity turns a ball ever further, whatever its own rate Omega x0/R is: like t, not like t^2."""
+    assert TURNTABLE.eig(x0=x0).reasons[0].endswith("goes on growing like t")
+
+
+@pytest.mark.parametrize("rate", [1.0, 1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize(("turned", "power"), [(True, 0), (False, 1)])
+def test_the_growth_of_neutral_directions_does_not_depend_on_how_slowly_they_turn(rate, turned, power):
+    """A constant speed drives x, y or the angle z of a frame that turns: x and y stay bounded, z grows like t."""
+    S = np.zeros((4, 4))
+    S[0, 1], S[1, 0] = -rate, rate
+    S[:3, 3] = [1.0, 0.5, 0.0 if turned else 1.0]
+    basis = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 4)))[0]
+    mixed = basis @ S @ basis.T
+    found = Separated(mixed, np.eye(4), np.zeros((0, 4)), np.zeros((4, 0)), Neutral())
+    assert drift_of(found) == power
+    two = np.kron(np.eye(2), S)
+    two[3, 4:7] = [0.0, 0.0, rate]  # the angle of the second drives the speed of the first
+    found = Separated(two, np.eye(8), np.zeros((0, 8)), np.zeros((8, 0)), Neutral())
+    assert drift_of(found) == (1 if turned else 3)

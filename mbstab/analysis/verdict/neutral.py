@@ -501,17 +501,37 @@ def drift_of(found: Separated) -> int:
     d, k = T.shape[1], len(L)
     step = np.zeros((d + k, d + k))
     step[:d, :d], step[:d, d:] = T.T @ S @ T, T.T @ S @ V
-    size = float(np.linalg.norm(step, 2))
-    if size <= 1e-9 * spectral_norm(S):
+    zero = max(TOLERANCES.neutral_rate * spectral_norm(S), TOLERANCES.direction_closure * spectral_norm(step))
+    chain = 0
+    # Restricted to its range again and again, a matrix loses one link of its chains at zero each time. What is left may
+    # be far smaller: where a motion turns slowly, only there its rate is not small beside what the speeds drive.
+    while len(step):
+        left, s, _ = np.linalg.svd(step)
+        rank = int(np.sum(s > zero))
+        if rank == len(step):
+            break
+        chain += 1
+        step = left[:, :rank].T @ step @ left[:, :rank]
+    return max(chain, _chain_of_turns(step), 1) - 1
+
+
+def _chain_of_turns(step: Array) -> int:
+    """Return the length of the longest Jordan chain of a regular matrix whose eigenvalues are on the imaginary axis."""
+    if not len(step):
         return 0
-    values = np.linalg.eigvals(step)
-    turning = float(np.max(np.abs(values.imag), initial=0.0))
-    power = step / size
-    if turning > 1e-4 * size:
-        power = power @ (power @ power + (turning / size) ** 2 * np.eye(d + k))
-    product = np.eye(d + k)
-    for order in range(TOLERANCES.chain_length):
-        product = product @ power
-        if np.linalg.norm(product, 2) <= 1e-7:
+    size = float(np.linalg.norm(step, 2))
+    once, values = np.eye(len(step)), np.linalg.eigvals(step / size)
+    values = values[values.imag >= 0.0]
+    while len(values):
+        # Eigenvalues of a chain are known to a fraction of their digits, the mean of them to all.
+        near = np.abs(values - values[0]) <= TOLERANCES.equal_turns
+        mean = complex(np.mean(values[near]))
+        part = step / size
+        once = once @ (part @ part - 2.0 * mean.real * part + abs(mean) ** 2 * np.eye(len(step)))
+        values = values[~near]
+    product = np.eye(len(step))
+    for order in range(1, TOLERANCES.chain_length + 1):
+        product = product @ once
+        if np.linalg.norm(product, 2) <= TOLERANCES.direction_closure:
             return order
     return TOLERANCES.chain_length

@@ -25,8 +25,13 @@ class Tolerances:
     """… are estimated by this many steps of the power method."""
     turning_frequency: Final = 1e-3
     """Relative agreement of the frequencies of neutral directions with those of the motion."""
+    neutral_rate: Final = 1e-9
+    """Rates of change along neutral directions are zero below this fraction of the norm of S, or where rounding hides
+    them: below a fraction of the fastest of them (direction_closure)."""
+    equal_turns: Final = 1e-4
+    """Neutral directions turn at the same rate if it agrees to this fraction of the largest."""
     chain_length: Final = 4
-    """Maximum length of Jordan chains of neutral directions."""
+    """Maximum length of Jordan chains of neutral directions that turn."""
     slowest_typical_rate: Final = 1e-6
     """Smallest typical rate, as a fraction of that of the single forces."""
     number_lost: Final = 1e-150
