@@ -141,7 +141,7 @@ def test_each_name_belongs_to_one_mode_and_ambiguity_is_said():
 def test_a_mode_that_is_not_there_is_said():
     result = two(0, "  far: {near: -30+2i}").eig()
     assert named(result) == {}
-    assert any(text.startswith("mode 'far' is not found: no mode is near -30 ± 2i") for text in result.warnings)
+    assert any("mode 'far' is not found: no mode is near -30 ± 2i" in text for text in result.warnings)
 
 
 # --- followed -------------------------------------------------------------------------------------------------------

@@ -248,7 +248,6 @@ def test_a_model_can_be_evaluated_again_after_a_failure() -> None:
         (".5", 0.5),
         ("'2'", 2.0),
         ("+3", 3.0),
-        ("2001-01-01", 1999.0),
         ("1_0", None),
         ("0x10", None),
         ("~", None),

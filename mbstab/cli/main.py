@@ -31,6 +31,23 @@ COMMANDS = tuple(sorted(path.stem for path in Path(commands.__file__).parent.glo
 """Each is the function of the name of its module in `mbstab.cli.commands`, imported at first use."""
 
 
+OTHERWISE = {
+    "campbell": "mbstab sweep FILE --param SPIN --plot campbell draws a Campbell diagram",
+    "chart": "mbstab sweep FILE with two --param draws a stability chart",
+    "locus": "mbstab sweep FILE --param NAME --plot locus draws a root locus",
+    "bode": "mbstab response FILE --plot bode draws it",
+    "nyquist": "mbstab response FILE --plot nyquist draws it",
+    "margins": "mbstab response FILE prints them",
+    "step": "mbstab response FILE --step T",
+    "unbalance": "mbstab response FILE --unbalance POINT --speed PARAMETER",
+    "verify": "mbstab eig FILE --verify",
+    "certify": "mbstab eig FILE --certify",
+    "sensitivity": "mbstab eig FILE --sensitivity",
+    "animate": "mbstab simulate FILE --animate FILE.gif",
+}
+"""What asks for an answer that others name as a command."""
+
+
 class _Group(click.Group):
     """Turns the errors of the library into messages with their exit codes; other errors stay visible."""
 
@@ -52,7 +69,7 @@ class _Group(click.Group):
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
-            hint = suggestion(args[0], COMMANDS) if args else ""
+            hint = OTHERWISE.get(args[0], "") or suggestion(args[0], COMMANDS) if args else ""
             raise click.UsageError(error.message + (f"\nhint: {hint}" if hint else ""), ctx) from None
 
     def invoke(self, ctx: click.Context) -> Any:

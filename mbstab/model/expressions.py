@@ -24,6 +24,7 @@ _WRITTEN = {
     "^": "powers are written **",
     "=": "an equation is written as what is zero: left - (right)",
     "°": "degrees are written 90*deg",
+    ",": "decimals have a point: 0.5 for 0,5",
 }
 """What stands for characters that expressions do not have."""
 MAX_LENGTH = 5_000
@@ -428,7 +429,7 @@ class _Parser:
         root = self._sum()
         kind, token, at = self.tokens[self.index]
         if kind != "end":
-            hint = "multiplication is written *" if kind == "number" or token == "(" else ""
+            hint = "multiplication is written *" if kind == "number" or token == "(" else _WRITTEN.get(token, "")
             if kind == "name":
                 hint = (
                     f"write *{token} for a product with a parameter; a number stands alone, in SI units, degrees as "
@@ -459,7 +460,11 @@ class _Parser:
         if self._accept(operator) is None:
             kind, token, at = self.tokens[self.index]
             found = "the end" if kind == "end" else repr(token)
-            hint = "within { } or [ ] an expression with a comma stands in quotes" if kind == "end" else ""
+            hint = (
+                "within { } or [ ] an expression with a comma stands in quotes"
+                if kind == "end"
+                else _WRITTEN.get(token, "")
+            )
             raise ExpressionError(f"expected {operator!r}, found {found}", at, hint)
 
     def _deeper(self, at: int) -> None:

@@ -78,7 +78,8 @@ class Names:
         found = word in known or word in also
         if not found and word not in self.written[section]:
             what = entry_word(section)
-            self.nodes.complain(node, path, f"there is no {what} {word!r}", suggestion(word, [*known, *also]))
+            hint = suggestion(word, [*known, *also]) or (f"{section}: {', '.join(list(known)[:12])}" if known else "")
+            self.nodes.complain(node, path, f"there is no {what} {word!r}", hint)
         return found
 
     def has_body(self, node: YamlNode, path: str, word: str) -> bool:

@@ -225,7 +225,8 @@ def _check_names(model: Model, expression: Expression) -> None:
         raise ExpressionError("rate(...) cannot be used here")
     for used in expression.names():
         if used not in model.parameters:
-            raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, model.parameters))
+            hint = suggestion(used, model.parameters) or "give a number, or an expression of numbers and parameters"
+            raise ExpressionError(f"unknown parameter {used!r}", 0, hint)
 
 
 def given_value(model: Model, name: str, arithmetic: Arithmetic) -> Number:
@@ -292,10 +293,10 @@ def evaluate_parameters(
             if arithmetic.name != "symbol" and (broken := broken_sign(value, parameter.sign)):
                 rule, shown = broken
                 got = f"{shown / parameter.factor:g}{after_number(parameter.unit)}"
-                raise ExpressionError(f"{name} must {rule}, got {got}")
+                raise ExpressionError(f"{name} must {rule}, got {got}", 0, f"the file says sign: {parameter.sign}")
             values[name] = value
         except ExpressionError as error:
-            document.complain(parameter.location, parameter.expression.path, error.message)
+            document.complain(parameter.location, parameter.expression.path, error.message, error.hint)
             values[name] = 1.0
     document.raise_problems()
     return values

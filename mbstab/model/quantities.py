@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from mbstab.errors import nearest, suggestion
@@ -26,6 +27,8 @@ from mbstab.model.turns import counted_by, require_angle
 from mbstab.model.yamlfile import Scalar, Sequence, YamlNode
 
 AXES = {"x": 0, "y": 1, "z": 2}
+
+_DATE = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}")
 
 
 class QuantityReader:
@@ -70,6 +73,8 @@ class QuantityReader:
         if known is not None:
             return Quantity(node.text, known, node.location, path)
         try:
+            if not node.quoted and _DATE.fullmatch(node.text):
+                raise ExpressionError(f"{node.text} looks like a date", 0, "a difference has blanks: 2020 - 1 - 1")
             expression = parse_finite(node.text, self.names.parameters)
             expression = filled_in(expression, self.names.definitions if shared else {}, self.names.tables)
             self._check_names(expression, time, state)

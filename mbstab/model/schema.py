@@ -279,6 +279,11 @@ class ModeName:
     near: complex | None
     shape: dict[str, complex]
 
+    @property
+    def called(self) -> str:
+        """Return what messages call it, with its place."""
+        return f"{self.location}: mode {self.name!r}"
+
 
 @dataclass(frozen=True)
 class ExpectedEigenvalue:

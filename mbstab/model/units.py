@@ -70,7 +70,9 @@ UNITS: dict[str, tuple[float, Dimension]] = {
 }
 """Factor to SI and dimension of every unit a file may name."""
 
-_MEANT = {"Nm": "N*m", "Nms": "N*m*s", "Ns": "N*s", "sec": "s", "degree": "deg", "degrees": "deg", "kph": "km/h"}
+_MEANT = {"ton": "t", "tons": "t", "tonne": "t", "tonnes": "t", "second": "s", "seconds": "s", "minutes": "min"}
+_MEANT |= {"meter": "m", "meters": "m", "metre": "m", "metres": "m", "gram": "g", "grams": "g", "newton": "N"}
+_MEANT |= {"Nm": "N*m", "Nms": "N*m*s", "Ns": "N*s", "sec": "s", "degree": "deg", "degrees": "deg", "kph": "km/h"}
 """Words that are not units, and what those who write them mean."""
 
 _POWER = r"\s*(?:(?:\^|\*\*)\s*(?P<power>-?[0-9]{1,2}))?\s*"

@@ -36,7 +36,7 @@ from mbstab.analysis.reference.steady import Family, Generator, declared_family,
 from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
-from mbstab.errors import MbstabError, ModelFileError, UsageError
+from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, NumericalError, UsageError
 from mbstab.model.schema import is_angle
 from mbstab.records import dataclass
 
@@ -142,7 +142,7 @@ def find_equilibria(
             distinct.append(found)
     if not distinct:
         assert failure is not None
-        raise failure
+        raise problem.explained(failure)
     return distinct
 
 
@@ -166,9 +166,28 @@ class Problem:
         q = self.finder.start()[0]
         return self.finder.assemble(q, ~self.held) if self.system.n_h and not self.held.all() else q
 
+    def explained(self, failure: MbstabError) -> MbstabError:
+        """Return why nothing was found; where equations have no value on the way, what to do if the reference moves."""
+        moves = self.scene.model.reference.find is None and any(self.scene.rates.values())
+        if not moves or not isinstance(failure, NumericalError):
+            return failure
+        said = str(failure).partition("\nhint:")[0]
+        return EquilibriumError(
+            f"{said}\nhint: the reference of this file moves, and no find: says what is looked for; find: steady looks "
+            "for a motion, with steady: {direction: x, speed: …} or {axis: z, rate: …}; mbstab eig takes the reference "
+            "as it is"
+        )
+
     def _moving(self) -> tuple[Family, dict[int, float]]:
-        """Return the generator that the rates of a file without ``find`` or ``steady`` describe, all rates given."""
-        u = np.array([self.scene.rates.get(name, 0.0) for name in self.system.names], dtype=float)
+        """Return the generator that the rates of a file without ``find`` or ``steady`` describe, all rates given.
+
+        Rates that it leaves out follow from the constraints; where these leave a choice, they are zero.
+        """
+        try:
+            u = self.finder.rates(self.start)[0]
+            u[self.system.states[0]] = 0.0  # those of a steady motion are constant
+        except MbstabError:
+            u = np.array([self.scene.rates.get(name, 0.0) for name in self.system.names], dtype=float)
         generator = detected(self.system, self.start, u, self.finder.sizes)[-1]
         columns = tuple(int(i) for i in np.flatnonzero(generator.spins))
         axis = generator.axis if generator.turns else None

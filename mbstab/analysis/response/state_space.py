@@ -437,13 +437,13 @@ def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlM
     if any(np.any(x) for x in s[2:]):
         raise UsageError("a state cannot be an acceleration\nhint: states are coordinates, joint motions and rates")
     scale = 1.0 / np.maximum(np.linalg.norm(S, axis=1), 1e-300)
-    inverse = np.linalg.pinv(S * scale[:, None]) * scale
+    inverse, error = (x * scale for x in _inverse(S * scale[:, None]))
     rate = ports.maps["y"]
     b = [rate[:, n_f + k * m : n_f + (k + 1) * m] for k in range(3)]
-    A = _product(S, rate[:, :n_f], inverse)
+    A = _product(S, rate[:, :n_f], inverse, error=error)
     _require_states(S, rate[:, :n_f], A, scale, texts, given=bool(states))
     B = [_product(S, b[0]) - A @ s[0], _product(S, b[1]) - A @ s[1] + s[0], _product(S, b[2]) + s[1]]
-    C = _product(outputs[:, :n_f], inverse)
+    C = _product(outputs[:, :n_f], inverse, error=error)
     _require_told(outputs[:, :n_f], C @ S, list(model.outputs.values()), texts)
     D = [outputs[:, n_f + k * m : n_f + (k + 1) * m] for k in range(3)]
     D = [D[0] - C @ s[0], D[1] - C @ s[1], D[2]]
@@ -462,7 +462,7 @@ def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlM
         tuple(model.outputs),
         tuple(_unit(model, x) for x in model.outputs.values()),
         tuple(used),
-        *_maps(ports, S, inverse),
+        *_maps(ports, S, inverse, error),
         _descriptor(ports, used),
         linear,
     )
@@ -473,13 +473,25 @@ def _columns(parts: Sequence[Array], used: Sequence[tuple[int, int]]) -> Array:
     return np.array([parts[k][:, i] for i, k in used]).reshape(len(used), len(parts[0])).T
 
 
-def _product(*factors: Array) -> Array:
-    """Return a product in which entries that are no larger than the rounding of their sums are zero."""
+def _inverse(S: Array) -> tuple[Array, Array]:
+    """Return the pseudo-inverse and the size of the rounding in each of its entries."""
+    inverse = np.asarray(np.linalg.pinv(S), dtype=float)
+    rounding = float(EPS * np.linalg.norm(S, 2) * np.linalg.norm(inverse, 2) ** 2)
+    return inverse, np.full(inverse.shape, rounding)
+
+
+def _product(*factors: Array, error: Array | float = 0.0) -> Array:
+    """Return a product in which entries that are no larger than the rounding of their sums are zero.
+
+    `error` is the size of the errors in the last factor.
+    """
     value, size = factors[0], np.abs(factors[0])
+    off: Array | float = 0.0
     for factor in factors[1:]:
+        off = size @ (error * np.ones_like(factor)) if factor is factors[-1] else off
         value, size = value @ factor, size @ np.abs(factor)
     rounding = EPS * sum(len(x) for x in factors[1:])
-    return np.where(np.abs(value) > rounding * size, value, 0.0)
+    return np.where(np.abs(value) > rounding * size + off, value, 0.0)
 
 
 def _state(model: Any, text: str) -> Quantity:
@@ -525,14 +537,15 @@ def _require_told(rows: Array, told: Array, outputs: Sequence[Quantity], texts: 
             raise _refuse(output.location, output.path, message, "add states, or leave out --states")
 
 
-def _maps(ports: _Ports, S: Array, inverse: Array) -> tuple[tuple[str, ...], Array, Array]:
+def _maps(ports: _Ports, S: Array, inverse: Array, error: Array) -> tuple[tuple[str, ...], Array, Array]:
     """Return the coordinates that the states determine, and the maps to them and their rates."""
     n_f = len(ports.space.A)
     q, u = ports.maps["q"][:, :n_f], ports.maps["u"][:, :n_f]
     both = np.stack([q, u], axis=1)
-    error, size = (np.max(np.abs(x), axis=(1, 2), initial=0.0) for x in (both @ inverse @ S - both, both))
-    known = np.flatnonzero(error <= TOLERANCES.steady_signal * size)
-    return tuple(ports.linear.names[i] for i in known), _product(q[known], inverse), _product(u[known], inverse)
+    missed, size = (np.max(np.abs(x), axis=(1, 2), initial=0.0) for x in (both @ inverse @ S - both, both))
+    known = np.flatnonzero(missed <= TOLERANCES.steady_signal * size)
+    to_coordinates, to_rates = (_product(x[known], inverse, error=error) for x in (q, u))
+    return tuple(ports.linear.names[i] for i in known), to_coordinates, to_rates
 
 
 def _descriptor(ports: _Ports, used: Sequence[tuple[int, int]]) -> Descriptor:

@@ -52,7 +52,7 @@ def find_modes(linear: Callable[[], Linearization], result: EigenResult, names: 
     """
     modes = [e for e in result.eigenvalues if e.vector is not None and e.value.imag >= 0.0]
     if not modes or not names:
-        return Found({}, tuple(f"mode {mode.name!r} is not found: no mode has a shape" for mode in names))
+        return Found({}, tuple(f"{mode.called} is not found: no mode has a shape" for mode in names))
     count = len(result.eigenvalues)
     cost = np.array([_differences(linear, modes, mode) for mode in names])
     square = np.full((max(cost.shape),) * 2, 1.0)
@@ -63,14 +63,14 @@ def find_modes(linear: Callable[[], Linearization], result: EigenResult, names: 
         if best > TOLERANCES.mode_difference:
             what = "similar to its shape" if mode.near is None else f"near {show(mode.near)}"
             among = f" of the {count} eigenvalues that were computed" if count < result.counts.expected else ""
-            notes.append(f"mode {mode.name!r} is not found: no mode{among} is {what}")
+            notes.append(f"{mode.called} is not found: no mode{among} is {what}")
             continue
         values[mode.name] = modes[chosen].value
         rivals = [i for i in range(len(modes)) if i != chosen and row[i] <= best + TOLERANCES.mode_ambiguous]
         if rivals:
             others = ", ".join(show(modes[i].value) for i in rivals)
             notes.append(
-                f"mode {mode.name!r} is ambiguous: {show(modes[chosen].value)} was chosen, but {others} fits as well"
+                f"{mode.called} is ambiguous: {show(modes[chosen].value)} was chosen, but {others} fits as well"
             )
     return Found(values, tuple(notes))
 

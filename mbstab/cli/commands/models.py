@@ -11,9 +11,12 @@ from mbstab.cli.output import Output, output_options, save, show, write_bytes
 from mbstab.errors import UsageError
 
 
-@click.group()
-def models() -> None:
-    """List, show and copy the example models."""
+@click.group(invoke_without_command=True)
+@click.pass_context
+def models(context: click.Context) -> None:
+    """List, show and copy the example models; without a command, list them."""
+    if context.invoked_subcommand is None:
+        context.invoke(list_models, format_=None, output=None)
 
 
 @models.command(name="list")

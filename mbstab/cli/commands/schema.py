@@ -14,8 +14,8 @@ from mbstab.errors import UsageError, nearest, suggestion
 def schema(section: str | None, output: Output) -> None:
     """Print the JSON Schema with which editors complete and check model files.
 
-    With SECTION (bodies, joints, contacts, drives, forces) print its types and their keys as text; with a type as well,
-    such as joints.revolute, only that one. Sections without types (parameters, ground, constraints, reference,
+    With SECTION (bodies, joints, contacts, drives, forces) print its types and their keys as text; with a type, such as
+    revolute or joints.revolute, only that one. Sections without types (parameters, ground, constraints, reference,
     reference.steady, initial, shape, sweep, expect, expect.critical) print their keys, and functions what expressions
     may call.
 
@@ -57,6 +57,8 @@ def section_text(section: str) -> str:
     if section in SECTIONS and section not in KINDS:
         return keys_text({section: SECTIONS[section]}) + (measures if section == "outputs" else "")
     name, _, kind = section.partition(".")
+    if name not in KINDS and (homes := [x for x in KINDS if any(section == k_name for k_name, _ in KINDS[x])]):
+        return "\n".join(section_text(f"{home}.{section}") for home in homes)
     if name not in KINDS:
         known = list(dict.fromkeys([*KINDS, *SECTIONS, "shape", "functions", "measures", *SECTION_FIELDS]))
         ends = {x.rpartition(".")[2]: x for x in known}

@@ -298,9 +298,13 @@ def _kept(directory: Path | None, written: Path | None) -> Iterator[None]:
     except (KeyboardInterrupt, OutputError, OSError) as error:
         if directory is not None and _written_at(written) != before:
             discard(directory)  # only the summary on the terminal is missing
-        elif directory is not None and any(directory.glob("block-*")):
+        elif directory is not None:
             what = "interrupted: " if isinstance(error, KeyboardInterrupt) else ""
-            note(f"{what}finished blocks are kept in {directory}; go on with --resume")
+            if any(directory.glob("block-*")):
+                note(f"{what}finished blocks are kept in {directory}; go on with --resume")
+            elif directory.exists():
+                discard(directory)
+                note(f"{what}no block of points was finished, and nothing is kept")
         raise
     if directory is not None:
         discard(directory)
