@@ -13,6 +13,20 @@ from operator import attrgetter
 from reprlib import recursive_repr
 from typing import TYPE_CHECKING
 
+
+class Answer:
+    """An answer to a question about a model; printed, it is the text of the command if the interface has added it."""
+
+    def __str__(self) -> str:
+        """Return the text."""
+        write = self.__dict__.get("_text")
+        return repr(self) if write is None else str(write(self))
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the fields: a copy in another process has no text, which needs the model."""
+        return {name: x for name, x in self.__dict__.items() if name != "_text"}
+
+
 if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass
 else:

@@ -13,11 +13,11 @@ from mbstab.analysis.reference.rotation import rate_matrix
 from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.compiler.system import Array, System
 from mbstab.model.dependencies import equations_of, unused_texts, used_in
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @dataclass(frozen=True)
-class CheckReport:
+class CheckReport(Answer):
     """The scene in numbers and words.
 
     Attributes

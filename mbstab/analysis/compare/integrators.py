@@ -24,7 +24,7 @@ from mbstab.analysis.simulate.steppers.interface import Method
 from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ModelFileError, NumericalError, SimulationError, UsageError
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 DISTURBANCE: dict[str, float | str] = {"mode:1": 0.1}
 """Disturbance of the reference if neither the file nor the caller gives one."""
@@ -73,7 +73,7 @@ class Integration:
 
 
 @dataclass(frozen=True)
-class Integrations:
+class Integrations(Answer):
     """All integrators on one motion.
 
     Attributes

@@ -37,7 +37,7 @@ from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 T = TypeVar("T")
 
@@ -115,7 +115,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Answer):
     """All methods on one model.
 
     Attributes

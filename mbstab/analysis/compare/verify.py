@@ -46,7 +46,7 @@ from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, percent
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class Observation:
 
 
 @dataclass(frozen=True)
-class Verification:
+class Verification(Answer):
     """Whether the nonlinear motion confirms a result.
 
     Attributes

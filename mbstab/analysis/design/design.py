@@ -21,11 +21,11 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import bound, evaluate_parameters, settings_in_si
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @dataclass(frozen=True)
-class Design:
+class Design(Answer):
     """The best values found for a goal; all values are in SI.
 
     Attributes

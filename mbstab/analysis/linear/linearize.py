@@ -26,7 +26,7 @@ from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import Array, Row, System
 from mbstab.model.schema import is_length
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 if TYPE_CHECKING:
     from mbstab.analysis.linear.massless import Massless
@@ -46,7 +46,7 @@ def composite(matrices: Matrices) -> tuple[Array, Array, Array]:
 
 
 @dataclass(frozen=True)
-class Linearization:
+class Linearization(Answer):
     """Matrices of the linearized equations.
 
     Attributes

@@ -50,11 +50,11 @@ from mbstab.analysis.verdict.rule import (
 )
 from mbstab.errors import UsageError, counted
 from mbstab.model.schema import Model
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(Answer):
     """A proven verdict, or why there is none.
 
     Attributes

@@ -16,7 +16,7 @@ from mbstab.analysis.response.transfer import Channel, channels
 from mbstab.analysis.response.zeros import TransferZeros, Zeros
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 def frequencies(zeros: TransferZeros, start: float | None, stop: float | None, points: int) -> Array:
@@ -33,7 +33,7 @@ def frequencies(zeros: TransferZeros, start: float | None, stop: float | None, p
 
 
 @dataclass(frozen=True)
-class Response:
+class Response(Answer):
     """Frequency responses, or responses over time, of several channels.
 
     Attributes
@@ -57,6 +57,8 @@ class Response:
         Of each channel over time: a sentence if its output grows without bound, or may do so; empty: it does not.
     exact : FrequencyResponse or None
         Of all channels at any frequency; None over time.
+    warnings : tuple of str
+        Of the reference motion.
     """
 
     kind: str
@@ -70,6 +72,26 @@ class Response:
     largest: tuple[LargestGain, ...] = ()
     growth: tuple[str, ...] = ()
     exact: FrequencyResponse | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def duration_of(
+    step: float | None, impulse: float | None, ends: tuple[float | None, float | None] = (None, None)
+) -> float | None:
+    """Return the duration of a response over time (s), None for one over frequency; refuse what is none.
+
+    Raises
+    ------
+    UsageError
+    """
+    if step is not None and impulse is not None:
+        raise UsageError("--step and --impulse exclude each other")
+    duration = impulse if step is None else step
+    if duration is not None and not 0.0 < duration < float("inf"):
+        raise UsageError(f"a response over {duration:g} s: give a positive time")
+    if duration is not None and any(end is not None for end in ends):
+        raise UsageError("--from and --to are frequencies, which --step and --impulse do not have")
+    return duration
 
 
 def answer(
@@ -90,14 +112,14 @@ def answer(
     """
     found = channels(model, sources, goals)
     kind = "frequency" if duration is None else "impulse" if impulse else "step"
-    exact = FrequencyResponse(model)
+    exact, told = FrequencyResponse(model), tuple(model.linear.motion.warnings)
     all_zeros = TransferZeros(exact)
     zeros = tuple(map(all_zeros.of, found))
     if duration is not None:
         x = np.linspace(0.0, duration, points)
         found = [c.without(*z.removable_growing(all_zeros.poles)) for c, z in zip(found, zeros, strict=True)]
         outputs, growth = tuple(c.step(x, impulse) for c in found), tuple(map(all_zeros.growth, zeros))
-        return Response(kind, tuple(found), x, outputs, (), zeros, all_zeros.poles, growth=growth)
+        return Response(kind, tuple(found), x, outputs, (), zeros, all_zeros.poles, growth=growth, warnings=told)
     x = frequencies(all_zeros, *ends, points)
     values, errors = exact.over(x)
     at = [exact.number(c) for c in found]
@@ -105,5 +127,5 @@ def answer(
     of = [(z, exact.of(c), closed_loop(z, all_zeros.of(c, 1.0))) for c, z in judged]
     return Response(
         kind, tuple(found), x, tuple(values[k] for k in at), tuple(errors[k] for k in at), zeros, all_zeros.poles,
-        tuple(margins(*x) for x in of), tuple(largest_gain(*x[:2]) for x in of), exact=exact,
+        tuple(margins(*x) for x in of), tuple(largest_gain(*x[:2]) for x in of), exact=exact, warnings=told,
     )  # fmt: skip

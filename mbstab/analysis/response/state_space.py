@@ -30,7 +30,7 @@ from mbstab.model.expressions import ExpressionError, Name, Rate
 from mbstab.model.measures import Measurement
 from mbstab.model.schema import Model, Quantity
 from mbstab.model.sections.outputs import measured_expression
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Descriptor:
 
 
 @dataclass(frozen=True)
-class ControlModel:
+class ControlModel(Answer):
     """The linear model ẋ = A x + B w, z = C x + D w about a reference motion, all small changes.
 
     Attributes

@@ -13,7 +13,7 @@ from mbstab.analysis.reference.multiplier_sizes import multiplier_sizes
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @cache
@@ -102,7 +102,7 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Energies:
+class Energies(Answer):
     """The energy of a scene at its reference motion, and what changes it.
 
     Attributes

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from mbstab.compiler.system import Array
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @dataclass(frozen=True, repr=False)
-class Simulation:
+class Simulation(Answer):
     """A motion over a span of time.
 
     Attributes

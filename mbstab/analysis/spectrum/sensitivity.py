@@ -39,7 +39,7 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.duals import Dual, dual_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Derivatives:
 
 
 @dataclass(frozen=True)
-class Sensitivities:
+class Sensitivities(Answer):
     """Derivatives of the eigenvalues of a model.
 
     Attributes

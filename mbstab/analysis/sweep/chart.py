@@ -31,11 +31,11 @@ from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.parameters import bound, settings_in_si
 from mbstab.model.schema import Model
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @dataclass(frozen=True)
-class Chart:
+class Chart(Answer):
     """Stability over two parameters.
 
     Attributes

@@ -40,7 +40,7 @@ from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.model.doubts import doubts
 from mbstab.model.schema import Model
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class OrderCrossing:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Answer):
     """Eigenvalue branches over a parameter.
 
     Attributes

@@ -36,7 +36,7 @@ from mbstab.model.schema import Entry, Model
 from mbstab.model.units import is_angular_velocity
 from mbstab.model.values import evaluate
 from mbstab.model.words import UNSTABLE
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 NAMES = ("unbalance along e1", "unbalance along e2")
 """Names of the two forces, which no input of a file can have."""
@@ -65,7 +65,7 @@ class Peak:
 
 
 @dataclass(frozen=True)
-class UnbalanceResponse:
+class UnbalanceResponse(Answer):
     """Amplitudes of outputs over the spin, for an unbalance m e of 1 kg m.
 
     Attributes

@@ -47,7 +47,7 @@ from mbstab.model.words import STRENGTH as STRENGTH
 from mbstab.model.words import UNDECIDED as UNDECIDED
 from mbstab.model.words import UNSTABLE as UNSTABLE
 from mbstab.model.words import WORDS as WORDS
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 Side = Literal["left", "right", "axis", "open"]
 Evidence = Literal["structural", "enclosed", "numerical"]
@@ -317,7 +317,7 @@ class Verdict:
         return Modulo(self.symmetries, self.family)
 
 
-class Judged:
+class Judged(Answer):
     """An answer with a verdict, `judged`."""
 
     judged: Verdict

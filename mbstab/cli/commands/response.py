@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -91,7 +90,13 @@ def response(
 
     Example: mbstab response whipple_bicycle.yaml --input steer_torque
     """
-    duration = _duration(step, impulse, start is not None or stop is not None)
+    from mbstab.analysis.response.response import duration_of
+
+    ends = (
+        _frequency("--from", start) if unbalance is None else None,
+        _frequency("--to", stop) if unbalance is None else None,
+    )
+    duration = duration_of(step, impulse, ends)
     if unbalance is not None or speed is not None:
         _refuse_beside_unbalance(unbalance, speed, duration, bool(sources), frozen)
     possible = ("bode", "nyquist") if duration is None else ("impulse",) if step is None else ("step",)
@@ -106,23 +111,9 @@ def response(
     if unbalance is not None and speed is not None:
         _unbalance(mechanism, unbalance, speed, goals, (start, stop, points), paths, output)
         return
-    from mbstab.analysis.response.response import answer
-
-    found = _asked(mechanism, sources, goals).state_space(frozen=frozen)
-    warn(found.linear.motion.warnings)
-    ends = _frequency("--from", start), _frequency("--to", stop)
-    result = answer(found, sources, goals, ends, points, duration, step is None)
+    result = mechanism.response(sources, goals, ends, points, step, impulse, frozen)
+    warn(result.warnings)
     _write(result, mechanism.model, paths, output)
-
-
-def _asked(mechanism: Mechanism, sources: tuple[str, ...], goals: tuple[str, ...]) -> Mechanism:
-    """Return the mechanism with those inputs and outputs that are asked for, if it has them: others need no answer."""
-    model = mechanism.model
-    if sources and set(sources) <= set(model.inputs):
-        model = replace(model, inputs={name: model.inputs[name] for name in model.inputs if name in sources})
-    if goals and set(goals) <= set(model.outputs):
-        model = replace(model, outputs={name: model.outputs[name] for name in model.outputs if name in goals})
-    return replace(mechanism, model=model)
 
 
 def _frequency(option: str, text: str | None) -> float | None:
@@ -133,18 +124,6 @@ def _frequency(option: str, text: str | None) -> float | None:
         return float(text)
     except ValueError:
         raise UsageError(f"{option} {text}: a frequency is a number in rad/s") from None
-
-
-def _duration(step: float | None, impulse: float | None, ends: bool) -> float | None:
-    """Return the duration of a response over time (s), None for one over frequency; refuse what is none."""
-    if step is not None and impulse is not None:
-        raise UsageError("--step and --impulse exclude each other")
-    duration = impulse if step is None else step
-    if duration is not None and not 0.0 < duration < float("inf"):
-        raise UsageError(f"a response over {duration:g} s: give a positive time")
-    if duration is not None and ends:
-        raise UsageError("--from and --to are frequencies, which --step and --impulse do not have")
-    return duration
 
 
 def _write(result: Response, model: Model, paths: dict[str, Path], output: Output) -> None:
@@ -189,9 +168,6 @@ def _unbalance(
     output: Output,
 ) -> None:
     """Write and draw an unbalance response."""
-    from mbstab.analysis.algebra.budget import Cost
-    from mbstab.analysis.sweep.unbalance import unbalance
-    from mbstab.model.parameters import settings_in_si
     from mbstab.model.ranges import sweep_values
     from mbstab.report import export, responses
 
@@ -205,11 +181,8 @@ def _unbalance(
             + ("" if all(grid[:2]) else f", as sweep: in {model.name} says")
             + f"\nhint: give both ends above 0, such as --from {max(speeds.max(), 100.0 * factor) / factor / 100.0:.6g}"
         )
-    if not mechanism.force and not Cost.of("modes", len(model.coordinates()), 0).affordable:
-        system = mechanism.system(**settings_in_si({speed: float(speeds[0])}))
-        Cost.of("modes", system.n_q, system.n_c).require()
     with progress_bar("unbalance") as progress:
-        found = unbalance(model, point, speed, speeds, goals, progress)
+        found = mechanism.unbalance(point, speed, speeds, goals, progress)
     output.write(
         {
             "table": lambda: responses.unbalance_text(found, model.title, unit, factor),

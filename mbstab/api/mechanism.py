@@ -1,39 +1,20 @@
-"""The library as people use it: load a model file, ask a question, get a result object.
-
->>> import mbstab
->>> model = mbstab.load("pendulum.yaml")
->>> result = model.eig()
->>> result.verdict
-'stable'
->>> f"{result.eigenvalues[0].value.imag:.12f}"
-'6.065269985747'
-"""
+"""A model file that can be asked questions, with a method for each."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
-from decimal import Decimal
-from fractions import Fraction
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from mbstab.analysis.algebra.budget import Cost, Task
-from mbstab.analysis.algebra.failures import guarded
-from mbstab.analysis.linear.linearize import Linearization, linearize
-from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.algebra.budget import Task
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
 from mbstab.analysis.spectrum.eigenvalues import answer, with_energies
 from mbstab.analysis.spectrum.results import EigenResult
-from mbstab.compiler.system import Array, System
-from mbstab.errors import UsageError
+from mbstab.api.core import Setting, asked
+from mbstab.api.ports import Ports
+from mbstab.api.printing import printed
+from mbstab.compiler.system import Array
 from mbstab.model.arguments import Progress, parted, series, untold, whole
-from mbstab.model.arithmetic import FLOAT
-from mbstab.model.library import find_model
-from mbstab.model.parameters import Latest, bound, evaluate_parameters
-from mbstab.model.reader import read_model, read_model_text, with_counts
-from mbstab.model.schema import Model
-from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -46,7 +27,6 @@ if TYPE_CHECKING:
     from mbstab.analysis.linear.symbolic import SymbolicBlocks, Track
     from mbstab.analysis.proof.certify import Certificate
     from mbstab.analysis.reference.equilibrium import Equilibrium
-    from mbstab.analysis.response.state_space import ControlModel
     from mbstab.analysis.simulate.energy import Energies
     from mbstab.analysis.simulate.mode_shape import Swing
     from mbstab.analysis.simulate.result import Simulation
@@ -56,11 +36,9 @@ if TYPE_CHECKING:
     from mbstab.analysis.sweep.sweep import Sweep
     from mbstab.analysis.verdict.many_digits import ManyDigits
 
-Setting = float | str | Fraction | Decimal
 
-
-@dataclass(frozen=True)
-class Mechanism:
+@dataclass(frozen=True, repr=False)
+class Mechanism(Ports):
     """A model file that can be asked questions.
 
     Every method takes parameter values as keywords: ``model.eig(omega=5.6)``. A number, also one
@@ -77,63 +55,7 @@ class Mechanism:
         (`mbstab.analysis.algebra.budget`).
     """
 
-    model: Model
-    force: bool = False
-    _latest: Latest[System] = field(default_factory=Latest, init=False, repr=False, compare=False)
-
-    def at(self, **parameters: Setting) -> Mechanism:
-        """Return the mechanism at values of parameters and counts; what is asked of it is asked there.
-
-        Raises
-        ------
-        UsageError
-            If a parameter is unknown or its value no number.
-        """
-        return replace(self, model=bound(*with_counts(self.model, parameters))) if parameters else self
-
-    def _affordable(self, task: Task, parameters: Mapping[str, Setting]) -> System:
-        """Return the equations of motion if a task about them is within the limits of memory and time."""
-        return self._within(task, self.system(**parameters))
-
-    def _within(self, task: Task, system: System) -> System:
-        """Return a system if a task about it is within the limits of memory and time."""
-        if not self.force:
-            Cost.of(task, system.n_q, system.n_c).require()
-        return system
-
-    def _afforded(self, task: Task, parameters: Mapping[str, Setting]) -> Model:
-        """Return the model at parameter values; refuse a task beyond the limits, at whatever values."""
-        # What is small enough without constraints need not be assembled.
-        if not Cost.of(task, len(self.model.coordinates()), 0).affordable:
-            self._affordable(task, {})
-        return self.at(**parameters).model
-
-    def system(self, **parameters: Setting) -> System:
-        """Return the equations of motion at parameter values.
-
-        Raises
-        ------
-        UsageError
-            If a parameter is unknown.
-        ModelFileError
-            If a value is out of range.
-        """
-        return self._latest.of(parameters, lambda: System(evaluate(self.at(**parameters).model)))
-
-    @guarded
-    def motion(self, **parameters: Setting) -> Motion:
-        """Return the reference motion: q, u, a (m, rad, s) and multipliers.
-
-        Raises
-        ------
-        ModelFileError, MassError
-            If the reference does not satisfy constraints or equations of motion; if nothing determines a motion of it.
-        """
-        system = self._affordable("motion", parameters)
-        motion = reference_motion(system, massless=True)
-        return motion if motion.massless is None else linearize(system, motion).motion
-
-    @guarded
+    @asked
     def energies(self, **parameters: Setting) -> Energies:
         """Return kinetic and potential energy (J) at the reference motion and the power (W) of forces, by entry."""
         from mbstab.analysis.simulate.energy import energies
@@ -141,7 +63,7 @@ class Mechanism:
         system = self._affordable("motion", parameters)
         return energies(reference_motion(system, massless=True), system)
 
-    @guarded
+    @asked
     def equilibria(
         self, starts: int = 1, seed: int = 1, track: Callable[[list[int]], Iterator[int]] = iter, **parameters: Setting
     ) -> list[Equilibrium]:
@@ -168,20 +90,7 @@ class Mechanism:
         starts, seed = whole("starts", starts, 1), whole("seed", seed)
         return find_equilibria(self._affordable("motion", parameters), starts, seed, track)
 
-    @guarded
-    def linearize(self, frozen: bool = False, **parameters: Setting) -> Linearization:
-        """Return M, R, K, J, D_q at the reference, as `mbstab.analysis.linear.linearize.linearize` does."""
-        system = self._affordable("motion", parameters)
-        return linearize(system, reference_motion(system, massless=True), frozen)
-
-    @guarded
-    def state_space(self, states: Sequence[str] = (), frozen: bool = False, **parameters: Setting) -> ControlModel:
-        """Return A, B, C, D for the inputs and outputs of the file; `states` as in `control_model`."""
-        from mbstab.analysis.response.state_space import control_model
-
-        return control_model(self.linearize(frozen, **parameters), states)
-
-    @guarded
+    @asked
     def eig(
         self,
         method: str = "nullspace",
@@ -221,7 +130,7 @@ class Mechanism:
         result = answer(self._within(task, system), method, frozen, progress, self._digits(parameters))
         return self._described(result, frozen, energies, parameters)
 
-    @guarded
+    @asked
     def modes(
         self, count: int, near: complex = 0.0, rightmost: bool = False, energies: bool = False, **parameters: Setting
     ) -> EigenResult:
@@ -273,7 +182,7 @@ class Mechanism:
 
         return Exactly(lambda: self.at(**parameters).model)
 
-    @guarded
+    @asked
     def eig_precise(
         self, digits: int = 50, frozen: bool = False, progress: Progress = untold, **parameters: Setting
     ) -> PreciseResult:
@@ -303,7 +212,7 @@ class Mechanism:
 
         return precise_eigenvalues(model, digits, frozen, progress, self._digits(parameters))
 
-    @guarded
+    @asked
     def sensitivities(self, frozen: bool = False, **parameters: Setting) -> Sensitivities:
         """Return the derivatives of all eigenvalues by all parameters, with the motion of the reference included.
 
@@ -319,7 +228,7 @@ class Mechanism:
         found = sensitivities(self._afforded("modes", parameters), frozen, self._digits(parameters))
         return replace(found, result=self._described(found.result, frozen, False, parameters))
 
-    @guarded
+    @asked
     def certify(self, digits: int = 50, progress: Progress = untold, **parameters: Setting) -> Certificate:
         """Return enclosures of all eigenvalues with proven radii, and a proven verdict or why there is none.
 
@@ -343,7 +252,7 @@ class Mechanism:
 
         return certify(model, digits, progress)
 
-    @guarded
+    @asked
     def verify(self, frozen: bool = False, progress: Progress = untold, **parameters: Setting) -> Verification:
         """Return what the nonlinear motion says about the eigenvalues: each mode, each neutral direction excited.
 
@@ -361,7 +270,7 @@ class Mechanism:
 
         return verify(self._affordable("modes", parameters), frozen, progress, self._digits(parameters))
 
-    @guarded
+    @asked
     def sweep(
         self,
         parameter: str,
@@ -378,7 +287,8 @@ class Mechanism:
         ----------
         parameter : str
         values : ndarray, shape (points,)
-            Of the parameter in SI, ascending or descending.
+            Of the parameter in SI, whatever its declared unit, ascending or descending: 0.001 for 1 ms.
+            `mbstab.model.ranges.sweep_values` makes them from numbers in the declared unit.
         certify : bool
             Enclose each critical value in a ball, or say why that is not proven (`Critical.enclosed`).
         sensitivity : bool
@@ -401,7 +311,7 @@ class Mechanism:
         model = self._afforded("modes", parameters)
         return swept(model, parameter, values, settings, progress, certify, sensitivity, orders)
 
-    @guarded
+    @asked
     def design(
         self, vary: Mapping[str, str | Sequence[float]], goal: str, progress: Progress = untold, **keywords: Any
     ) -> Design:
@@ -422,9 +332,9 @@ class Mechanism:
 
         limits, parameters = parted(Limits, keywords, self.model.parameters)
         model = self._afforded("modes", parameters)
-        return design(model, read_task(model, vary, goal, limits), progress)
+        return printed(design(model, read_task(model, vary, goal, limits), progress), model)
 
-    @guarded
+    @asked
     def simulate(
         self,
         to: float | None = None,
@@ -458,7 +368,7 @@ class Mechanism:
         settings, parameters = parted(SimulationSettings, {"to": to, **keywords}, self.model.parameters)
         return simulate(self._affordable("run", parameters), settings, progress, tell, self.force)
 
-    @guarded
+    @asked
     def swing(self, number: int = 1, points: int = 50, **parameters: Setting) -> Swing:
         """Return a mode, as `eig` lists them from 1, at evenly spaced instants of a period, exaggerated.
 
@@ -472,14 +382,14 @@ class Mechanism:
         number, points = whole("number", number), whole("points", points, 1)
         return swing(self._affordable("modes", parameters), number, points)
 
-    @guarded
+    @asked
     def chart(self, values: Mapping[str, Array], progress: Progress = untold, **keywords: Any) -> Chart:
         """Return the number of unstable eigenvalues over two parameters, and the curves where it changes.
 
         Parameters
         ----------
         values : mapping
-            Two parameters and their values in SI, ascending.
+            Two parameters and their values in SI, ascending, as in `sweep`.
         progress, **keywords
             As in `sweep`.
         """
@@ -490,7 +400,7 @@ class Mechanism:
         settings, parameters = parted(SweepSettings, keywords, self.model.parameters)
         return chart(self._afforded("modes", parameters), values, progress, settings)
 
-    @guarded
+    @asked
     def compare(
         self, digits: int = 50, tolerance: float | None = None, progress: Progress = untold, **parameters: Setting
     ) -> Comparison:
@@ -514,7 +424,7 @@ class Mechanism:
 
         return compare(model, digits, tolerance, progress)
 
-    @guarded
+    @asked
     def compare_integrators(
         self,
         to: float | None = None,
@@ -548,7 +458,7 @@ class Mechanism:
         system = self._affordable("run", parameters)
         return compare_integrators(system, to, perturb, tolerance, progress, self.force)
 
-    @guarded
+    @asked
     def check(self, **parameters: Setting) -> CheckReport:
         """Return what the scene consists of, what it does not need, and how well the reference fits."""
         from mbstab.analysis.compare.check import check_scene
@@ -564,36 +474,8 @@ class Mechanism:
 
         return symbolic_blocks(self.model, track, self.force)
 
-    def parameters(self, **parameters: Setting) -> dict[str, float]:
-        """Return the value of every parameter in SI."""
-        return evaluate_parameters(self.at(**parameters).model, {}, FLOAT)
-
     def test(self) -> list[Outcome]:
         """Return for each entry of ``expect:`` whether it holds."""
         from mbstab.analysis.compare.expectations import check_expectations
 
         return check_expectations(self.model)
-
-
-def load(path: str | os.PathLike[str], force: bool = False) -> Mechanism:
-    """Load a model file; a name that is not a file is looked up among the installed examples.
-
-    With `force` it answers however much memory and time that takes.
-
-    Raises
-    ------
-    ModelFileError
-        With all problems of the file.
-    UsageError
-        If there is no such file or example.
-    """
-    if not isinstance(path, (str, os.PathLike)) or not os.fspath(path):
-        raise UsageError(f"{path!r} is not a file\nhint: give the path of a model file or the name of an example")
-    return Mechanism(read_model(find_model(os.fsdecode(path)).path), force)
-
-
-def loads(text: str | bytes, name: str = "<text>", force: bool = False) -> Mechanism:
-    """Load a model from text; `name` is what messages call it, `force` as in `load`."""
-    if not isinstance(text, (str, bytes)):
-        raise UsageError(f"{text!r} is no text of a model\nhint: load(path) reads a file")
-    return Mechanism(read_model_text(text, name), force)

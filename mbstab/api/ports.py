@@ -1,0 +1,107 @@
+"""Questions about inputs and outputs of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from mbstab.api.core import Core, Setting, asked
+from mbstab.compiler.system import Array
+from mbstab.model.arguments import Progress, series, untold, whole
+from mbstab.records import dataclass
+
+if TYPE_CHECKING:
+    from mbstab.analysis.response.response import Response
+    from mbstab.analysis.response.state_space import ControlModel
+    from mbstab.analysis.sweep.unbalance import UnbalanceResponse
+
+
+@dataclass(frozen=True, repr=False)
+class Ports(Core):
+    """A model file that can be asked about its inputs and outputs."""
+
+    @asked
+    def state_space(self, states: Sequence[str] = (), frozen: bool = False, **parameters: Setting) -> ControlModel:
+        """Return A, B, C, D for the inputs and outputs of the file; `states` as in `control_model`."""
+        from mbstab.analysis.response.state_space import control_model
+
+        return control_model(self.linearize(frozen, **parameters), states)
+
+    @asked
+    def response(
+        self,
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
+        ends: tuple[float | None, float | None] = (None, None),
+        points: int = 201,
+        step: float | None = None,
+        impulse: float | None = None,
+        frozen: bool = False,
+        **parameters: Setting,
+    ) -> Response:
+        """Return frequency responses with zeros, margins and largest gains, or responses over time.
+
+        Parameters
+        ----------
+        inputs, outputs : sequence of str
+            Names in the file; all if none.
+        ends : pair of float or None
+            First and last frequency (rad/s); None: a decade beyond the eigenvalues.
+        points : int
+            How many frequencies or times.
+        step, impulse : float, optional
+            Duration (s) of the response to a unit step or impulse.
+        frozen : bool
+            As in `eig`.
+
+        Raises
+        ------
+        UsageError
+            If names are unknown, or arguments contradict each other.
+        MbstabError
+            As `linearize`.
+        """
+        from mbstab.analysis.response.response import answer, duration_of
+
+        duration, points = duration_of(step, impulse, ends), whole("points", points, 2)
+        given = self.model
+        if inputs and set(inputs) <= set(given.inputs):  # others need no answer
+            given = replace(given, inputs={name: x for name, x in given.inputs.items() if name in inputs})
+        if outputs and set(outputs) <= set(given.outputs):
+            given = replace(given, outputs={name: x for name, x in given.outputs.items() if name in outputs})
+        found = replace(self, model=given).state_space((), frozen, **parameters)
+        return answer(found, tuple(inputs), tuple(outputs), ends, points, duration, step is None)
+
+    @asked
+    def unbalance(
+        self,
+        point: str,
+        parameter: str,
+        values: Array,
+        outputs: Sequence[str] = (),
+        progress: Progress = untold,
+        **parameters: Setting,
+    ) -> UnbalanceResponse:
+        """Return the outputs that an unbalance of 1 kg m causes over the spin of its body.
+
+        Parameters
+        ----------
+        point : str
+            A body or a point of a body.
+        parameter : str
+            The spin of the body.
+        values : ndarray, shape (points,)
+            Its values, positive (rad/s).
+        outputs : sequence of str
+            Names in the file; all if none.
+
+        Raises
+        ------
+        UsageError
+            If there is no such point, parameter or output.
+        """
+        from mbstab.analysis.sweep.unbalance import unbalance
+
+        values = series(parameter, values)
+        return unbalance(self._afforded("modes", parameters), point, parameter, values, tuple(outputs), progress)
