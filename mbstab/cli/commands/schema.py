@@ -57,7 +57,8 @@ def section_text(section: str) -> str:
     if section in SECTIONS and section not in KINDS:
         return keys_text({section: SECTIONS[section]}) + (measures if section == "outputs" else "")
     name, _, kind = section.partition(".")
-    if name not in KINDS and (homes := [x for x in KINDS if any(section == k_name for k_name, _ in KINDS[x])]):
+    homes = [x for x in KINDS if any(section == k_name for k_name, _ in KINDS[x])]
+    if homes and f"{section}s" not in KINDS:  # joint, a type of drives, rather means joints
         return "\n".join(section_text(f"{home}.{section}") for home in homes)
     if name not in KINDS:
         known = list(dict.fromkeys([*KINDS, *SECTIONS, "shape", "functions", "measures", *SECTION_FIELDS]))
