@@ -133,7 +133,46 @@ def test_the_command_lists_and_draws_crossings(tmp_path):
     assert data["orders"] == [1.0, 0.5]
     assert {c["whirl"] for c in data["crossings"]} == {"forward", "backward"}
     assert data["crossings"][0]["motions"][0]["magnitude"] == 1.0
-    assert "no frequency crosses" in run(*arguments, "--orders", "9", "--plot", "none").stdout
+    assert (
+        "no frequency crosses the orders 9, as far as 21 points show"
+        in run(*arguments, "--orders", "9", "--plot", "none").stdout
+    )
+
+
+MEETING = """mbstab: 1
+parameters:
+  n: {value: 1000, unit: rad/s}
+  n1: {value: 1030, unit: rad/s}
+  n2: {value: 1060, unit: rad/s}
+  m: {value: 1, unit: kg}
+  k: {value: "m*(n**2 + 0.5*(n - n1)*(n - n2))", unit: N/m}
+bodies: {r: {type: planar, mass: m, inertia: 1}}
+forces: {b: {type: rotor_bearing, between: [r, ground], kxx: k, kyy: 4*k, cxx: 0.02, cyy: 0.02}}
+outputs: {x: r.x}
+reference: {coordinates: {r: {x: 0, y: 0, theta: 0}}, rates: {r: {theta: n}}}
+"""
+
+
+@pytest.mark.parametrize(("n1", "n2"), [(1030, 1060), (1031, 1033), (520, 540)])
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_frequency_that_crosses_an_order_twice_between_two_points_is_found(n1, n2, order):
+    """Im λ = sqrt(k - 0.01²) along x, twice that along y."""
+    for x in (np.linspace(500.0, 1500.0, 11), np.linspace(1500.0, 500.0, 11)):
+        found = mbstab.loads(MEETING).at(n1=n1, n2=n2).sweep("n", x, orders=(order,))
+        roots = np.sort(np.roots([0.5, -0.5 * (n1 + n2), 0.5 * n1 * n2 - 0.01**2 / order**2]))
+        np.testing.assert_allclose([c.value for c in found.crossings], roots, rtol=1e-9)
+        assert not [text for text in found.warnings if "crossing" in text]
+
+
+def test_a_frequency_that_begins_between_two_points_crosses_an_order_there():
+    """λ² + 350 λ + 4 n² = 0: overdamped up to 87.5 rad/s, Im λ = n at sqrt(175²/3)."""
+    text = MEETING.replace(
+        "b: {type: rotor_bearing, between: [r, ground], kxx: k, kyy: 4*k, cxx: 0.02, cyy: 0.02}",
+        'b: {type: expression, on: {r.x: "-4*m*n**2*r.x - 350*rate(r.x)", r.y: "-4*m*n**2*r.y - 4*m*n*rate(r.y)"}}',
+    )
+    for start in (50.0, 80.0, 87.5):
+        crossings = mbstab.loads(text).sweep("n", np.linspace(start, 550.0, 6), orders=(1.0,)).crossings
+        assert [c.value for c in crossings] == pytest.approx([175.0 / 3**0.5], rel=1e-11)
 
 
 @pytest.mark.parametrize(

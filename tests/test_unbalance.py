@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from test_cli import run
-from test_orders import HALF, MASS, POLAR, ROTOR, TRANSVERSE
+from test_orders import HALF, MASS, MEETING, POLAR, ROTOR, TRANSVERSE
 
 import mbstab
 from mbstab.analysis.sweep.unbalance import unbalance
@@ -260,3 +260,24 @@ def test_every_peak_of_at_least_a_hundredth_of_the_largest_is_told(tmp_path):
     assert "further peak: " in run(*words).stdout
     (other,) = json.loads(run(*words, "--format", "json").stdout)["outputs"][0]["further_peaks"]
     assert other["speed"] == pytest.approx(found.further[0][0].speed, abs=1e-3)
+
+
+@pytest.mark.parametrize(("n1", "n2", "points"), [(1030, 1060, 11), (1005, 1012, 11), (520, 540, 12), (1460, 1490, 11)])
+def test_the_largest_of_narrow_peaks_between_two_speeds_is_told(n1, n2, points):
+    """Amplitudes n²/|k - n² + 0.02 i n| along x are about n/0.02 at both resonances."""
+    found = unbalance(mbstab.loads(MEETING).at(n1=n1, n2=n2).model, "r", "n", np.linspace(500.0, 1500.0, points))
+    speeds = np.linspace(n1 - 5.0, n2 + 5.0, 1_000_001)
+    exact = speeds**2 / abs(0.5 * (speeds - n1) * (speeds - n2) + 0.02j * speeds)
+    tops = np.flatnonzero((exact[1:-1] > exact[:-2]) & (exact[1:-1] > exact[2:])) + 1
+    peaks = [*found.further[0], found.peaks[0]]
+    assert [x.speed for x in peaks] == pytest.approx(speeds[tops], rel=1e-6)
+    assert [abs(x.value) for x in peaks] == pytest.approx(exact[tops], rel=1e-6)
+
+
+def test_a_narrow_peak_where_a_frequency_only_comes_near_the_spin_is_found():
+    """k - n² = 0.5 (n - 1030)² + 1 is smallest at 1030, between points."""
+    text = MEETING.replace("0.5*(n - n1)*(n - n2)", "0.5*(n - n1)**2 + n2*n2/1123600")
+    speeds = np.linspace(500.0, 1500.0, 1_000_001)
+    exact = speeds**2 / abs(0.5 * (speeds - 1030) ** 2 + 1 + 0.02j * speeds)
+    (peak,) = unbalance(mbstab.loads(text).model, "r", "n", np.linspace(500.0, 1500.0, 11)).peaks
+    assert abs(peak.value) == pytest.approx(exact.max(), rel=1e-7)

@@ -70,7 +70,8 @@ def _crossings(result: Sweep, label: str, factor: float) -> list[str]:
     """Return the crossings of frequencies with orders of the parameter."""
     orders = ", ".join(f"{k:g}" for k in result.orders)
     if not result.crossings:
-        return [f"no frequency crosses the orders {orders}"]
+        places = counted(len(result.values), "point")
+        return [f"no frequency crosses the orders {orders}, as far as {places} show"]
     rows = [
         [f"{c.value / factor:.12g}", f"{c.order:g}", f"{c.frequency:.12g}", _branch(result, c.branch), c.whirl or "-",
          c.motions[0][0] if c.motions else "-"]

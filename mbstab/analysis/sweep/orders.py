@@ -1,12 +1,12 @@
 """Crossings of frequencies with orders of a speed: where an excitation k times in each turn meets a mode.
 
-The parameter is an angular velocity Ω. Where Im λ - kΩ changes its sign between two points of a sweep, the eigenvalue
-is followed in between and the zero located; a branch that crosses a line twice between two points is not seen.
+The parameter is an angular velocity Ω. Where Im λ - kΩ changes its sign (`mbstab.analysis.sweep.approaches`), the
+eigenvalue is followed and the zero located.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues
 from mbstab.analysis.spectrum.named_motions import Whirl
 from mbstab.analysis.spectrum.results import Eigenvalue
+from mbstab.analysis.sweep.approaches import Approach, approaches
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep
 from mbstab.analysis.sweep.tolerances import TOLERANCES
@@ -48,32 +49,32 @@ def with_orders(model: Model, result: Sweep, orders: Sequence[float]) -> Sweep:
     if wrong := [k for k in orders if not 0.0 < k < np.inf]:
         raise UsageError(f"order {wrong[0]:g}: orders are positive numbers, such as 1, 2 or 0.5")
     search = _Search(model, result)
-    found, notes = [], list[str]()
+    found, notes, factor = [], list[str](), model.parameters[result.parameter].factor
     for order in dict.fromkeys(float(k) for k in orders):
-        for j, i in _passed(result, order):
+        told = list[OrderCrossing]()
+        for passed in sorted(search.passed(order), key=lambda a: not a.told):
             try:
-                found.append(search.crossing(order, j, i))
+                crossing = search.crossing(order, passed)
             except MbstabError as error:
-                place = f"between {result.values[i]:.6g} and {result.values[i + 1]:.6g}"
+                place = f"between {passed.x[0] / factor:.6g} and {passed.x[1] / factor:.6g}"
                 first = str(error).splitlines()[0]
-                notes.append(f"a crossing of branch {j + 1} with order {order:g} {place} is not located: {first}")
+                notes.append(
+                    f"a crossing of branch {passed.branch + 1} with order {order:g} {place} is not located: {first}"
+                )
+                continue
+            # Between points a branch may be taken for another one.
+            same = TOLERANCES.crossing * abs(crossing.value)
+            if passed.told:
+                told.append(crossing)
+            elif any(abs(crossing.value - c.value) <= same for c in told):
+                continue
+            found.append(crossing)
     found.sort(key=lambda c: (c.value, c.order, c.frequency))
     notes += search.notes
     return replace(
         result, orders=tuple(orders), crossings=tuple(found), warnings=(*result.warnings, *dict.fromkeys(notes)),
         whirls=search.whirls(found),
     )  # fmt: skip
-
-
-def _passed(result: Sweep, order: float) -> Iterator[tuple[int, int]]:
-    """Yield branches that cross a line, one of each pair, and the points before the crossings."""
-    line = order * np.abs(result.values)
-    with np.errstate(invalid="ignore"):
-        gap = result.branches.imag - line[:, None]
-        swings = (result.branches.imag[:-1] > 0.0) & (result.branches.imag[1:] > 0.0)
-        passed = swings & ((gap[:-1] * gap[1:] < 0.0) | ((gap[:-1] == 0.0) & (gap[1:] != 0.0)))
-    for i, j in zip(*np.nonzero(passed), strict=True):
-        yield int(j), int(i)
 
 
 class _Search:
@@ -87,15 +88,21 @@ class _Search:
             path = follow_path(model, result.parameter, ends[0], ends[1], float(result.values[0]))
         self.evaluator = Evaluator(model, path)
 
-    def crossing(self, order: float, branch: int, i: int) -> OrderCrossing:
-        """Return the crossing of a branch after a point.
+    def passed(self, order: float) -> list[Approach]:
+        """Return where branches cross a line."""
+        rank, parameter = np.argsort(self.result.values), self.result.parameter
+        x, branches = self.result.values[rank], self.result.branches[rank]
+        return [a for a in approaches(self.evaluator, parameter, x, branches, order) if a.crosses]
+
+    def crossing(self, order: float, passed: Approach) -> OrderCrossing:
+        """Return the crossing of a branch in an interval.
 
         Raises
         ------
         MbstabError
             If there are no eigenvalues in between, or the branch jumps there.
         """
-        (a, b), ends = self.result.values[i : i + 2].tolist(), self.result.branches[i : i + 2, branch]
+        (a, b), ends, branch = passed.x.tolist(), passed.values, passed.branch
 
         def near(x: float) -> tuple[complex, Linearization]:
             values, _, linear = self.evaluator.modes({self.result.parameter: x})

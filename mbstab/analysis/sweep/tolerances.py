@@ -174,6 +174,13 @@ class Tolerances:
     crossing: Final = 1e-10
     """A frequency that differs from its order by more than this fraction at the crossing jumps there."""
 
+    points_of_approach: Final = 8
+    """Where a frequency comes near to an order, intervals are divided by so many points …"""
+    rounds_of_approach: Final = 4
+    """… and so many times."""
+    reach_of_dip: Final = 4.0
+    """A frequency may reach an order between points if its distance is at most this many times its change there."""
+
     # Unbalance
     narrow_resonance: Final = 1.0
     """A resonance is looked for between two speeds if its decay rate is below this part of their distance."""

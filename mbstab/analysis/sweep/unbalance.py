@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +25,8 @@ from mbstab.analysis.response.state_space import ControlModel, control_model
 from mbstab.analysis.response.transfer import number_of
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues
 from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
+from mbstab.analysis.sweep.approaches import approaches
+from mbstab.analysis.sweep.batched_spectra import Evaluator as Spectra
 from mbstab.analysis.sweep.blocks import Block, Progress, compute, merged, tasks
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import UNDECIDED, WORDS
@@ -160,7 +163,10 @@ def unbalance(
     return UnbalanceResponse(
         point, parameter, speeds, outputs, tuple(f"{units[x]}/(kg*m)" if units[x] else "" for x in outputs), values,
         _verdicts(plain, parameter, speeds, spectra),
-        *_peaks(speeds, values, spectra.values, partial(answer, sure=True), partial(_undamped, plain, parameter)),
+        *_peaks(
+            speeds, values, _resonances(plain, parameter, speeds, spectra.values), partial(answer, sure=True),
+            partial(_undamped, plain, parameter),
+        ),
     )  # fmt: skip
 
 
@@ -188,17 +194,20 @@ def _linear(model: Model) -> Linearization:
 def _peaks(
     speeds: Array,
     values: Complex,
-    branches: Complex,
+    resonances: list[float],
     answer: Callable[[float], list[complex]],
     undamped: Callable[[float], float | None],
 ) -> tuple[tuple[Peak, ...], tuple[tuple[Peak, ...], ...]]:
     """Return the largest peak of each output, and its other ones.
 
-    Beside the speeds themselves, those are looked at where the frequency of a branch is the spin (resonances may be
-    much narrower than the steps between the speeds); the best is refined between its neighbours.
+    Beside the speeds themselves, those of resonances are looked at, which may be much narrower than the steps between
+    the speeds, and one between any two of these. All peaks are refined between their neighbours before they are
+    compared.
     """
     known = dict(zip(speeds.tolist(), values.T.tolist(), strict=True))
-    known |= {x: answer(x) for x in _resonances(speeds, branches) if x not in known}
+    places = sorted({*known, *resonances})
+    places += [0.5 * (a + b) for a, b in pairwise(places) if a in resonances and b in resonances]
+    known |= {x: answer(x) for x in places if x not in known}
 
     def size(speed: float, output: int) -> float:
         if speed not in known:
@@ -216,6 +225,9 @@ def _peaks(
             return Peak(best if critical is None else critical, complex(np.nan, np.nan), inside, bounded=False)
         return Peak(best, known[best][output], inside, bounded=True)
 
+    def height(found: Peak) -> float:
+        return float(abs(found.value)) if found.bounded else np.inf
+
     grid, largest, further = sorted(known), list[Peak](), list[tuple[Peak, ...]]()
     for k in range(len(values)):
         sizes = np.array([size(x, k) for x in grid])
@@ -223,24 +235,34 @@ def _peaks(
         tops = np.flatnonzero((sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
         finite = sizes[np.isfinite(sizes) & (np.arange(len(grid)) != first)]
         least = TOLERANCES.share_of_peak * (sizes[first] if np.isfinite(sizes[first]) else np.max(finite, initial=0.0))
-        largest.append(peak(k, grid, first))
-        others = [peak(k, grid, i) for i in tops.tolist() if abs(i - first) > 1 and sizes[i] >= least]
-        further.append(tuple(x for x in others if x.inside))
+        found = [peak(k, grid, i) for i in sorted({first, *tops[sizes[tops] >= least].tolist()})]
+        largest.append(max(found, key=height))
+        others = [x for x in found if x is not largest[-1] and x.inside]
+        bounded = max((height(x) for x in found if x.bounded), default=0.0)
+        further.append(tuple(x for x in others if height(x) >= TOLERANCES.share_of_peak * bounded))
     return tuple(largest), tuple(further)
 
 
-def _resonances(speeds: Array, branches: Complex) -> list[float]:
-    """Return where the frequency of a branch is the spin, for resonances that are narrow beside the steps."""
-    found = set[float]()
+def _resonances(model: Model, parameter: str, speeds: Array, branches: Complex) -> list[float]:
+    """Return where the frequency of a branch is the spin or next to it, for resonances narrow beside the steps."""
+    if len(speeds) < 2:
+        return []
     order = np.argsort(speeds)
-    x, s = speeds[order], branches[order]
-    for a, b, left, right in zip(x, x[1:], s, s[1:], strict=False):
-        gaps = left.imag - a, right.imag - b
-        with np.errstate(invalid="ignore"):
-            narrow = np.minimum(abs(left.real), abs(right.real)) < TOLERANCES.narrow_resonance * (b - a)
-            crossed = np.flatnonzero((gaps[0] * gaps[1] < 0.0) & narrow)
-        found |= {float(a + (b - a) * gaps[0][j] / (gaps[0][j] - gaps[1][j])) for j in crossed}
-    return sorted(found)
+    x, found = speeds[order], set[float]()
+    for a in approaches(Spectra(model), parameter, x, branches[order], 1.0):
+        step = np.diff(x)[np.clip(np.searchsorted(x, a.x[0], side="right") - 1, 0, len(x) - 2)]
+        if not np.min(np.abs(a.values.real)) < TOLERANCES.narrow_resonance * step:
+            continue
+        gaps = a.values.imag - a.x
+        if a.crosses:
+            found.add(float(a.x[0] - gaps[0] * (a.x[1] - a.x[0]) / (gaps[1] - gaps[0])))
+        else:
+            found.add(float(a.x[np.argmin(np.abs(gaps))]))
+    apart = list[float]()
+    for speed in sorted(found):
+        if not apart or speed - apart[-1] > TOLERANCES.peak_speed * speed:
+            apart.append(speed)
+    return apart
 
 
 def _refined(size: Callable[[float], float], bracket: list[float]) -> float:
