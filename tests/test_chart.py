@@ -414,3 +414,26 @@ def test_a_line_divides_flutter_from_divergence():
     (line,) = chart.divisions
     np.testing.assert_allclose(line[:, 0], (3.5 + math.sqrt(2.0)) * line[:, 1], rtol=1e-6)
     assert np.ptp(line[:, 1]) == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(
+    ("force", "ends", "told"),
+    [
+        # Unstable where q > p² + 0.3: a region that reaches the end of the range and no further.
+        ("-4*b.x - (p**2 + 0.3 - q)*rate(b.x)", (0.0, 0.7), False),
+        # Unstable everywhere but at the end, where the damping vanishes.
+        ("-4*b.x - (q - 0.7)*rate(b.x)", (0.0, 0.7), True),
+    ],
+)
+def test_a_region_that_ends_with_the_range_is_no_jump(force, ends, told):
+    text = (
+        "mbstab: 1\nparameters: {p: 0.2, q: 0.1}\nbodies: {b: {type: planar_point, mass: 1}}\n"
+        f"constraints: {{rail: {{holonomic: b.y}}}}\nforces: {{s: {{type: expression, on: {{b.x: '{force}'}}}}}}\n"
+        "reference: {coordinates: {b: {x: 0, y: 0}}}\n"
+    )
+    for names in (("p", "q"), ("q", "p")):
+        values = {"p": np.linspace(-1.0, 1.0, 7), "q": np.linspace(*ends, 5)}
+        found = mbstab.loads(text).chart({name: values[name] for name in names})
+        said = " ".join(chart_text(found, [(name, 1.0) for name in names], "").split())
+        assert ("jump: a boundary runs along q = 0.7 from about p = -1 to 1" in said) == told
+        assert ("jump" in said) == told

@@ -377,6 +377,41 @@ def test_what_moves_by_rounding_only_is_at_rest_in_a_mode_of_states(few):
     assert set(alone(felt)) == {-5, -7, -7.3}
 
 
+@pytest.mark.parametrize("axles", [3, 4, 5])
+@pytest.mark.parametrize("seed", range(3))
+def test_states_whose_forces_cancel_move_alone(axles, seed):
+    """Tyres with one relaxation length L: slips whose forces and moments cancel relax with -v/L and move nothing."""
+    rng = np.random.default_rng(seed)
+    places, stiffness = rng.uniform(-3.0, 3.0, axles), rng.uniform(1e5, 5e5, axles)
+    points = ", ".join(f"p{k}: [{x}, 0]" for k, x in enumerate(places.tolist()))
+    tyres = "".join(
+        f"  t{k}: {{type: tyre, at: truck.p{k}, cornering_stiffness: {c}, relaxation_length: 0.5}}\n"
+        for k, c in enumerate(stiffness.tolist())
+    )
+    model = mbstab.loads(
+        "mbstab: 1\nparameters: {v: 22.2}\nbodies:\n"
+        f"  truck: {{type: planar, mass: 18000, inertia: 9e4, points: {{H: [-4.2, 0], {points}}}}}\n"
+        "  dolly: {type: planar, mass: 800, inertia: 600, points: {H: [2.6, 0]}}\n"
+        "joints: {hitch: {type: revolute, between: [dolly.H, truck.H]}}\n"
+        "constraints: {cruise: {nonholonomic: vx(truck) - v}}\n"
+        f"forces:\n{tyres}  d: {{type: tyre, at: dolly, cornering_stiffness: 3e5, relaxation_length: 0.5}}\n"
+        "reference: {coordinates: {truck: {x: 0, y: 0, theta: 0}, dolly: {theta: 0}}, rates: {truck: {x: v}}}\n"
+    )
+    found = model.eig(energies=True)
+    relaxing = [e for e in found.eigenvalues if abs(e.value + 44.4) < 1e-6]
+    assert len(relaxing) == axles - 2
+    for e in relaxing:
+        assert not found.moves_bodies(e)
+        assert all("slip" in name for name, _ in e.motions)
+        amplitudes = dict(zip(found.coordinates, e.vector, strict=True))
+        forces = stiffness * [amplitudes[f"t{k}_slip"] for k in range(axles)]
+        assert abs(forces.sum()) < 1e-9 * np.abs(forces).sum()
+        assert abs(forces @ places) < 1e-9 * np.abs(forces).sum()
+    assert len([e for e in modes(found) if not found.moves_bodies(e)]) == len(
+        [e for e in relaxing if e.value.imag >= 0]
+    )
+
+
 @pytest.mark.parametrize("guise", GUISES)
 def test_filters_that_follow_move_alone_in_every_guise(guise):
     system = ports(503, 1)

@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from decimal import Decimal
-from itertools import pairwise
+from itertools import groupby, pairwise
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -303,15 +303,24 @@ def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -
 
 
 def _edges(result: Chart, labels: Sequence[tuple[str, float]]) -> list[str]:
-    """Say where a boundary runs along an edge: stability jumps there, as with damping that begins at zero."""
+    """Say where a boundary runs along an edge: stability jumps there, as with damping that begins at zero.
+
+    On the lines of the grid across the edge the number of unstable eigenvalues then changes at its very end, on
+    neighbouring ones. A region that only reaches the edge ends between such lines.
+    """
     found = []
+    lines = {*result.detail.x.tolist()}, {*result.detail.y.tolist()}
     for d, along in enumerate((result.x, result.y)):
         name, other, factor = result.parameters[d], result.parameters[1 - d], labels[1 - d][1]
         for end in along[[0, -1]].tolist():
             for curve in result.boundaries:
-                on = abs(curve[:, d] - end) <= ON_EDGE * (along[-1] - along[0])
-                if on.sum() > 1:
-                    low, high = (number(float(f(curve[on, 1 - d])) / factor, 3) for f in (min, max))
+                near = abs(curve[:, d] - end) <= ON_EDGE * (along[-1] - along[0])
+                on = [bool(x) and y in lines[1 - d] for x, y in zip(near, curve[:, 1 - d].tolist(), strict=True)]
+                for at_end, group in groupby(range(len(on)), key=on.__getitem__):
+                    run = list(group)
+                    if not at_end or len(run) < 2:
+                        continue
+                    low, high = (number(float(f(curve[run, 1 - d])) / factor, 3) for f in (min, max))
                     place = f"{name} = {number(end / labels[d][1])} from about {other} = {low} to {high}"
                     found.append(f"jump: a boundary runs along {place}: stability exactly there is not that beside it")
     return found

@@ -160,6 +160,10 @@ class Tolerances:
     """… and at most this many."""
     states_apart: Final = 15
     """States that move by less than ten to the minus this, relative to the largest, are not told from rounding."""
+    amplitudes_corrected: Final = 1e4
+    """Amplitudes of such states are corrected where the equations are satisfied to so many times their errors …"""
+    amplitude_change: Final = 1e-6
+    """… and no amplitude changes by more than this, relatively."""
     mode_near: Final = 0.5
     """An eigenvalue farther from the given one than this fraction of it is not the named mode."""
     mode_difference: Final = 0.5

@@ -152,12 +152,11 @@ def unbalance(
         units.update(zip(forced.outputs, forced.output_units, strict=True))
         return _amplitudes(forced, outputs, speed, sure)
 
-    found = []
-    for k, speed in enumerate(speeds.tolist()):
+    found = list[list[complex]]()
+    for speed in speeds.tolist():
+        progress(len(found) / len(speeds))
         found.append(answer(speed))
-        progress(k / len(speeds))
-    plain = replace(model, inputs={}, outputs={})
-    # Each speed is solved by itself, here as above.
+    plain = replace(model, inputs={}, outputs={})  # each speed is solved by itself, here as above
     spectra = merged([compute(task) for task in tasks(plain, {parameter: speeds})])
     values = np.array(found, dtype=complex).T
     return UnbalanceResponse(
