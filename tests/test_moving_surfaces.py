@@ -290,3 +290,13 @@ def test_the_growth_of_neutral_directions_does_not_depend_on_how_slowly_they_tur
     two[3, 4:7] = [0.0, 0.0, rate]  # the angle of the second drives the speed of the first
     found = Separated(two, np.eye(8), np.zeros((0, 8)), np.zeros((8, 0)), Neutral())
     assert drift_of(found) == (1 if turned else 3)
+
+
+def test_slow_turns_of_a_ball_on_a_turntable_move_no_eigenvalue_of_the_fast_one():
+    """Directions that are nearly dependent span a space that S leaves: ±i keep their bounds."""
+    places = [3.0000000000000004e-05, 2.1402966057353745e-05, *10.0 ** np.random.default_rng(1).uniform(-9, 1, 40)]
+    for x0 in places:
+        found = TURNTABLE.eig(x0=float(x0))
+        (fast,) = (e for e in found.eigenvalues if abs(e.value - 1j) < 1e-3)
+        assert abs(fast.value - 1j) <= fast.error_bound
+        assert str(found.verdict) == "stable up to symmetry", x0

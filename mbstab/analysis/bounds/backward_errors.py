@@ -163,6 +163,37 @@ class BackwardErrors:
             result += np.abs(self.residual(x, w, C, change))
         return result
 
+    def leaving(self, w: Weights, V: Complex, C: Complex, blocks: Any) -> Array:
+        """Return a bound of what T adds to the residuals of motions V + T p.
+
+        T is exact by structure, but as it was computed the equations lead out of its span by roundings, many of them
+        where its directions are nearly dependent. They can be evaluated to a rounding as well, so that twice as much
+        is not too little.
+        """
+        T, inner = self.T, (self.inside @ self.T).astype(complex)
+        if not T.shape[1]:
+            return np.zeros_like(C, dtype=float)
+        pos = self.N @ T[: self.n_xi]
+        vel = pos @ inner
+        acc = vel @ inner
+        x = Motions(pos, vel, acc, self._multipliers(self.m.M @ acc + self.m.R @ vel + self.m.K @ pos))
+        effect = self.residual(x, w, inner) @ self._along(self.inside @ V, inner, C, blocks)
+        return np.where(blocks, 2.0 * np.abs(effect), 0.0)
+
+    @staticmethod
+    def _along(c: Complex, inner: Array, C: Complex, blocks: Any) -> Complex:
+        """Return the part p along T of motions V + T p, with p C − S_T p = c; none beside eigenvalues of S_T itself."""
+        p = np.zeros_like(c)
+        for members in {tuple(np.flatnonzero(column).tolist()) for column in blocks.T}:
+            own = list(members)
+            matrix = np.kron(np.eye(len(inner)), C[np.ix_(own, own)].T) - np.kron(inner, np.eye(len(own)))
+            if np.isfinite(matrix).all():
+                left, s, right = np.linalg.svd(matrix)
+                if s[-1] > TOLERANCES.eigenvalue_of_neutral * s[0]:
+                    found = right.conj().T @ ((left.conj().T @ c[:, own].ravel()) / s)
+                    p[:, own] = found.reshape(len(inner), len(own))
+        return p
+
     def _displacing(self, x: Motions, w: Weights, C: Complex) -> Array:
         """Return the second-order terms where neither motions nor forces satisfy the constraints exactly."""
         rows, lift, size = self.m.J[: self.n_h], np.abs(self.lift_C), np.abs(C)
