@@ -146,8 +146,19 @@ forces:
 
 
 def test_a_kink_at_the_value_of_a_parameter_is_named():
-    with pytest.raises(MbstabError, match=r"abs has no derivative at 0"):
-        loads(KINK).sensitivities()
+    """By the others there are derivatives: 2i sqrt(k) has i/(2 sqrt(k))."""
+    table = KINK.replace("forces:", "tables: {T: {x: [-1, 0, 1], y: [-1, 0, 3]}}\nforces:")
+    for text, reason in (
+        (KINK, "abs has no derivative at 0"),
+        (table.replace("-(k + abs(e))*a.x", "'-(k + linear(e, T))*a.x'"), "meet at 0"),
+    ):
+        found = loads(text).sensitivities()
+        assert list(found.missing) == ["e"]
+        assert reason in found.missing["e"]
+        (item,) = (x for x in found.derivatives if abs(found.eigenvalue(x).value - 2j) < 1e-9)
+        k, e = (found.parameters.index(name) for name in ("k", "e"))
+        assert item.slopes[k] == pytest.approx(0.25j, rel=1e-13)
+        assert np.isnan(item.slopes[e])
 
 
 def test_the_command_prints_what_moves_an_eigenvalue_most_first():

@@ -16,7 +16,7 @@ balance, there is nothing to differentiate. Both are said, with the reason.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -125,19 +125,29 @@ def sensitivities(model: Model, frozen: bool = False, digits: ManyDigits | None 
             "hint: declare numbers under parameters: and use their names"
         )
     start = Start(model, frozen, digits)
-    f, system = seeded(model)
-    point = reference_point(start, system, f)
+    names, kinked = tuple(model.parameters), dict[str, str]()
+    spaces, turn = along_coordinates(start.linear.spaces)
+
+    def differentiated(by: Sequence[str]) -> tuple[Slopes, System, Point, Array]:
+        f, system = seeded(model, by)
+        point = reference_point(start, system, f)
+        return f, system, point, f.parts(state_matrix(start, system, point, f, spaces))[1]
+
     try:
-        spaces, turn = along_coordinates(start.linear.spaces)
-        _, slopes = f.parts(state_matrix(start, system, point, f, spaces))
+        try:
+            f, system, point, slopes = differentiated(names)
+        except NumericalError:
+            kinked = _kinked(names, differentiated)
+            if not kinked:
+                raise
+            f, system, point, slopes = differentiated([name for name in names if name not in kinked])
     except Stalled as stalled:
         raise NumericalError(
             f"derivatives by parameters do not converge (steps of {stalled.reached:.1e} instead of "
             f"{ALGEBRA.slope_rounding:.0e})\nhint: look for numbers of extreme size in the file"
         ) from None
-    names = tuple(model.parameters)
     values = np.array([float(system.scene.parameters[name]) for name in names])
-    missing = _unfollowed(start, system, point, f, values)
+    missing = {**_unfollowed(start, system, point, f, values), **kinked}
     motion = start.motion
     kink = kinks(start.linear.system, motion.q, motion.u, motion.time)
     found = _differentiated(start.plain, _Vectors(start.grounds, turn), slopes, kink)
@@ -147,16 +157,28 @@ def sensitivities(model: Model, frozen: bool = False, digits: ManyDigits | None 
     return Sensitivities(start.plain, names, values, missing, found)
 
 
-def seeded(model: Model) -> tuple[Slopes, System]:
-    """Return the equations of a model in numbers with slopes by its parameters.
+def _kinked(names: Sequence[str], differentiated: Callable[[Sequence[str]], object]) -> dict[str, str]:
+    """Return the parameters by which the equations have no derivative, as at a kink of a table, and why."""
+    differentiated([])  # raises where it is not for a parameter
+    found = dict[str, str]()
+    for name in names:
+        try:
+            differentiated([name])
+        except NumericalError as error:
+            found[name] = str(error).splitlines()[0]
+    return found
+
+
+def seeded(model: Model, by: Sequence[str]) -> tuple[Slopes, System]:
+    """Return the equations of a model in numbers with slopes by its parameters; those are 0 that are not asked for.
 
     Raises
     ------
     ModelFileError
-        If the file has a kink at the value of a parameter.
+        If the file has a kink at the value of a parameter asked for.
     """
     rows = np.eye(len(model.parameters))
-    added = {name: Dual(0.0, row) for name, row in zip(model.parameters, rows, strict=True)}
+    added = {name: Dual(0.0, row * (name in by)) for name, row in zip(model.parameters, rows, strict=True)}
     scene = evaluate(model, arithmetic=dual_arithmetic(FLOAT), added=added)
     values = np.array([float(scene.parameters[name]) for name in added])
     return Slopes(np.where(values, np.abs(values), 1.0)), System(scene)
