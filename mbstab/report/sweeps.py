@@ -315,10 +315,9 @@ def _edges(result: Chart, labels: Sequence[tuple[str, float]]) -> list[str]:
         for end in along[[0, -1]].tolist():
             for curve in result.boundaries:
                 near = abs(curve[:, d] - end) <= ON_EDGE * (along[-1] - along[0])
-                on = [bool(x) and y in lines[1 - d] for x, y in zip(near, curve[:, 1 - d].tolist(), strict=True)]
-                for at_end, group in groupby(range(len(on)), key=on.__getitem__):
+                for at_end, group in groupby(range(len(near)), key=near.tolist().__getitem__):
                     run = list(group)
-                    if not at_end or len(run) < 2:
+                    if not at_end or sum(y in lines[1 - d] for y in curve[run, 1 - d].tolist()) < 2:
                         continue
                     low, high = (number(float(f(curve[run, 1 - d])) / factor, 3) for f in (min, max))
                     place = f"{name} = {number(end / labels[d][1])} from about {other} = {low} to {high}"
