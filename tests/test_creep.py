@@ -108,3 +108,15 @@ def test_creep_has_no_value_at_rest():
 def test_bad_creep_is_refused(old, new, message):
     with pytest.raises(ModelFileError, match=message):
         mbstab.loads(WHEELSET.replace(old, new).replace("drives:", FRAME + "drives:")).eig()
+
+
+@pytest.mark.parametrize("load", [0.0, 2e5])
+@pytest.mark.parametrize("V", [40.0, 130.0])
+def test_a_wheelset_runs_either_way_alike(V, load):
+    """Turned by half a turn about the vertical, a wheelset that runs backwards is one that runs ahead."""
+    ahead, astern = (wheelset().eig(V=v, load=load, **SPIN) for v in (V, -V))
+    np.testing.assert_allclose(upper(astern), upper(ahead), rtol=1e-9)
+    assert astern.verdict == ahead.verdict == ("asymptotically stable" if V < 100.0 else "unstable")
+    text = WHEELSET.replace("drives:", FRAME + "drives:").replace("half_gauge", "rails: -x, along: -x, half_gauge")
+    text += "constraints: {straight: {holonomic: frame.theta}}\n"
+    np.testing.assert_allclose(upper(mbstab.loads(text).eig(V=-V, load=load, **SPIN)), upper(ahead), rtol=1e-9)

@@ -715,10 +715,13 @@ def tyre(b, p, s, u, w):
 
 
 def aligning_moment(b, p, s, u, w):
-    """Return the power of a moment about the normal that turns a wheel to where it goes."""
+    """Return the power of a moment that turns a wheel to where it goes, and falls with the cosine of the slip angle."""
     slip = b[1] if len(b) > 1 else slip_angle(b[0], p, u[0])
-    slope = p["aligning"][0]
-    return (magic_formula(slip, slope, p) if "peak" in p else slope * slip) * rolling(b[0], p, w[0])[2]
+    along, across, _, _ = rolling(b[0], p, u[0])
+    slope = p["aligning"][0] * mpmath.cos(mpmath.atan2(across, along))
+    if "peak" in p:
+        slope, slip = mpmath.cos(mpmath.atan2(across, along)), magic_formula(slip, p["aligning"][0], p)
+    return slope * slip * rolling(b[0], p, w[0])[2]
 
 
 def magic_formula(slip, slope, p):
@@ -742,12 +745,14 @@ def creep(b, p, s, u, w):
     contact = p["point"] - (b[0].matrix().T @ (radius * up) if b[0].size == 3 else 0 * p["point"])
     velocity, virtual = (left @ b[0].velocity(contact, x[0]) for x in (u, w))
     rate, turn = (b[0].spin(x[0]) @ up[-len(b[0].spin(x[0])) :] for x in (u, w))
-    speed = rails @ b[0].velocity(p["point"], u[0])
+    ahead = rails @ b[0].velocity(p["point"], u[0])
+    speed = mpmath.hypot(ahead, velocity)
     off, yaw = left @ (b[0].place(p["point"]) - p["origin"]), left @ (b[0].matrix() @ p["along"])
     power = -load * conicity * (off / half * virtual - half * yaw * turn)
     for side in (1, -1):
-        x = -side * (half * rate / speed + conicity * off / radius)
-        y, spin = velocity / speed - yaw, rate / speed
+        x = -side * (half * rate + conicity * off * ahead / radius) / speed
+        y, spin = (velocity - yaw * ahead) / speed, rate / speed
+        f23 = p["f23"][0] * ahead / speed
         power += -f11 * x * (-side * half * turn) - (f22 * y + f23 * spin) * virtual + (f23 * y - f33 * spin) * turn
     return power
 

@@ -300,3 +300,23 @@ def test_many_speeds_of_a_body_that_a_joint_moves_are_computed_together():
     assert evaluator.alone < 2
     for k in (0, 17, 39):
         assert close(moving(dict(enumerate(found.values[k]))), moving(model.eig(u=x[k])), 1e-11)
+
+
+@pytest.mark.parametrize("law", ["", ", aligning_peak: 90, aligning_shape_factor: 2.3"])
+@pytest.mark.parametrize("relaxed", [", relaxation_length: sigma", ""])
+def test_the_sense_of_a_heading_changes_nothing(relaxed, law):
+    """A wheel has no front: described from the other side it feels the same forces, and the same aligning moment."""
+    text = SHIMMY.replace(", relaxation_length: sigma", f", aligning_stiffness: 300{relaxed}{law}")
+    turned = text.replace("at: wheel.contact", "at: wheel.contact, along: -x")
+    for V in (10.0, -10.0, 60.0):
+        one, other = (mbstab.loads(x).eig(V=V) for x in (text, turned))
+        assert close(moving(one), moving(other), 1e-11)
+        assert one.verdict == other.verdict
+
+
+@pytest.mark.parametrize("V", [10.0, -10.0])
+def test_an_aligning_moment_is_that_of_a_trail_whichever_way_the_wheel_goes(V):
+    """The force C α at a distance t behind the contact, or the moment C t α."""
+    trailing = mbstab.loads(SHIMMY).eig(V=V)
+    text = SHIMMY.replace("trail: t_p", "aligning_stiffness: t_p*C")
+    assert close(moving(mbstab.loads(text).eig(V=V)), moving(trailing), 1e-11)

@@ -1,13 +1,13 @@
 """Wheelsets on straight rails: linear creep of conical wheels, and gravitational stiffness.
 
 The rails lie along a direction of the ground, the contacts at ±e beside the middle, in space r_0 below the axle, where
-the forces act. With the displacement y across
-the track, the yaw ψ from it and the speed V along it, the creepages of a wheel on the side ± are ξ_x = ∓(e ψ'/V +
-λ y/r_0), ξ_y = y'/V − sin ψ and ξ_s = ψ'/V, and the rails act with F_x = −f_11 ξ_x, F_y = −f_22 ξ_y − f_23 ξ_s and
-M = f_23 ξ_y − f_33 ξ_s (Kalker, Three-Dimensional Elastic Bodies in Rolling Contact, 1990). The axle turns at V/r_0.
-Under the load W the cone lifts one side and lowers the other: W λ/e draws the wheelset back to the middle, and its
-yaw turns it away with W e λ (Wickens, Fundamentals of Rail Vehicle Dynamics, 2003). In space a joint, such as planar,
-carries the wheelset over the track.
+the forces act. With the displacement y across the track, the yaw ψ from it, the speed v along the rails and
+V = √(v² + y'²), the creepages of a wheel on the side ± are ξ_x = ∓(e ψ' + λ v y/r_0)/V, ξ_y = (y' − v sin ψ)/V and
+ξ_s = ψ'/V, and the rails act with F_x = −f_11 ξ_x, F_y = −f_22 ξ_y − f ξ_s and M = f ξ_y − f_33 ξ_s, where f = f_23 v/V
+(Kalker, Three-Dimensional Elastic Bodies in Rolling Contact, 1990): a wheelset that runs backwards is, seen from
+behind, one that runs ahead. The axle turns at v/r_0. Under the load W the cone lifts one side and lowers the other:
+W λ/e draws the wheelset back to the middle, and its yaw turns it away with W e λ (Wickens, Fundamentals of Rail
+Vehicle Dynamics, 2003). In space a joint, such as planar, carries the wheelset over the track.
 """
 
 from __future__ import annotations
@@ -31,15 +31,17 @@ def _creep(frames: Any, p: Any, s: Any) -> Load:
     else:
         left, spins = p.normal.cross(p.rails), frame.angular_velocity()
         across, turn = left.dot(velocity - p.radius[0] * spins.cross(p.normal)), p.normal.dot(spins)
-    speed = p.rails.dot(velocity)
+    ahead = p.rails.dot(velocity)
+    speed = sympy.sqrt(ahead**2 + across**2)
     yaw, off = left.dot(axle), left.dot(frame.position(p.point) - p.origin)
     half, rise = p.half_gauge[0], p.conicity[0] / p.radius[0]
-    slip = across / speed - yaw
+    slip = (across - ahead * yaw) / speed
     spin = turn / speed
-    push = -2 * p.f11[0] * half * (half * turn / speed + rise * off)
+    push = -2 * p.f11[0] * half * (half * turn + rise * off * ahead) / speed
     weight = p.load[0] * p.conicity[0]
-    side = -2 * p.f22[0] * slip - 2 * p.f23[0] * spin - weight / half * off
-    moment = push + 2 * p.f23[0] * slip - 2 * p.f33[0] * spin + weight * half * yaw
+    coupling = p.f23[0] * ahead / speed
+    side = -2 * p.f22[0] * slip - 2 * coupling * spin - weight / half * off
+    moment = push + 2 * coupling * slip - 2 * p.f33[0] * spin + weight * half * yaw
     return Load(power=((sympy.Matrix([side, moment]), sympy.Matrix([across, turn])),))
 
 

@@ -5,30 +5,34 @@ def dynamics(f, q, u, p, s):
     x1, y1, theta1, = q
     x1_t, y1_t, theta1_t, = u
     point_1, point_2, along_1, along_2, rails_1, rails_2, origin_1, origin_2, half_gauge, conicity, radius, f11, f22, f23, f33, load, = p
-    w0 = f.cos(theta1)
-    w1 = f.sin(theta1)
-    w2 = rails_2*(along_1*w0 - along_2*w1)
-    w3 = w1*point_1
-    w4 = w0*point_2
-    w5 = w3 + w4
-    w6 = x1_t - theta1_t*w5
-    w7 = w0*point_1
-    w8 = w1*point_2
-    w9 = w7 - w8
-    w10 = y1_t + theta1_t*w9
-    w11 = rails_1*w6 + rails_2*w10
-    w12 = rails_1*(along_1*w1 + w0*along_2)
-    w13 = w2 + (rails_1*w10 - rails_2*w6)/w11 - w12
-    w14 = rails_1*(w3 + w4 + y1 - origin_2) - rails_2*(w7 - w8 + x1 - origin_1)
-    w15 = 2*f22*w13 + 2*theta1_t*f23/w11 + conicity*load*w14/half_gauge
-    w16 = rails_2*w15
-    w17 = rails_1*w15
-    w18 = half_gauge*f11*(conicity*w14/radius + theta1_t*half_gauge/w11)
-    w19 = 2*w13*f23 - 2*w18 - 2*theta1_t*f33/w11 + conicity*load*half_gauge*(w12 - w2)
+    w0 = f.sin(theta1)
+    w1 = point_1*w0
+    w2 = f.cos(theta1)
+    w3 = point_2*w2
+    w4 = w1 + w3
+    w5 = x1_t - theta1_t*w4
+    w6 = point_1*w2
+    w7 = w0*point_2
+    w8 = w6 - w7
+    w9 = y1_t + theta1_t*w8
+    w10 = rails_1*w5 + rails_2*w9
+    w11 = rails_1*w9
+    w12 = w5*rails_2
+    w13 = w11 - w12
+    w14 = w10*w10 + w13*w13
+    w15 = f.sqrt(w14)
+    w16 = rails_1*(w0*along_1 + w2*along_2) - rails_2*(w2*along_1 - w0*along_2)
+    w17 = w12 - w11 + w10*w16
+    w18 = rails_1*(w1 + w3 + y1 - origin_2) - rails_2*(w6 - w7 + x1 - origin_1)
+    w19 = conicity*load*w18/half_gauge - 2*f22*w17/w15 + 2*theta1_t*w10*f23/w14
+    w20 = rails_2*w19
+    w21 = rails_1*w19
+    w22 = half_gauge*f11*(theta1_t*half_gauge + w10*conicity*w18/radius)/w15
+    w23 = 2*theta1_t*f33/w15 - w16*conicity*load*half_gauge + 2*w22 + 2*w10*w17*f23/w14
     return (
-        -w16,
-        w17,
-        w9*w17 - w19 + w5*w16,
+        -w20,
+        w21,
+        w23 + w8*w21 + w4*w20,
     )
 
 
@@ -46,73 +50,97 @@ def linearize(f, q, u, p, s):
     w2 = rails_1*w0
     w3 = rails_2*w2
     w4 = f.sin(theta1)
-    w5 = f.cos(theta1)
-    w6 = along_1*w4 + w5*along_2
-    w7 = rails_2*w6
-    w8 = w5*point_1
-    w9 = w4*point_2
-    w10 = w8 - w9
-    w11 = theta1_t*w10
-    w12 = w4*point_1
-    w13 = w5*point_2
-    w14 = w12 + w13
-    w15 = theta1_t*w14
-    w16 = rails_1*w11 + rails_2*w15
-    w17 = x1_t - w15
-    w18 = y1_t + w11
-    w19 = rails_1*w17 + rails_2*w18
-    w20 = rails_1*w18 - rails_2*w17
-    w21 = w20/(w19*w19)
-    w22 = along_1*w5 - along_2*w4
-    w23 = w22*rails_1
-    w24 = w7 - (w16*w21 + (rails_2*w11 - rails_1*w15)/w19) + w23
-    w25 = theta1_t*f23/(w19*w19)
-    w26 = rails_1*w10 + rails_2*w14
-    w27 = 2*w16*w25 - 2*f22*w24 + w0*w26
-    w28 = rails_2*w27
-    w29 = rails_1*w2
-    w30 = rails_1*w27
-    w31 = conicity/radius
-    w32 = half_gauge*f11
-    w33 = theta1_t*half_gauge/(w19*w19)
-    w34 = theta1_t*f33/(w19*w19)
-    w35 = 2*f23*w24 + 2*w32*(w26*w31 + w16*w33) + 2*w16*w34 - (w7 + w23)*conicity*load*half_gauge
-    w36 = rails_1*(w12 + w13 + y1 - origin_2) - rails_2*(w8 - w9 + x1 - origin_1)
-    w37 = 2*f22*(rails_2*w22 + w20/w19 - rails_1*w6) + 2*theta1_t*f23/w19 + conicity*load*w36/half_gauge
-    w38 = rails_1*w21 + rails_2/w19
-    w39 = f22*w38 + rails_1*w25
-    w40 = rails_2*w39
-    w41 = rails_1/w19 - rails_2*w21
-    w42 = f22*w41 - rails_2*w25
-    w43 = rails_2*w42
-    w44 = rails_2*w10 - rails_1*w14
-    w45 = w26/w19 - w21*w44
-    w46 = f22*w45 + f23/w19 - w25*w44
-    w47 = rails_2*w46
-    w48 = rails_1*w39
-    w49 = rails_1*w42
-    w50 = rails_1*w46
-    w51 = w10*w49 - (f23*w41 + w32*rails_2*w33 + rails_2*w34) + w14*w43
-    w52 = w32*(half_gauge/w19 - w33*w44) - f23*w45 + f33/w19 - w34*w44 + w10*w50 + w14*w47
+    w5 = point_1*w4
+    w6 = f.cos(theta1)
+    w7 = point_2*w6
+    w8 = w5 + w7
+    w9 = theta1_t*w8
+    w10 = x1_t - w9
+    w11 = point_1*w6
+    w12 = w4*point_2
+    w13 = w11 - w12
+    w14 = theta1_t*w13
+    w15 = y1_t + w14
+    w16 = rails_1*w10 + rails_2*w15
+    w17 = rails_1*w15
+    w18 = w10*rails_2
+    w19 = w17 - w18
+    w20 = w16*w16 + w19*w19
+    w21 = f.sqrt(w20)
+    w22 = rails_1*w14 + w9*rails_2
+    w23 = rails_1*w9
+    w24 = rails_2*w14
+    w25 = w19*(w24 - w23) - w16*w22
+    w26 = w25/w21
+    w27 = w4*along_1 + w6*along_2
+    w28 = w6*along_1 - w4*along_2
+    w29 = rails_1*w27 - rails_2*w28
+    w30 = w18 - w17 + w16*w29
+    w31 = f22*w30/(w21*w21)
+    w32 = rails_1*w28 + rails_2*w27
+    w33 = w23 - w24 + w16*w32 - w29*w22
+    w34 = f22/w21
+    w35 = rails_1*w13
+    w36 = w8*rails_2
+    w37 = w35 + w36
+    w38 = theta1_t*f23/w20
+    w39 = theta1_t*w16*f23/(w20*w20)
+    w40 = 2*(w33*w34 - w26*w31) - w0*w37 + 2*(w22*w38 + 2*w25*w39)
+    w41 = rails_2*w40
+    w42 = rails_1*w2
+    w43 = rails_1*w40
+    w44 = w16*conicity/radius
+    w45 = half_gauge*f11/w21
+    w46 = theta1_t*f33/(w21*w21)
+    w47 = rails_1*(w5 + w7 + y1 - origin_2) - rails_2*(w11 - w12 + x1 - origin_1)
+    w48 = half_gauge*f11*(theta1_t*half_gauge + w16*conicity*w47/radius)/(w21*w21)
+    w49 = conicity*w47/radius
+    w50 = w30*f23/w20
+    w51 = w16*w30*f23/(w20*w20)
+    w52 = w16*f23/w20
+    w53 = 2*w26*w46 + w32*conicity*load*half_gauge - 2*(w45*(w37*w44 - w22*w49) - w26*w48) + 2*(w22*w50 + 2*w25*w51 - w33*w52)
+    w54 = conicity*load*w47/half_gauge - 2*f22*w30/w21 + 2*theta1_t*w16*f23/w20
+    w55 = rails_1*w16 - rails_2*w19
+    w56 = w55/w21
+    w57 = rails_2 + rails_1*w29
+    w58 = rails_1*w38 - 2*w39*w55 - (w34*w57 - w31*w56)
+    w59 = rails_2*w58
+    w60 = rails_2*w16 + rails_1*w19
+    w61 = w60/w21
+    w62 = rails_2*w29 - rails_1
+    w63 = rails_2*w38 - 2*w39*w60 - (w34*w62 - w31*w61)
+    w64 = rails_2*w63
+    w65 = rails_2*w13 - rails_1*w8
+    w66 = w16*w65 + w19*w37
+    w67 = w66/w21
+    w68 = w35 + w36 - w29*w65
+    w69 = w31*w67 + w34*w68 + w52 + w38*w65 - 2*w39*w66
+    w70 = rails_2*w69
+    w71 = rails_1*w58
+    w72 = rails_1*w63
+    w73 = rails_1*w69
+    w74 = w45*rails_1*w49 - w48*w56 - w46*w56 + rails_1*w50 - 2*w51*w55 + w52*w57
+    w75 = w45*rails_2*w49 - w48*w61 - w46*w61 + rails_2*w50 - 2*w51*w60 + w52*w62
+    w76 = f33/w21 - w46*w67 + w45*(half_gauge + w49*w65) - w48*w67 - (2*w51*w66 - w50*w65 + w52*w68)
     return (
         w1,
         -w3,
-        -w28,
+        w41,
         -w3,
-        w29,
-        w30,
-        -(2*rails_2*w31*w32 + w10*w3 + w14*w1),
-        2*w32*rails_1*w31 + w10*w29 + w14*w3,
-        w35 + w10*w30 - w14*rails_1*w37 + w10*rails_2*w37 + w14*w28,
-        2*w40,
-        -2*w43,
-        -2*w47,
-        -2*w48,
-        2*w49,
-        2*w50,
-        -2*(w32*rails_1*w33 - f23*w38 + rails_1*w34 + w10*w48 + w14*w40),
-        2*w51,
-        2*w52,
+        w42,
+        -w43,
+        -(2*rails_2*w44*w45 + w13*w3 + w8*w1),
+        2*w45*rails_1*w44 + w13*w42 + w8*w3,
+        -(w53 + w8*rails_1*w54 + w13*w43 - (w13*rails_2*w54 - w8*w41)),
+        -2*w59,
+        -2*w64,
+        -2*w70,
+        2*w71,
+        2*w72,
+        2*w73,
+        2*(w74 + w13*w71 + w8*w59),
+        2*(w75 + w13*w72 + w8*w64),
+        2*(w76 + w13*w73 + w8*w70),
     )
 
 

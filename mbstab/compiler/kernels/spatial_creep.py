@@ -46,46 +46,51 @@ def dynamics(f, q, u, p, s):
     w38 = base1_11*w35 + base1_12*w36 + base1_13*w37
     w39 = base1_21*w35 + base1_22*w36 + base1_23*w37
     w40 = z1_t + w28 + w30 + w32 - radius*(normal_2*w38 - normal_1*w39)
-    w41 = base1_31*w35 + base1_32*w36 + base1_33*w37
-    w42 = x1_t + w13 + w17 + w20 - radius*(w39*normal_3 - normal_2*w41)
-    w43 = rails_1*normal_3 - rails_3*normal_1
-    w44 = y1_t + w22 + w24 + w26 - radius*(normal_1*w41 - w38*normal_3)
-    w45 = w2*along_1 - w1*along_2
-    w46 = w7*along_3 + w5*w45
-    w47 = w1*along_1 + w2*along_2
-    w48 = w5*along_3 - w7*w45
-    w49 = w9*w47 - w4*w48
-    w50 = w4*w47 + w9*w48
-    w51 = w34*(base1_31*w46 + base1_32*w49 + base1_33*w50)
-    w52 = w0*(base1_11*w46 + base1_12*w49 + base1_13*w50)
-    w53 = w43*(base1_21*w46 + base1_22*w49 + base1_23*w50)
-    w54 = w51 - (w34*w40 + w0*w42 + w43*w44)/w33 + w52 + w53
-    w55 = normal_1*w38 + normal_2*w39 + normal_3*w41
-    w56 = w34*(z1 - origin_3 + w18*base1_31 + w11*base1_32 + w10*base1_33)
-    w57 = w0*(x1 - origin_1 + base1_11*w18 + base1_12*w11 + w10*base1_13)
-    w58 = w43*(y1 - origin_2 + w18*base1_21 + w11*base1_22 + w10*base1_23)
-    w59 = w56 + w57 + w58
-    w60 = 2*f23*w55/w33 - 2*f22*w54 + conicity*load*w59/half_gauge
-    w61 = w0*w60
-    w62 = w43*w60
-    w63 = w34*w60
-    w64 = 2*w54*f23 + 2*half_gauge*f11*(conicity*w59/radius + w55*half_gauge/w33) + 2*w55*f33/w33 - conicity*load*half_gauge*(w51 + w52 + w53)
-    w65 = radius*w62
-    w66 = radius*w61
-    w67 = normal_3*w64 - normal_1*w65 + normal_2*w66
-    w68 = radius*w63
-    w69 = normal_2*w64 - normal_3*w66 + normal_1*w68
-    w70 = normal_1*w64 + normal_3*w65 - normal_2*w68
-    w71 = base1_31*w67 + base1_21*w69 + base1_11*w70
-    w72 = base1_33*w67 + base1_23*w69 + base1_13*w70
-    w73 = base1_32*w67 + base1_22*w69 + base1_12*w70
+    w41 = w34*w40
+    w42 = base1_31*w35 + base1_32*w36 + base1_33*w37
+    w43 = x1_t + w13 + w17 + w20 - radius*(w39*normal_3 - normal_2*w42)
+    w44 = w0*w43
+    w45 = rails_1*normal_3 - rails_3*normal_1
+    w46 = y1_t + w22 + w24 + w26 - radius*(normal_1*w42 - w38*normal_3)
+    w47 = w45*w46
+    w48 = w41 + w44 + w47
+    w49 = w33*w33 + w48*w48
+    w50 = f.sqrt(w49)
+    w51 = w2*along_1 - w1*along_2
+    w52 = w7*along_3 + w5*w51
+    w53 = w1*along_1 + w2*along_2
+    w54 = w5*along_3 - w7*w51
+    w55 = w9*w53 - w4*w54
+    w56 = w4*w53 + w9*w54
+    w57 = w34*(base1_31*w52 + base1_32*w55 + base1_33*w56) + w0*(base1_11*w52 + base1_12*w55 + base1_13*w56) + w45*(base1_21*w52 + base1_22*w55 + base1_23*w56)
+    w58 = w41 + w44 + w47 - w33*w57
+    w59 = w34*(z1 - origin_3 + w18*base1_31 + w11*base1_32 + w10*base1_33)
+    w60 = w0*(x1 - origin_1 + base1_11*w18 + base1_12*w11 + w10*base1_13)
+    w61 = w45*(y1 - origin_2 + w18*base1_21 + w11*base1_22 + w10*base1_23)
+    w62 = w59 + w60 + w61
+    w63 = normal_1*w38 + normal_2*w39 + normal_3*w42
+    w64 = 2*f22*w58/w50 + conicity*load*w62/half_gauge + 2*w33*f23*w63/w49
+    w65 = w0*w64
+    w66 = w45*w64
+    w67 = w34*w64
+    w68 = half_gauge*f11*(half_gauge*w63 + w33*conicity*w62/radius)/w50
+    w69 = w57*conicity*load*half_gauge - 2*w63*f33/w50 - 2*w68 + 2*w33*w58*f23/w49
+    w70 = radius*w66
+    w71 = radius*w65
+    w72 = normal_3*w69 + normal_1*w70 - normal_2*w71
+    w73 = radius*w67
+    w74 = normal_2*w69 + normal_3*w71 - normal_1*w73
+    w75 = normal_1*w69 - normal_3*w70 + normal_2*w73
+    w76 = base1_31*w72 + base1_21*w74 + base1_11*w75
+    w77 = base1_33*w72 + base1_23*w74 + base1_13*w75
+    w78 = base1_32*w72 + base1_22*w74 + base1_12*w75
     return (
-        w61,
-        w62,
-        w63,
-        w71 + w27*w63 + w21*w62 + w12*w61,
-        w4*w72 + w9*w73 + w31*w63 + w25*w62 + w19*w61,
-        w72*w5*w9 - w73*w4*w5 + w7*w71 + w29*w63 + w23*w62 + w16*w61,
+        w65,
+        w66,
+        w67,
+        w27*w67 - w76 + w21*w66 + w12*w65,
+        w31*w67 - w4*w77 - w9*w78 + w25*w66 + w19*w65,
+        w78*w4*w5 - w77*w5*w9 - w7*w76 + w29*w67 + w23*w66 + w16*w65,
     )
 
 
@@ -110,456 +115,487 @@ def linearize(f, q, u, p, s):
     w9 = f.sin(psi1)
     w10 = f.cos(psi1)
     w11 = point_1*w9 + point_2*w10
-    w12 = f.cos(phi1)
+    w12 = f.sin(phi1)
     w13 = w11*w12
-    w14 = f.sin(phi1)
-    w15 = f.cos(theta1)
-    w16 = point_1*w10 - w9*point_2
-    w17 = f.sin(theta1)
-    w18 = point_3*w15 - w16*w17
-    w19 = w13 - w14*w18
-    w20 = base1_12*w19
-    w21 = w11*w14
-    w22 = w21 + w18*w12
-    w23 = w22*base1_13
-    w24 = w20 + w23
-    w25 = phi1_t*w24
-    w26 = w14*w16 + w11*w17*w12
-    w27 = w16*w12 - w11*w14*w17
-    w28 = base1_13*w27 - base1_12*w26
-    w29 = psi1_t*w28
-    w30 = point_3*w17 + w15*w16
-    w31 = w14*base1_13*w30 + w12*base1_12*w30
-    w32 = theta1_t*w31
-    w33 = w19*base1_22
-    w34 = w22*base1_23
-    w35 = w33 + w34
-    w36 = phi1_t*w35
-    w37 = w27*base1_23 - w26*base1_22
-    w38 = psi1_t*w37
-    w39 = w14*w30*base1_23 + w12*w30*base1_22
-    w40 = theta1_t*w39
-    w41 = w19*base1_32
-    w42 = w22*base1_33
-    w43 = w41 + w42
-    w44 = phi1_t*w43
-    w45 = w27*base1_33 - w26*base1_32
-    w46 = psi1_t*w45
-    w47 = w14*w30*base1_33 + w12*w30*base1_32
-    w48 = theta1_t*w47
-    w49 = rails_1*(w29 - w25 + w32) + rails_2*(w38 - w36 + w40) + rails_3*(w46 - w44 + w48)
-    w50 = base1_13*w19 - base1_12*w22
-    w51 = phi1_t*w50
-    w52 = base1_12*w27 + base1_13*w26 - w11*w15*base1_11
-    w53 = psi1_t*w52
-    w54 = w18*base1_11 - w12*base1_13*w30 + base1_12*w14*w30
-    w55 = theta1_t*w54
-    w56 = w19*base1_23 - w22*base1_22
-    w57 = phi1_t*w56
-    w58 = w27*base1_22 + w26*base1_23 - w11*w15*base1_21
-    w59 = psi1_t*w58
-    w60 = w18*base1_21 - w12*w30*base1_23 + w14*w30*base1_22
-    w61 = theta1_t*w60
-    w62 = w19*base1_33 - w22*base1_32
-    w63 = phi1_t*w62
-    w64 = w27*base1_32 + w26*base1_33 - w11*w15*base1_31
-    w65 = psi1_t*w64
-    w66 = w18*base1_31 - w12*w30*base1_33 + w14*w30*base1_32
-    w67 = theta1_t*w66
-    w68 = rails_1*(x1_t + w51 + w53 + w55) + rails_2*(y1_t + w57 + w59 + w61) + rails_3*(z1_t + w63 + w65 + w67)
-    w69 = phi1_t + w17*psi1_t
-    w70 = w12*theta1_t - w14*w15*psi1_t
-    w71 = w14*theta1_t + w15*w12*psi1_t
-    w72 = base1_11*w69 + base1_12*w70 + base1_13*w71
-    w73 = base1_21*w69 + base1_22*w70 + base1_23*w71
-    w74 = z1_t + w63 + w65 + w67 - radius*(normal_2*w72 - normal_1*w73)
-    w75 = base1_31*w69 + base1_32*w70 + base1_33*w71
-    w76 = x1_t + w51 + w53 + w55 - radius*(w73*normal_3 - normal_2*w75)
-    w77 = y1_t + w57 + w59 + w61 - radius*(normal_1*w75 - w72*normal_3)
-    w78 = w6*w74 + w0*w76 + w3*w77
-    w79 = w78/(w68*w68)
-    w80 = base1_13*w70 - base1_12*w71
-    w81 = base1_23*w70 - base1_22*w71
-    w82 = base1_33*w70 - base1_32*w71
-    w83 = w6*(w46 - w44 + w48 - radius*(normal_2*w80 - normal_1*w81)) + w0*(w29 - w25 + w32 - radius*(normal_3*w81 - normal_2*w82)) + w3*(w38 - w36 + w40 - radius*(normal_1*w82 - normal_3*w80))
-    w84 = w9*along_1 + w10*along_2
-    w85 = w10*along_1 - w9*along_2
-    w86 = w15*along_3 - w17*w85
-    w87 = w14*w84 + w12*w86
-    w88 = w12*w84 - w14*w86
-    w89 = w6*(base1_33*w88 - base1_32*w87)
-    w90 = w0*(base1_13*w88 - base1_12*w87)
-    w91 = w3*(base1_23*w88 - base1_22*w87)
-    w92 = w89 - (w83/w68 - w49*w79) + w90 + w91
-    w93 = normal_1*w72 + normal_2*w73 + normal_3*w75
-    w94 = f23*w93/(w68*w68)
-    w95 = normal_1*w80 + normal_2*w81 + normal_3*w82
-    w96 = f23/w68
-    w97 = w62*w6 + w50*w0 + w56*w3
-    w98 = 2*(w95*w96 - w49*w94) - 2*f22*w92 + w1*w97
-    w99 = w0*w98
-    w100 = phi1_t*w31
-    w101 = w21*w15
-    w102 = w15*w13
-    w103 = base1_13*w102 - base1_12*w101 + w17*w11*base1_11
-    w104 = psi1_t*w103
-    w105 = base1_11*w30
-    w106 = w105 + w18*w12*base1_13 - w18*base1_12*w14
-    w107 = theta1_t*w106
-    w108 = phi1_t*w39
-    w109 = base1_23*w102 - base1_22*w101 + w17*w11*base1_21
-    w110 = psi1_t*w109
-    w111 = w30*base1_21
-    w112 = w111 + w18*w12*base1_23 - w18*w14*base1_22
-    w113 = theta1_t*w112
-    w114 = phi1_t*w47
-    w115 = base1_33*w102 - base1_32*w101 + w17*w11*base1_31
+    w14 = f.cos(theta1)
+    w15 = point_1*w10 - w9*point_2
+    w16 = f.sin(theta1)
+    w17 = point_3*w14 - w15*w16
+    w18 = f.cos(phi1)
+    w19 = w13 + w17*w18
+    w20 = w11*w18
+    w21 = w20 - w12*w17
+    w22 = base1_13*w21 - base1_12*w19
+    w23 = phi1_t*w22
+    w24 = w15*w18 - w11*w12*w16
+    w25 = w12*w15 + w11*w16*w18
+    w26 = base1_12*w24 + base1_13*w25 - w11*w14*base1_11
+    w27 = psi1_t*w26
+    w28 = point_3*w16 + w14*w15
+    w29 = w17*base1_11 - w18*base1_13*w28 + base1_12*w12*w28
+    w30 = theta1_t*w29
+    w31 = w21*base1_23 - w19*base1_22
+    w32 = phi1_t*w31
+    w33 = w24*base1_22 + w25*base1_23 - w11*w14*base1_21
+    w34 = psi1_t*w33
+    w35 = w17*base1_21 - w18*w28*base1_23 + w12*w28*base1_22
+    w36 = theta1_t*w35
+    w37 = w21*base1_33 - w19*base1_32
+    w38 = phi1_t*w37
+    w39 = w24*base1_32 + w25*base1_33 - w11*w14*base1_31
+    w40 = psi1_t*w39
+    w41 = w17*base1_31 - w18*w28*base1_33 + w12*w28*base1_32
+    w42 = theta1_t*w41
+    w43 = rails_1*(x1_t + w23 + w27 + w30) + rails_2*(y1_t + w32 + w34 + w36) + rails_3*(z1_t + w38 + w40 + w42)
+    w44 = phi1_t + w16*psi1_t
+    w45 = w18*theta1_t - w12*w14*psi1_t
+    w46 = w12*theta1_t + w14*w18*psi1_t
+    w47 = base1_11*w44 + base1_12*w45 + base1_13*w46
+    w48 = base1_21*w44 + base1_22*w45 + base1_23*w46
+    w49 = z1_t + w38 + w40 + w42 - radius*(normal_2*w47 - normal_1*w48)
+    w50 = w6*w49
+    w51 = base1_31*w44 + base1_32*w45 + base1_33*w46
+    w52 = x1_t + w23 + w27 + w30 - radius*(w48*normal_3 - normal_2*w51)
+    w53 = w0*w52
+    w54 = y1_t + w32 + w34 + w36 - radius*(normal_1*w51 - w47*normal_3)
+    w55 = w3*w54
+    w56 = w50 + w53 + w55
+    w57 = w43*w43 + w56*w56
+    w58 = f.sqrt(w57)
+    w59 = base1_12*w21
+    w60 = w19*base1_13
+    w61 = w59 + w60
+    w62 = phi1_t*w61
+    w63 = base1_13*w24 - base1_12*w25
+    w64 = psi1_t*w63
+    w65 = w12*base1_13*w28 + w18*base1_12*w28
+    w66 = theta1_t*w65
+    w67 = w21*base1_22
+    w68 = w19*base1_23
+    w69 = w67 + w68
+    w70 = phi1_t*w69
+    w71 = w24*base1_23 - w25*base1_22
+    w72 = psi1_t*w71
+    w73 = w12*w28*base1_23 + w18*w28*base1_22
+    w74 = theta1_t*w73
+    w75 = w21*base1_32
+    w76 = w19*base1_33
+    w77 = w75 + w76
+    w78 = phi1_t*w77
+    w79 = w24*base1_33 - w25*base1_32
+    w80 = psi1_t*w79
+    w81 = w12*w28*base1_33 + w18*w28*base1_32
+    w82 = theta1_t*w81
+    w83 = rails_1*(w64 - w62 + w66) + rails_2*(w72 - w70 + w74) + rails_3*(w80 - w78 + w82)
+    w84 = base1_13*w45 - base1_12*w46
+    w85 = base1_23*w45 - base1_22*w46
+    w86 = w6*(w80 - w78 + w82 - radius*(normal_2*w84 - normal_1*w85))
+    w87 = base1_33*w45 - base1_32*w46
+    w88 = w0*(w64 - w62 + w66 - radius*(normal_3*w85 - normal_2*w87))
+    w89 = w3*(w72 - w70 + w74 - radius*(normal_1*w87 - normal_3*w84))
+    w90 = w43*w83 + w56*(w86 + w88 + w89)
+    w91 = w90/w58
+    w92 = w10*along_1 - w9*along_2
+    w93 = w16*along_3 + w14*w92
+    w94 = w9*along_1 + w10*along_2
+    w95 = w14*along_3 - w16*w92
+    w96 = w18*w94 - w12*w95
+    w97 = w12*w94 + w18*w95
+    w98 = w6*(base1_31*w93 + base1_32*w96 + base1_33*w97) + w0*(base1_11*w93 + base1_12*w96 + base1_13*w97) + w3*(base1_21*w93 + base1_22*w96 + base1_23*w97)
+    w99 = w50 + w53 + w55 - w43*w98
+    w100 = f22*w99/(w58*w58)
+    w101 = w6*(base1_33*w96 - base1_32*w97) + w0*(base1_13*w96 - base1_12*w97) + w3*(base1_23*w96 - base1_22*w97)
+    w102 = w86 + w88 + w89 - (w98*w83 + w43*w101)
+    w103 = f22/w58
+    w104 = w37*w6 + w22*w0 + w31*w3
+    w105 = normal_1*w47 + normal_2*w48 + normal_3*w51
+    w106 = f23*w105/w57
+    w107 = w43*f23*w105/(w57*w57)
+    w108 = normal_1*w84 + normal_2*w85 + normal_3*w87
+    w109 = w43*f23/w57
+    w110 = 2*(w102*w103 - w91*w100) + w1*w104 + 2*(w83*w106 - 2*w90*w107 + w108*w109)
+    w111 = w0*w110
+    w112 = phi1_t*w65
+    w113 = w13*w14
+    w114 = w14*w20
+    w115 = base1_13*w114 - base1_12*w113 + w16*w11*base1_11
     w116 = psi1_t*w115
-    w117 = w30*base1_31
-    w118 = w117 + w18*w12*base1_33 - w18*w14*base1_32
+    w117 = base1_11*w28
+    w118 = w117 + w17*w18*base1_13 - w17*base1_12*w12
     w119 = theta1_t*w118
-    w120 = rails_1*(w100 + w104 - w107) + rails_2*(w108 + w110 - w113) + rails_3*(w114 + w116 - w119)
-    w121 = w15*psi1_t
-    w122 = w17*w14*psi1_t
-    w123 = w17*w12*psi1_t
-    w124 = base1_11*w121 + base1_12*w122 - base1_13*w123
-    w125 = base1_21*w121 + base1_22*w122 - base1_23*w123
-    w126 = w6*(w114 + w116 - w119 - radius*(normal_2*w124 - normal_1*w125))
-    w127 = base1_31*w121 + base1_32*w122 - base1_33*w123
-    w128 = w0*(w100 + w104 - w107 - radius*(normal_3*w125 - normal_2*w127))
-    w129 = w3*(w108 + w110 - w113 - radius*(normal_1*w127 - normal_3*w124))
-    w130 = w17*along_3 + w15*w85
-    w131 = w14*w130
-    w132 = w12*w130
-    w133 = w6*(base1_31*w86 + base1_32*w131 - base1_33*w132)
-    w134 = w0*(base1_11*w86 + base1_12*w131 - base1_13*w132)
-    w135 = w3*(base1_21*w86 + base1_22*w131 - base1_23*w132)
-    w136 = w133 - ((w126 + w128 + w129)/w68 - w79*w120) + w134 + w135
-    w137 = normal_1*w124 + normal_2*w125 + normal_3*w127
-    w138 = w66*w6 + w54*w0 + w60*w3
-    w139 = 2*(w96*w137 - w94*w120) - 2*f22*w136 + w1*w138
-    w140 = w0*w139
-    w141 = w14*w17
-    w142 = w13 + w16*w141
-    w143 = w17*w12
-    w144 = w16*w143 - w21
-    w145 = base1_12*w142 - base1_13*w144 + w16*w15*base1_11
-    w146 = phi1_t*w28 - psi1_t*w145 + theta1_t*w103
-    w147 = base1_22*w142 - base1_23*w144 + w16*w15*base1_21
-    w148 = phi1_t*w37 - psi1_t*w147 + theta1_t*w109
-    w149 = base1_32*w142 - base1_33*w144 + w16*w15*base1_31
-    w150 = phi1_t*w45 - psi1_t*w149 + theta1_t*w115
-    w151 = rails_1*w146 + rails_2*w148 + rails_3*w150
-    w152 = w15*w84
-    w153 = w17*w84
-    w154 = w12*w85 - w14*w153
-    w155 = w14*w85 + w12*w153
-    w156 = w6*(base1_32*w154 - base1_31*w152 + base1_33*w155)
-    w157 = w0*(base1_12*w154 - base1_11*w152 + base1_13*w155)
-    w158 = w3*(base1_22*w154 - base1_21*w152 + base1_23*w155)
-    w159 = w156 - ((w6*w150 + w0*w146 + w3*w148)/w68 - w79*w151) + w157 + w158
-    w160 = w64*w6 + w52*w0 + w58*w3
-    w161 = 2*f22*w159 + 2*w94*w151 - w1*w160
-    w162 = w0*w161
-    w163 = w3*w4
-    w164 = w3*w7
-    w165 = w3*w98
-    w166 = w3*w139
-    w167 = w3*w161
-    w168 = w6*w7
-    w169 = w6*w98
-    w170 = w6*w139
-    w171 = w6*w161
-    w172 = conicity/radius
-    w173 = half_gauge*f11
-    w174 = w0*w172*w173
-    w175 = radius*w5
-    w176 = radius*w2
-    w177 = 2*normal_3*w174 - normal_1*w175 + normal_2*w176
-    w178 = radius*w8
-    w179 = 2*normal_2*w174 - normal_3*w176 + normal_1*w178
-    w180 = normal_3*w175
-    w181 = normal_2*w178
-    w182 = 2*normal_1*w174 + w180 - w181
-    w183 = base1_31*w177 + base1_21*w179 + base1_11*w182
-    w184 = w173*w3*w172
-    w185 = radius*w163
-    w186 = 2*normal_3*w184 - normal_1*w185 + normal_2*w175
-    w187 = radius*w164
-    w188 = normal_1*w187
-    w189 = 2*normal_2*w184 - w180 + w188
-    w190 = 2*normal_1*w184 + normal_3*w185 - normal_2*w187
-    w191 = base1_31*w186 + base1_21*w189 + base1_11*w190
-    w192 = w173*w6*w172
-    w193 = w181 - w188 + 2*normal_3*w192
-    w194 = radius*w168
-    w195 = 2*normal_2*w192 - normal_3*w178 + normal_1*w194
-    w196 = 2*normal_1*w192 + normal_3*w187 - normal_2*w194
-    w197 = base1_31*w193 + base1_21*w195 + base1_11*w196
-    w198 = w93*half_gauge/(w68*w68)
-    w199 = half_gauge/w68
-    w200 = w93*f33/(w68*w68)
-    w201 = f33/w68
-    w202 = conicity*load*half_gauge
-    w203 = 2*f23*w92 + 2*w173*(w97*w172 + w95*w199 - w49*w198) + 2*(w95*w201 - w49*w200) - (w89 + w90 + w91)*w202
-    w204 = radius*w165
-    w205 = radius*w99
-    w206 = normal_3*w203 - normal_1*w204 + normal_2*w205
-    w207 = radius*w169
-    w208 = normal_2*w203 - normal_3*w205 + normal_1*w207
-    w209 = normal_1*w203 + normal_3*w204 - normal_2*w207
-    w210 = base1_31*w206 + base1_21*w208 + base1_11*w209
-    w211 = w6*(base1_31*w130 + base1_32*w88 + base1_33*w87)
-    w212 = w0*(base1_11*w130 + base1_12*w88 + base1_13*w87)
-    w213 = w3*(base1_21*w130 + base1_22*w88 + base1_23*w87)
-    w214 = w211 - w78/w68 + w212 + w213
-    w215 = w6*(z1 - origin_3 + w117 + w41 + w42) + w0*(x1 - origin_1 + w105 + w20 + w23) + w3*(y1 - origin_2 + w111 + w33 + w34)
-    w216 = 2*f23*w93/w68 - 2*f22*w214 + conicity*load*w215/half_gauge
-    w217 = w6*w216
-    w218 = w3*w216
-    w219 = w0*w216
-    w220 = w210 + w62*w169 - w217*w43 + w56*w165 - w218*w35 + w50*w99 - w219*w24
-    w221 = 2*f23*w136 + 2*w173*(w138*w172 + w137*w199 - w120*w198) + 2*(w137*w201 - w120*w200) - w202*(w133 + w134 + w135)
-    w222 = radius*w166
-    w223 = radius*w140
-    w224 = normal_3*w221 - normal_1*w222 + normal_2*w223
-    w225 = radius*w170
-    w226 = normal_2*w221 - normal_3*w223 + normal_1*w225
-    w227 = normal_1*w221 + normal_3*w222 - normal_2*w225
+    w120 = phi1_t*w73
+    w121 = base1_23*w114 - base1_22*w113 + w16*w11*base1_21
+    w122 = psi1_t*w121
+    w123 = w28*base1_21
+    w124 = w123 + w17*w18*base1_23 - w17*w12*base1_22
+    w125 = theta1_t*w124
+    w126 = phi1_t*w81
+    w127 = base1_33*w114 - base1_32*w113 + w16*w11*base1_31
+    w128 = psi1_t*w127
+    w129 = w28*base1_31
+    w130 = w129 + w17*w18*base1_33 - w17*w12*base1_32
+    w131 = theta1_t*w130
+    w132 = rails_1*(w112 + w116 - w119) + rails_2*(w120 + w122 - w125) + rails_3*(w126 + w128 - w131)
+    w133 = w14*psi1_t
+    w134 = w16*w12*psi1_t
+    w135 = w16*w18*psi1_t
+    w136 = base1_11*w133 + base1_12*w134 - base1_13*w135
+    w137 = base1_21*w133 + base1_22*w134 - base1_23*w135
+    w138 = w6*(w126 + w128 - w131 - radius*(normal_2*w136 - normal_1*w137))
+    w139 = base1_31*w133 + base1_32*w134 - base1_33*w135
+    w140 = w0*(w112 + w116 - w119 - radius*(normal_3*w137 - normal_2*w139))
+    w141 = w3*(w120 + w122 - w125 - radius*(normal_1*w139 - normal_3*w136))
+    w142 = w43*w132 + w56*(w138 + w140 + w141)
+    w143 = w142/w58
+    w144 = w12*w93
+    w145 = w18*w93
+    w146 = w6*(base1_31*w95 + base1_32*w144 - base1_33*w145) + w0*(base1_11*w95 + base1_12*w144 - base1_13*w145) + w3*(base1_21*w95 + base1_22*w144 - base1_23*w145)
+    w147 = w138 + w140 + w141 - (w98*w132 + w43*w146)
+    w148 = w41*w6 + w29*w0 + w35*w3
+    w149 = normal_1*w136 + normal_2*w137 + normal_3*w139
+    w150 = 2*(w103*w147 - w100*w143) + w1*w148 + 2*(w106*w132 - 2*w107*w142 + w109*w149)
+    w151 = w0*w150
+    w152 = w12*w16
+    w153 = w20 + w15*w152
+    w154 = w16*w18
+    w155 = w15*w154 - w13
+    w156 = base1_12*w153 - base1_13*w155 + w15*w14*base1_11
+    w157 = phi1_t*w63 - psi1_t*w156 + theta1_t*w115
+    w158 = base1_22*w153 - base1_23*w155 + w15*w14*base1_21
+    w159 = phi1_t*w71 - psi1_t*w158 + theta1_t*w121
+    w160 = base1_32*w153 - base1_33*w155 + w15*w14*base1_31
+    w161 = phi1_t*w79 - psi1_t*w160 + theta1_t*w127
+    w162 = rails_1*w157 + rails_2*w159 + rails_3*w161
+    w163 = w6*w161
+    w164 = w0*w157
+    w165 = w3*w159
+    w166 = w43*w162 + w56*(w163 + w164 + w165)
+    w167 = w166/w58
+    w168 = w14*w94
+    w169 = w16*w94
+    w170 = w18*w92 - w12*w169
+    w171 = w12*w92 + w18*w169
+    w172 = w6*(base1_32*w170 - base1_31*w168 + base1_33*w171) + w0*(base1_12*w170 - base1_11*w168 + base1_13*w171) + w3*(base1_22*w170 - base1_21*w168 + base1_23*w171)
+    w173 = w163 + w164 + w165 - (w98*w162 + w43*w172)
+    w174 = w39*w6 + w26*w0 + w33*w3
+    w175 = 2*(w103*w173 - w100*w167) + w1*w174 + 2*(w106*w162 - 2*w107*w166)
+    w176 = w0*w175
+    w177 = w3*w4
+    w178 = w3*w7
+    w179 = w3*w110
+    w180 = w3*w150
+    w181 = w3*w175
+    w182 = w6*w7
+    w183 = w6*w110
+    w184 = w6*w150
+    w185 = w6*w175
+    w186 = w43*conicity/radius
+    w187 = half_gauge*f11/w58
+    w188 = w0*w186*w187
+    w189 = radius*w5
+    w190 = radius*w2
+    w191 = 2*normal_3*w188 - normal_1*w189 + normal_2*w190
+    w192 = radius*w8
+    w193 = 2*normal_2*w188 - normal_3*w190 + normal_1*w192
+    w194 = normal_3*w189
+    w195 = normal_2*w192
+    w196 = 2*normal_1*w188 + w194 - w195
+    w197 = base1_31*w191 + base1_21*w193 + base1_11*w196
+    w198 = w187*w3*w186
+    w199 = radius*w177
+    w200 = 2*normal_3*w198 - normal_1*w199 + normal_2*w189
+    w201 = radius*w178
+    w202 = normal_1*w201
+    w203 = 2*normal_2*w198 - w194 + w202
+    w204 = 2*normal_1*w198 + normal_3*w199 - normal_2*w201
+    w205 = base1_31*w200 + base1_21*w203 + base1_11*w204
+    w206 = w187*w6*w186
+    w207 = w195 - w202 + 2*normal_3*w206
+    w208 = radius*w182
+    w209 = 2*normal_2*w206 - normal_3*w192 + normal_1*w208
+    w210 = 2*normal_1*w206 + normal_3*w201 - normal_2*w208
+    w211 = base1_31*w207 + base1_21*w209 + base1_11*w210
+    w212 = w105*f33/(w58*w58)
+    w213 = f33/w58
+    w214 = conicity*load*half_gauge
+    w215 = w6*(z1 - origin_3 + w129 + w75 + w76) + w0*(x1 - origin_1 + w117 + w59 + w60) + w3*(y1 - origin_2 + w123 + w67 + w68)
+    w216 = half_gauge*w105 + w43*conicity*w215/radius
+    w217 = half_gauge*f11*w216/(w58*w58)
+    w218 = conicity*w215/radius
+    w219 = w99*f23/w57
+    w220 = w43*w99*f23/(w57*w57)
+    w221 = w101*w214 - 2*(w108*w213 - w91*w212) - 2*(w187*(half_gauge*w108 + w83*w218 + w104*w186) - w91*w217) + 2*(w83*w219 - 2*w90*w220 + w102*w109)
+    w222 = radius*w179
+    w223 = radius*w111
+    w224 = normal_3*w221 + normal_1*w222 - normal_2*w223
+    w225 = radius*w183
+    w226 = normal_2*w221 + normal_3*w223 - normal_1*w225
+    w227 = normal_1*w221 - normal_3*w222 + normal_2*w225
     w228 = base1_31*w224 + base1_21*w226 + base1_11*w227
-    w229 = w217*w47
-    w230 = w218*w39
-    w231 = w219*w31
-    w232 = 2*f23*w159 + 2*w173*(w160*w172 - w151*w198) - 2*w151*w200 - w202*(w156 + w157 + w158)
-    w233 = radius*w167
-    w234 = radius*w162
-    w235 = normal_3*w232 + normal_1*w233 - normal_2*w234
-    w236 = radius*w171
-    w237 = normal_2*w232 + normal_3*w234 - normal_1*w236
-    w238 = normal_1*w232 - normal_3*w233 + normal_2*w236
-    w239 = base1_31*w235 + base1_21*w237 + base1_11*w238
-    w240 = w217*w45
-    w241 = w218*w37
-    w242 = w219*w28
-    w243 = base1_33*w177 + base1_23*w179 + base1_13*w182
-    w244 = base1_32*w177 + base1_22*w179 + base1_12*w182
-    w245 = base1_33*w186 + base1_23*w189 + base1_13*w190
-    w246 = base1_32*w186 + base1_22*w189 + base1_12*w190
-    w247 = base1_33*w193 + base1_23*w195 + base1_13*w196
-    w248 = base1_32*w193 + base1_22*w195 + base1_12*w196
-    w249 = 2*w214*f23 + 2*half_gauge*f11*(conicity*w215/radius + w93*half_gauge/w68) + 2*w93*f33/w68 - conicity*load*half_gauge*(w211 + w212 + w213)
-    w250 = radius*w218
-    w251 = radius*w219
-    w252 = normal_3*w249 - normal_1*w250 + normal_2*w251
-    w253 = radius*w217
-    w254 = normal_2*w249 - normal_3*w251 + normal_1*w253
-    w255 = normal_1*w249 + normal_3*w250 - normal_2*w253
-    w256 = base1_33*w252 + base1_23*w254 + base1_13*w255
-    w257 = base1_33*w206 + base1_23*w208 + base1_13*w209
-    w258 = base1_32*w252 + base1_22*w254 + base1_12*w255
-    w259 = base1_32*w206 + base1_22*w208 + base1_12*w209
-    w260 = w12*w256 + w14*w257 + w12*w259 - w14*w258 + w229 + w66*w169 + w230 + w60*w165 + w231 + w54*w99
-    w261 = base1_33*w224 + base1_23*w226 + base1_13*w227
-    w262 = base1_32*w224 + base1_22*w226 + base1_12*w227
-    w263 = w14*w261 + w12*w262 + w66*w170 - w217*w118 + w60*w166 - w218*w112 + w54*w140 - w219*w106
-    w264 = base1_33*w235 + base1_23*w237 + base1_13*w238
-    w265 = base1_32*w235 + base1_22*w237 + base1_12*w238
-    w266 = w217*w115
-    w267 = w218*w109
-    w268 = w219*w103
-    w269 = w14*w264 + w12*w265 + w266 - w66*w171 + w267 - w60*w167 + w268 - w54*w162
-    w270 = w15*w12
-    w271 = w14*w15
-    w272 = w270*w245 - w271*w246 + w17*w191 + w64*w164 + w58*w163 + w52*w5
-    w273 = w270*w247 - w271*w248 + w17*w197 + w64*w168 + w58*w164 + w52*w8
-    w274 = w270*w257 - w256*w271 - (w271*w259 + w270*w258) + w17*w210 + w240 + w64*w169 + w241 + w58*w165 + w242 + w52*w99
-    w275 = w15*(base1_31*w252 + base1_21*w254 + base1_11*w255) + w17*w228
-    w276 = w270*w261 - w256*w143 - (w271*w262 - w258*w141) + w275 + w266 + w64*w170 + w267 + w58*w166 + w268 + w52*w140
-    w277 = w271*w265 - w270*w264 - w17*w239 + w217*w149 + w64*w171 + w218*w147 + w58*w167 + w219*w145 + w52*w162
-    w278 = w0/w68 - rails_1*w79
-    w279 = f22*w278 - rails_1*w94
-    w280 = w0*w279
-    w281 = w3/w68 - rails_2*w79
-    w282 = f22*w281 - rails_2*w94
-    w283 = w0*w282
-    w284 = w6/w68 - rails_3*w79
-    w285 = f22*w284 - rails_3*w94
-    w286 = w0*w285
-    w287 = rails_1*w50 + rails_2*w56 + rails_3*w62
-    w288 = w6*(w62 - radius*(base1_11*normal_2 - base1_21*normal_1)) + w0*(w50 - radius*(base1_21*normal_3 - base1_31*normal_2)) + w3*(w56 - radius*(base1_31*normal_1 - base1_11*normal_3))
-    w289 = w288/w68 - w79*w287
-    w290 = base1_11*normal_1 + base1_21*normal_2 + base1_31*normal_3
-    w291 = f22*w289 + w96*w290 - w94*w287
-    w292 = w0*w291
-    w293 = rails_1*w54 + rails_2*w60 + rails_3*w66
-    w294 = base1_12*w12 + w14*base1_13
-    w295 = w12*base1_22 + w14*base1_23
-    w296 = w12*base1_32 + w14*base1_33
-    w297 = w6*(w66 - radius*(normal_2*w294 - normal_1*w295)) + w0*(w54 - radius*(normal_3*w295 - normal_2*w296)) + w3*(w60 - radius*(normal_1*w296 - normal_3*w294))
-    w298 = w297/w68 - w79*w293
-    w299 = normal_1*w294 + normal_2*w295 + normal_3*w296
-    w300 = f22*w298 + w96*w299 - w94*w293
-    w301 = w0*w300
-    w302 = rails_1*w52 + rails_2*w58 + rails_3*w64
-    w303 = w17*base1_11 - base1_12*w271 + base1_13*w270
-    w304 = w17*base1_21 - base1_22*w271 + base1_23*w270
-    w305 = w17*base1_31 - base1_32*w271 + base1_33*w270
-    w306 = w6*(w64 - radius*(normal_2*w303 - normal_1*w304)) + w0*(w52 - radius*(normal_3*w304 - normal_2*w305)) + w3*(w58 - radius*(normal_1*w305 - normal_3*w303))
-    w307 = w306/w68 - w79*w302
-    w308 = normal_1*w303 + normal_2*w304 + normal_3*w305
-    w309 = f22*w307 + w96*w308 - w94*w302
-    w310 = w0*w309
-    w311 = w3*w279
-    w312 = w3*w282
-    w313 = w3*w285
-    w314 = w3*w291
-    w315 = w3*w300
-    w316 = w3*w309
-    w317 = w6*w279
-    w318 = w6*w282
-    w319 = w6*w285
-    w320 = w6*w291
-    w321 = w6*w300
-    w322 = w6*w309
-    w323 = f23*w278 + w173*rails_1*w198 + rails_1*w200
-    w324 = radius*w311
-    w325 = radius*w280
-    w326 = normal_3*w323 + normal_1*w324 - normal_2*w325
-    w327 = radius*w317
-    w328 = normal_2*w323 + normal_3*w325 - normal_1*w327
-    w329 = normal_1*w323 - normal_3*w324 + normal_2*w327
-    w330 = base1_31*w326 + base1_21*w328 + base1_11*w329
-    w331 = f23*w281 + w173*rails_2*w198 + rails_2*w200
-    w332 = radius*w312
-    w333 = radius*w283
-    w334 = normal_3*w331 + normal_1*w332 - normal_2*w333
-    w335 = radius*w318
-    w336 = normal_2*w331 + normal_3*w333 - normal_1*w335
-    w337 = normal_1*w331 - normal_3*w332 + normal_2*w335
-    w338 = base1_31*w334 + base1_21*w336 + base1_11*w337
-    w339 = f23*w284 + w173*rails_3*w198 + rails_3*w200
-    w340 = radius*w313
-    w341 = radius*w286
-    w342 = normal_3*w339 + normal_1*w340 - normal_2*w341
-    w343 = radius*w319
-    w344 = normal_2*w339 + normal_3*w341 - normal_1*w343
-    w345 = normal_1*w339 - normal_3*w340 + normal_2*w343
-    w346 = base1_31*w342 + base1_21*w344 + base1_11*w345
-    w347 = w173*(w199*w290 - w198*w287) - f23*w289 + w201*w290 - w200*w287
-    w348 = radius*w314
-    w349 = radius*w292
-    w350 = normal_3*w347 - normal_1*w348 + normal_2*w349
-    w351 = radius*w320
-    w352 = normal_2*w347 - normal_3*w349 + normal_1*w351
-    w353 = normal_1*w347 + normal_3*w348 - normal_2*w351
-    w354 = base1_31*w350 + base1_21*w352 + base1_11*w353
-    w355 = w173*(w199*w299 - w198*w293) - f23*w298 + w201*w299 - w200*w293
-    w356 = radius*w315
-    w357 = radius*w301
-    w358 = normal_3*w355 - normal_1*w356 + normal_2*w357
-    w359 = radius*w321
-    w360 = normal_2*w355 - normal_3*w357 + normal_1*w359
-    w361 = normal_1*w355 + normal_3*w356 - normal_2*w359
-    w362 = base1_31*w358 + base1_21*w360 + base1_11*w361
-    w363 = w173*(w199*w308 - w198*w302) - f23*w307 + w201*w308 - w200*w302
-    w364 = radius*w316
-    w365 = radius*w310
-    w366 = normal_3*w363 - normal_1*w364 + normal_2*w365
-    w367 = radius*w322
-    w368 = normal_2*w363 - normal_3*w365 + normal_1*w367
-    w369 = normal_1*w363 + normal_3*w364 - normal_2*w367
-    w370 = base1_31*w366 + base1_21*w368 + base1_11*w369
-    w371 = base1_33*w326 + base1_23*w328 + base1_13*w329
-    w372 = base1_32*w326 + base1_22*w328 + base1_12*w329
-    w373 = base1_33*w334 + base1_23*w336 + base1_13*w337
-    w374 = base1_32*w334 + base1_22*w336 + base1_12*w337
-    w375 = base1_33*w342 + base1_23*w344 + base1_13*w345
-    w376 = base1_32*w342 + base1_22*w344 + base1_12*w345
-    w377 = base1_33*w350 + base1_23*w352 + base1_13*w353
-    w378 = base1_32*w350 + base1_22*w352 + base1_12*w353
-    w379 = base1_33*w358 + base1_23*w360 + base1_13*w361
-    w380 = base1_32*w358 + base1_22*w360 + base1_12*w361
-    w381 = base1_33*w366 + base1_23*w368 + base1_13*w369
-    w382 = base1_32*w366 + base1_22*w368 + base1_12*w369
-    w383 = w271*w372 - w270*w371 - w17*w330 + w64*w317 + w58*w311 + w52*w280
-    w384 = w271*w374 - w270*w373 - w17*w338 + w64*w318 + w58*w312 + w52*w283
-    w385 = w271*w376 - w270*w375 - w17*w346 + w64*w319 + w58*w313 + w52*w286
-    w386 = w270*w377 - w271*w378 + w17*w354 + w64*w320 + w58*w314 + w52*w292
-    w387 = w270*w379 - w271*w380 + w17*w362 + w64*w321 + w58*w315 + w52*w301
-    w388 = w270*w381 - w271*w382 + w17*w370 + w64*w322 + w58*w316 + w52*w310
+    w229 = 2*f22*w99/w58 + conicity*load*w215/half_gauge + 2*w43*f23*w105/w57
+    w230 = w6*w229
+    w231 = w3*w229
+    w232 = w0*w229
+    w233 = w37*w183 - w230*w77 - w228 + w31*w179 - w231*w69 + w22*w111 - w232*w61
+    w234 = w146*w214 - 2*(w149*w213 - w143*w212) - 2*(w187*(half_gauge*w149 + w132*w218 + w148*w186) - w143*w217) + 2*(w132*w219 - 2*w142*w220 + w109*w147)
+    w235 = radius*w180
+    w236 = radius*w151
+    w237 = normal_3*w234 + normal_1*w235 - normal_2*w236
+    w238 = radius*w184
+    w239 = normal_2*w234 + normal_3*w236 - normal_1*w238
+    w240 = normal_1*w234 - normal_3*w235 + normal_2*w238
+    w241 = base1_31*w237 + base1_21*w239 + base1_11*w240
+    w242 = w230*w81
+    w243 = w231*w73
+    w244 = w232*w65
+    w245 = 2*w167*w212 + w172*w214 - 2*(w187*(w162*w218 + w174*w186) - w167*w217) + 2*(w162*w219 - 2*w166*w220 + w109*w173)
+    w246 = radius*w181
+    w247 = radius*w176
+    w248 = normal_3*w245 + normal_1*w246 - normal_2*w247
+    w249 = radius*w185
+    w250 = normal_2*w245 + normal_3*w247 - normal_1*w249
+    w251 = normal_1*w245 - normal_3*w246 + normal_2*w249
+    w252 = base1_31*w248 + base1_21*w250 + base1_11*w251
+    w253 = w230*w79
+    w254 = w231*w71
+    w255 = w232*w63
+    w256 = base1_33*w191 + base1_23*w193 + base1_13*w196
+    w257 = base1_32*w191 + base1_22*w193 + base1_12*w196
+    w258 = base1_33*w200 + base1_23*w203 + base1_13*w204
+    w259 = base1_32*w200 + base1_22*w203 + base1_12*w204
+    w260 = base1_33*w207 + base1_23*w209 + base1_13*w210
+    w261 = base1_32*w207 + base1_22*w209 + base1_12*w210
+    w262 = w98*conicity*load*half_gauge - 2*w105*f33/w58 - 2*half_gauge*f11*w216/w58 + 2*w43*w99*f23/w57
+    w263 = radius*w231
+    w264 = radius*w232
+    w265 = normal_3*w262 + normal_1*w263 - normal_2*w264
+    w266 = radius*w230
+    w267 = normal_2*w262 + normal_3*w264 - normal_1*w266
+    w268 = normal_1*w262 - normal_3*w263 + normal_2*w266
+    w269 = base1_33*w265 + base1_23*w267 + base1_13*w268
+    w270 = base1_33*w224 + base1_23*w226 + base1_13*w227
+    w271 = base1_32*w265 + base1_22*w267 + base1_12*w268
+    w272 = base1_32*w224 + base1_22*w226 + base1_12*w227
+    w273 = w242 + w41*w183 - (w18*w269 + w12*w270) - (w18*w272 - w12*w271) + w243 + w35*w179 + w244 + w29*w111
+    w274 = base1_33*w237 + base1_23*w239 + base1_13*w240
+    w275 = base1_32*w237 + base1_22*w239 + base1_12*w240
+    w276 = w41*w184 - w230*w130 - w12*w274 - w18*w275 + w35*w180 - w231*w124 + w29*w151 - w232*w118
+    w277 = base1_33*w248 + base1_23*w250 + base1_13*w251
+    w278 = base1_32*w248 + base1_22*w250 + base1_12*w251
+    w279 = w230*w127
+    w280 = w231*w121
+    w281 = w232*w115
+    w282 = w279 + w41*w185 - w12*w277 - w18*w278 + w280 + w35*w181 + w281 + w29*w176
+    w283 = w14*w18
+    w284 = w12*w14
+    w285 = w283*w258 - w284*w259 + w16*w205 + w39*w178 + w33*w177 + w26*w5
+    w286 = w283*w260 - w284*w261 + w16*w211 + w39*w182 + w33*w178 + w26*w8
+    w287 = w284*w272 + w283*w271 - (w283*w270 - w269*w284) - w16*w228 + w253 + w39*w183 + w254 + w33*w179 + w255 + w26*w111
+    w288 = w14*(base1_31*w265 + base1_21*w267 + base1_11*w268) + w16*w241
+    w289 = w284*w275 - w271*w152 - (w283*w274 - w269*w154) - w288 + w279 + w39*w184 + w280 + w33*w180 + w281 + w26*w151
+    w290 = w284*w278 - w283*w277 - w16*w252 + w39*w185 - w230*w160 + w33*w181 - w231*w158 + w26*w176 - w232*w156
+    w291 = rails_1*w43 + w0*w56
+    w292 = w291/w58
+    w293 = w0 - rails_1*w98
+    w294 = w103*w293 - w100*w292 + rails_1*w106 - 2*w107*w291
+    w295 = w0*w294
+    w296 = rails_2*w43 + w3*w56
+    w297 = w296/w58
+    w298 = w3 - rails_2*w98
+    w299 = w103*w298 - w100*w297 + rails_2*w106 - 2*w107*w296
+    w300 = w0*w299
+    w301 = rails_3*w43 + w6*w56
+    w302 = w301/w58
+    w303 = w6 - rails_3*w98
+    w304 = w103*w303 - w100*w302 + rails_3*w106 - 2*w107*w301
+    w305 = w0*w304
+    w306 = rails_1*w22 + rails_2*w31 + rails_3*w37
+    w307 = w6*(w37 - radius*(base1_11*normal_2 - base1_21*normal_1))
+    w308 = w0*(w22 - radius*(base1_21*normal_3 - base1_31*normal_2))
+    w309 = w3*(w31 - radius*(base1_31*normal_1 - base1_11*normal_3))
+    w310 = w43*w306 + w56*(w307 + w308 + w309)
+    w311 = w310/w58
+    w312 = w307 + w308 + w309 - w98*w306
+    w313 = base1_11*normal_1 + base1_21*normal_2 + base1_31*normal_3
+    w314 = w103*w312 - w100*w311 + w106*w306 - 2*w107*w310 + w109*w313
+    w315 = w0*w314
+    w316 = rails_1*w29 + rails_2*w35 + rails_3*w41
+    w317 = base1_12*w18 + w12*base1_13
+    w318 = w18*base1_22 + w12*base1_23
+    w319 = w6*(w41 - radius*(normal_2*w317 - normal_1*w318))
+    w320 = w18*base1_32 + w12*base1_33
+    w321 = w0*(w29 - radius*(normal_3*w318 - normal_2*w320))
+    w322 = w3*(w35 - radius*(normal_1*w320 - normal_3*w317))
+    w323 = w43*w316 + w56*(w319 + w321 + w322)
+    w324 = w323/w58
+    w325 = w319 + w321 + w322 - w98*w316
+    w326 = normal_1*w317 + normal_2*w318 + normal_3*w320
+    w327 = w103*w325 - w100*w324 + w106*w316 - 2*w107*w323 + w109*w326
+    w328 = w0*w327
+    w329 = rails_1*w26 + rails_2*w33 + rails_3*w39
+    w330 = w16*base1_11 - base1_12*w284 + base1_13*w283
+    w331 = w16*base1_21 - base1_22*w284 + base1_23*w283
+    w332 = w6*(w39 - radius*(normal_2*w330 - normal_1*w331))
+    w333 = w16*base1_31 - base1_32*w284 + base1_33*w283
+    w334 = w0*(w26 - radius*(normal_3*w331 - normal_2*w333))
+    w335 = w3*(w33 - radius*(normal_1*w333 - normal_3*w330))
+    w336 = w43*w329 + w56*(w332 + w334 + w335)
+    w337 = w336/w58
+    w338 = w332 + w334 + w335 - w98*w329
+    w339 = normal_1*w330 + normal_2*w331 + normal_3*w333
+    w340 = w103*w338 - w100*w337 + w106*w329 - 2*w107*w336 + w109*w339
+    w341 = w0*w340
+    w342 = w3*w294
+    w343 = w3*w299
+    w344 = w3*w304
+    w345 = w3*w314
+    w346 = w3*w327
+    w347 = w3*w340
+    w348 = w6*w294
+    w349 = w6*w299
+    w350 = w6*w304
+    w351 = w6*w314
+    w352 = w6*w327
+    w353 = w6*w340
+    w354 = w212*w292 - (w187*rails_1*w218 - w217*w292) + rails_1*w219 - 2*w220*w291 + w109*w293
+    w355 = radius*w342
+    w356 = radius*w295
+    w357 = normal_3*w354 + normal_1*w355 - normal_2*w356
+    w358 = radius*w348
+    w359 = normal_2*w354 + normal_3*w356 - normal_1*w358
+    w360 = normal_1*w354 - normal_3*w355 + normal_2*w358
+    w361 = base1_31*w357 + base1_21*w359 + base1_11*w360
+    w362 = w212*w297 - (w187*rails_2*w218 - w217*w297) + rails_2*w219 - 2*w220*w296 + w109*w298
+    w363 = radius*w343
+    w364 = radius*w300
+    w365 = normal_3*w362 + normal_1*w363 - normal_2*w364
+    w366 = radius*w349
+    w367 = normal_2*w362 + normal_3*w364 - normal_1*w366
+    w368 = normal_1*w362 - normal_3*w363 + normal_2*w366
+    w369 = base1_31*w365 + base1_21*w367 + base1_11*w368
+    w370 = w212*w302 - (w187*rails_3*w218 - w217*w302) + rails_3*w219 - 2*w220*w301 + w109*w303
+    w371 = radius*w344
+    w372 = radius*w305
+    w373 = normal_3*w370 + normal_1*w371 - normal_2*w372
+    w374 = radius*w350
+    w375 = normal_2*w370 + normal_3*w372 - normal_1*w374
+    w376 = normal_1*w370 - normal_3*w371 + normal_2*w374
+    w377 = base1_31*w373 + base1_21*w375 + base1_11*w376
+    w378 = w213*w313 - w212*w311 + w187*(half_gauge*w313 + w218*w306) - w217*w311 - (w219*w306 - 2*w220*w310 + w109*w312)
+    w379 = radius*w345
+    w380 = radius*w315
+    w381 = normal_3*w378 - normal_1*w379 + normal_2*w380
+    w382 = radius*w351
+    w383 = normal_2*w378 - normal_3*w380 + normal_1*w382
+    w384 = normal_1*w378 + normal_3*w379 - normal_2*w382
+    w385 = base1_31*w381 + base1_21*w383 + base1_11*w384
+    w386 = w213*w326 - w212*w324 + w187*(half_gauge*w326 + w218*w316) - w217*w324 - (w219*w316 - 2*w220*w323 + w109*w325)
+    w387 = radius*w346
+    w388 = radius*w328
+    w389 = normal_3*w386 - normal_1*w387 + normal_2*w388
+    w390 = radius*w352
+    w391 = normal_2*w386 - normal_3*w388 + normal_1*w390
+    w392 = normal_1*w386 + normal_3*w387 - normal_2*w390
+    w393 = base1_31*w389 + base1_21*w391 + base1_11*w392
+    w394 = w213*w339 - w212*w337 + w187*(half_gauge*w339 + w218*w329) - w217*w337 - (w219*w329 - 2*w220*w336 + w109*w338)
+    w395 = radius*w347
+    w396 = radius*w341
+    w397 = normal_3*w394 - normal_1*w395 + normal_2*w396
+    w398 = radius*w353
+    w399 = normal_2*w394 - normal_3*w396 + normal_1*w398
+    w400 = normal_1*w394 + normal_3*w395 - normal_2*w398
+    w401 = base1_31*w397 + base1_21*w399 + base1_11*w400
+    w402 = base1_33*w357 + base1_23*w359 + base1_13*w360
+    w403 = base1_32*w357 + base1_22*w359 + base1_12*w360
+    w404 = base1_33*w365 + base1_23*w367 + base1_13*w368
+    w405 = base1_32*w365 + base1_22*w367 + base1_12*w368
+    w406 = base1_33*w373 + base1_23*w375 + base1_13*w376
+    w407 = base1_32*w373 + base1_22*w375 + base1_12*w376
+    w408 = base1_33*w381 + base1_23*w383 + base1_13*w384
+    w409 = base1_32*w381 + base1_22*w383 + base1_12*w384
+    w410 = base1_33*w389 + base1_23*w391 + base1_13*w392
+    w411 = base1_32*w389 + base1_22*w391 + base1_12*w392
+    w412 = base1_33*w397 + base1_23*w399 + base1_13*w400
+    w413 = base1_32*w397 + base1_22*w399 + base1_12*w400
+    w414 = w284*w403 - w283*w402 - w16*w361 + w39*w348 + w33*w342 + w26*w295
+    w415 = w284*w405 - w283*w404 - w16*w369 + w39*w349 + w33*w343 + w26*w300
+    w416 = w284*w407 - w283*w406 - w16*w377 + w39*w350 + w33*w344 + w26*w305
+    w417 = w283*w408 - w284*w409 + w16*w385 + w39*w351 + w33*w345 + w26*w315
+    w418 = w283*w410 - w284*w411 + w16*w393 + w39*w352 + w33*w346 + w26*w328
+    w419 = w283*w412 - w284*w413 + w16*w401 + w39*w353 + w33*w347 + w26*w341
     return (
         w2,
         w5,
         w8,
-        w99,
-        w140,
-        -w162,
+        w111,
+        w151,
+        w176,
         w5,
-        w163,
-        w164,
-        w165,
-        w166,
-        -w167,
+        w177,
+        w178,
+        w179,
+        w180,
+        w181,
         w8,
-        w164,
-        w168,
-        w169,
-        w170,
-        -w171,
-        w183 + w62*w8 + w56*w5 + w50*w2,
-        w191 + w62*w164 + w56*w163 + w50*w5,
-        w197 + w62*w168 + w56*w164 + w50*w8,
-        w220,
-        w228 + w229 + w62*w170 + w230 + w56*w166 + w231 + w50*w140,
-        w239 + w240 - w62*w171 + w241 - w56*w167 + w242 - w50*w162,
-        w14*w243 + w12*w244 + w66*w8 + w60*w5 + w54*w2,
-        w14*w245 + w12*w246 + w66*w164 + w60*w163 + w54*w5,
-        w14*w247 + w12*w248 + w66*w168 + w60*w164 + w54*w8,
-        w260,
-        w263,
-        w269,
-        w270*w243 - w271*w244 + w17*w183 + w64*w8 + w58*w5 + w52*w2,
-        w272,
+        w178,
+        w182,
+        w183,
+        w184,
+        w185,
+        w197 + w37*w8 + w31*w5 + w22*w2,
+        w205 + w37*w178 + w31*w177 + w22*w5,
+        w211 + w37*w182 + w31*w178 + w22*w8,
+        w233,
+        w242 + w37*w184 - w241 + w243 + w31*w180 + w244 + w22*w151,
+        w253 + w37*w185 - w252 + w254 + w31*w181 + w255 + w22*w176,
+        w12*w256 + w18*w257 + w41*w8 + w35*w5 + w29*w2,
+        w12*w258 + w18*w259 + w41*w178 + w35*w177 + w29*w5,
+        w12*w260 + w18*w261 + w41*w182 + w35*w178 + w29*w8,
         w273,
-        w274,
         w276,
-        -w277,
-        2*w280,
-        2*w283,
-        2*w286,
-        2*w292,
-        2*w301,
-        2*w310,
-        2*w311,
-        2*w312,
-        2*w313,
-        2*w314,
+        w282,
+        w283*w256 - w284*w257 + w16*w197 + w39*w8 + w33*w5 + w26*w2,
+        w285,
+        w286,
+        w287,
+        w289,
+        w290,
+        2*w295,
+        2*w300,
+        2*w305,
         2*w315,
-        2*w316,
-        2*w317,
-        2*w318,
-        2*w319,
-        2*w320,
-        2*w321,
-        2*w322,
-        2*(w62*w317 - w330 + w56*w311 + w50*w280),
-        2*(w62*w318 - w338 + w56*w312 + w50*w283),
-        2*(w62*w319 - w346 + w56*w313 + w50*w286),
-        2*(w354 + w62*w320 + w56*w314 + w50*w292),
-        2*(w362 + w62*w321 + w56*w315 + w50*w301),
-        2*(w370 + w62*w322 + w56*w316 + w50*w310),
-        2*(w66*w317 - w14*w371 - w12*w372 + w60*w311 + w54*w280),
-        2*(w66*w318 - w14*w373 - w12*w374 + w60*w312 + w54*w283),
-        2*(w66*w319 - w14*w375 - w12*w376 + w60*w313 + w54*w286),
-        2*(w14*w377 + w12*w378 + w66*w320 + w60*w314 + w54*w292),
-        2*(w14*w379 + w12*w380 + w66*w321 + w60*w315 + w54*w301),
-        2*(w14*w381 + w12*w382 + w66*w322 + w60*w316 + w54*w310),
-        2*w383,
-        2*w384,
-        2*w385,
-        2*w386,
-        2*w387,
-        2*w388,
+        2*w328,
+        2*w341,
+        2*w342,
+        2*w343,
+        2*w344,
+        2*w345,
+        2*w346,
+        2*w347,
+        2*w348,
+        2*w349,
+        2*w350,
+        2*w351,
+        2*w352,
+        2*w353,
+        2*(w37*w348 - w361 + w31*w342 + w22*w295),
+        2*(w37*w349 - w369 + w31*w343 + w22*w300),
+        2*(w37*w350 - w377 + w31*w344 + w22*w305),
+        2*(w385 + w37*w351 + w31*w345 + w22*w315),
+        2*(w393 + w37*w352 + w31*w346 + w22*w328),
+        2*(w401 + w37*w353 + w31*w347 + w22*w341),
+        2*(w41*w348 - w12*w402 - w18*w403 + w35*w342 + w29*w295),
+        2*(w41*w349 - w12*w404 - w18*w405 + w35*w343 + w29*w300),
+        2*(w41*w350 - w12*w406 - w18*w407 + w35*w344 + w29*w305),
+        2*(w12*w408 + w18*w409 + w41*w351 + w35*w345 + w29*w315),
+        2*(w12*w410 + w18*w411 + w41*w352 + w35*w346 + w29*w328),
+        2*(w12*w412 + w18*w413 + w41*w353 + w35*w347 + w29*w341),
+        2*w414,
+        2*w415,
+        2*w416,
+        2*w417,
+        2*w418,
+        2*w419,
     )
 
 
