@@ -412,14 +412,26 @@ def test_a_file_that_does_not_fit_is_refused(turning, lines, bearing, message):
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize(("rate", "spin"), [("0", "0"), ("n/2", "91.6298"), ("n", ""), ("-n", "")])
+@pytest.mark.parametrize(("rate", "spin"), [("0", "0"), ("n/2", "91.6298"), ("n", ""), ("-n", "-183.26")])
 def test_a_rotor_that_does_not_turn_at_the_speed_of_its_curves_is_told(turning, rate, spin):
     path = turning()
     path.write_text(path.read_text(encoding="utf-8").replace("psi: n", f"psi: {rate}"), encoding="utf-8")
     said = f"curves of force 'A' and force 'B' are read at 183.26 rad/s, and 'rotor' turns at {spin} rad/s"
-    expected = [said] if spin else []
+    expected = [said + " about the axis" * (rate == "-n")] if spin else []
     for warnings in (mbstab.load(path).eig().warnings, mbstab.load(path).sweep("n", [183.259571, 190.0]).warnings):
         assert [x.split("\n")[0].removeprefix("the ") for x in warnings] == expected
+
+
+@pytest.mark.parametrize(
+    ("axis", "rate", "told"), [("z", "n", False), ("z", "-n", True), ("-z", "n", True), ("-z", "-n", False)]
+)
+def test_coefficients_that_couple_turn_with_the_shaft(turning, axis, rate, told):
+    """Turned about the other sense of the axis an oil film is another one; one that couples nothing is the same."""
+    straight = "rpm,kxx,kxy,kyx,kyy,cxx,cxy,cyx,cyy\n1500,1e7,0,0,2e7,1,0,0,1\n2000,1.1e7,0,0,2.1e7,1,0,0,1\n"
+    for columns in (csv(), straight):
+        path = turning(columns, bearing=f"axis: {axis}, " + CURVES.format(function="table"))
+        path.write_text(path.read_text(encoding="utf-8").replace("psi: n", f"psi: {rate}"), encoding="utf-8")
+        assert bool(mbstab.load(path).eig().warnings) == (told and columns == csv())
 
 
 def test_a_point_mass_has_no_spin_to_compare(turning):
