@@ -715,13 +715,10 @@ def tyre(b, p, s, u, w):
 
 
 def aligning_moment(b, p, s, u, w):
-    """Return the power of a moment that turns a wheel to where it goes, and falls with the cosine of the slip angle."""
+    """Return the power of a moment about the normal that turns a wheel to where it goes."""
     slip = b[1] if len(b) > 1 else slip_angle(b[0], p, u[0])
-    along, across, _, _ = rolling(b[0], p, u[0])
-    slope = p["aligning"][0] * mpmath.cos(mpmath.atan2(across, along))
-    if "peak" in p:
-        slope, slip = mpmath.cos(mpmath.atan2(across, along)), magic_formula(slip, p["aligning"][0], p)
-    return slope * slip * rolling(b[0], p, w[0])[2]
+    slope = p["aligning"][0]
+    return (magic_formula(slip, slope, p) if "peak" in p else slope * slip) * rolling(b[0], p, w[0])[2]
 
 
 def magic_formula(slip, slope, p):

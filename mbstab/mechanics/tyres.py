@@ -6,11 +6,11 @@ slip z = α + γ C_γ/C comes the side force −C z, with a peak D that of the M
 −D sin(S atan(x − E (x − atan x))) with x = C z/(S D), the shape factor S and the curvature factor E: it has the same
 slope C where nothing slips (Bakker, Nyborg, Pacejka, SAE 870421, 1987).
 The force acts a pneumatic trail t behind the contact: its moment there is −t cos α times the force. An aligning
-moment of its own may be added, K z cos α with a peak likewise by the Magic Formula; it turns the wheel to where it
-goes, which is astern of its heading where cos α < 0, until at large slip it may change its sign (shape factors above
-2). With a relaxation length σ the slip z is a first-order state, z' = |v|/σ (α + γ C_γ/C − z): it follows over the
-distance travelled (Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7). Coefficients may be expressions of
-the load, and this one of the motion.
+moment of its own may be added, K z at small slip and with a peak likewise by the Magic Formula; it turns the
+wheel to where it goes, until at large slip it may change its sign (shape factors above 2). With a relaxation
+length σ the slip z is a first-order state, z' = |v|/σ (α + γ C_γ/C − z): it follows over the distance travelled
+(Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7). Coefficients may be expressions of the load, and this
+one of the motion.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def _aligning(frames: Any, p: Any, s: Any) -> Load:
     at = _rolling(wheel, p)
     slip = states[0].q[0] if states else _settled(at, p)
     moment = _magic(p.aligning[0], p, slip) if hasattr(p, "peak") else p.aligning[0] * slip
-    return Load(power=((sympy.Matrix([at.along / at.speed * moment]), sympy.Matrix([at.turn])),))
+    return Load(power=((sympy.Matrix([moment]), sympy.Matrix([at.turn])),))
 
 
 def _tyre_relaxation(frames: Any, p: Any, s: Any) -> Any:
@@ -183,7 +183,7 @@ ELEMENTS = tuple(
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
 
-def _place(item: Item) -> tuple[int, tuple[Any, ...]]:
+def place_of(item: Item) -> tuple[int, tuple[Any, ...]]:
     """Return the body of the wheel, and the numbers that say where it is."""
     if item.dimension == 2:
         point = item.marker("at")
@@ -199,7 +199,7 @@ def _camber(item: Item) -> tuple[Any, ...]:
 
 
 def _tyre_elements(item: Item) -> Iterable[ElementUse]:
-    body, place = _place(item)
+    body, place = place_of(item)
     force = [item.number("cornering_stiffness"), item.number("trail")]
     name = "tyre"
     if item.given("peak"):
@@ -225,7 +225,7 @@ def _aligning_use(item: Item, body: int, place: tuple[Any, ...]) -> ElementUse:
 
 
 def _relaxation(item: Item) -> Iterable[ElementUse]:
-    body, place = _place(item)
+    body, place = place_of(item)
     numbers = (*place, item.number("relaxation_length"), item.number("cornering_stiffness"), *_camber(item))
     yield ElementUse("tyre_relaxation", (body, item.state), numbers, labels=("relaxation",))
 

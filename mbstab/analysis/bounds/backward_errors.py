@@ -163,12 +163,12 @@ class BackwardErrors:
             result += np.abs(self.residual(x, w, C, change))
         return result
 
-    def leaving(self, w: Weights, V: Complex, C: Complex, blocks: Any) -> Array:
+    def leaving(self, w: Weights, V: Complex, Y: Complex, C: Complex, blocks: Any) -> Array:
         """Return a bound of what T adds to the residuals of motions V + T p.
 
         T is exact by structure, but as it was computed the equations lead out of its span by roundings, many of them
-        where its directions are nearly dependent. They can be evaluated to a rounding as well, so that twice as much
-        is not too little.
+        where its directions are nearly dependent. This is evaluated with S and with the unreduced equations: each has
+        rounding errors of its own, which the smaller of both has least of. Twice as much is not too little.
         """
         T, inner = self.T, (self.inside @ self.T).astype(complex)
         if not T.shape[1]:
@@ -177,8 +177,9 @@ class BackwardErrors:
         vel = pos @ inner
         acc = vel @ inner
         x = Motions(pos, vel, acc, self._multipliers(self.m.M @ acc + self.m.R @ vel + self.m.K @ pos))
-        effect = self.residual(x, w, inner) @ self._along(self.inside @ V, inner, C, blocks)
-        return np.where(blocks, 2.0 * np.abs(effect), 0.0)
+        p = self._along(self.inside @ V, inner, C, blocks)
+        effects = self.residual(x, w, inner) @ p, Y @ (self.S @ T - T @ inner) @ p
+        return np.where(blocks, 2.0 * np.min(np.abs(effects), axis=0), 0.0)
 
     @staticmethod
     def _along(c: Complex, inner: Array, C: Complex, blocks: Any) -> Complex:

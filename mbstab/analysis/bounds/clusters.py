@@ -162,7 +162,7 @@ class Clusters:
             w = judge.weights(rows)
             # The part of the speeds of the motions along L does not belong to them.
             F = judge.residual(x, w, self.C) + (rows @ judge.outside) @ (judge.L @ V)
-            data = judge.data(x, w, V, rows, self.C, blocks) + judge.leaving(w, V, self.C, blocks)
+            data = judge.data(x, w, V, rows, self.C, blocks) + judge.leaving(w, V, rows, self.C, blocks)
             # After the correction, terms of second order in it remain.
             step = np.where(blocks, F, 0.0)
             left = np.abs(step) @ np.abs(w.y @ (judge.m.M @ x.pos)) @ np.abs(step)

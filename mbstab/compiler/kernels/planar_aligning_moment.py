@@ -8,14 +8,13 @@ def dynamics(f, q, u, p, s):
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
     w2 = x1_t - theta1_t*(point_1*w0 + point_2*w1)
-    w3 = w1*along_1 - w0*along_2
-    w4 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
-    w5 = w0*along_1 + w1*along_2
-    w6 = w2*w3 + w4*w5
-    w7 = w3*w4 - w2*w5
-    w8 = f.sqrt(w6*w6 + w7*w7)
+    w3 = w0*along_1 + w1*along_2
+    w4 = w1*along_1 - w0*along_2
+    w5 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
+    w6 = w4*w5 - w2*w3
+    w7 = w2*w4 + w5*w3
     return (
-        -aligning*w6*f.asin(w7/w8)/w8,
+        -aligning*f.asin(w6/f.sqrt(w7*w7 + w6*w6)),
     )
 
 
@@ -33,38 +32,30 @@ def linearize(f, q, u, p, s):
     w2 = point_1*w0 + point_2*w1
     w3 = theta1_t*w2
     w4 = x1_t - w3
-    w5 = w0*along_1 + w1*along_2
+    w5 = w1*along_1 - w0*along_2
     w6 = w4*w5
-    w7 = w1*along_1 - w0*along_2
-    w8 = point_1*w1 - w0*point_2
-    w9 = theta1_t*w8
-    w10 = y1_t + w9
-    w11 = w7*w10
-    w12 = w11 - w3*w5 - (w6 + w7*w9)
-    w13 = w4*w7
-    w14 = w10*w5
-    w15 = w13 + w14
-    w16 = w11 - w6
-    w17 = f.sqrt(w15*w15 + w16*w16)
-    w18 = w16/w17
-    w19 = f.asin(w18)
-    w20 = aligning*w19/w17
-    w21 = w13 - w9*w5 + w14 + w3*w7
-    w22 = (w15*w12 - w16*w21)/w17
-    w23 = aligning*w15*w19/(w17*w17)
-    w24 = w16/(w17*w17)
-    w25 = f.sqrt(1 - w18*w18)
-    w26 = aligning*w15/w17
-    w27 = (w7*w15 - w5*w16)/w17
-    w28 = (w5*w15 + w7*w16)/w17
-    w29 = w8*w5 - w2*w7
-    w30 = w2*w5 + w7*w8
-    w31 = (w15*w29 + w16*w30)/w17
+    w7 = point_1*w1 - w0*point_2
+    w8 = theta1_t*w7
+    w9 = y1_t + w8
+    w10 = w0*along_1 + w1*along_2
+    w11 = w9*w10
+    w12 = w6 + w11
+    w13 = w4*w10
+    w14 = w5*w9
+    w15 = w14 - w13
+    w16 = f.sqrt(w12*w12 + w15*w15)
+    w17 = w6 - w8*w10 + w11 + w3*w5
+    w18 = w15/(w16*w16)
+    w19 = w17/w16 + (w12*(w14 - w3*w10 - (w13 + w5*w8)) - w15*w17)*w18/w16
+    w20 = w15/w16
+    w21 = f.sqrt(1 - w20*w20)
+    w22 = w2*w10 + w5*w7
+    w23 = aligning*(w22/w16 - w18*(w12*(w7*w10 - w2*w5) + w15*w22)/w16)/w21
     return (
-        w22*w23 - w12*w20 + (w21/w17 + w22*w24)*w26/w25,
-        w23*w27 - w7*w20 + w26*(w5/w17 + w24*w27)/w25,
-        -(w5*w20 - w23*w28 + w26*(w7/w17 - w24*w28)/w25),
-        -(w20*w29 - w23*w31 + w26*(w30/w17 - w24*w31)/w25),
+        aligning*w19/w21,
+        aligning*(w10/w16 + w18*(w5*w12 - w10*w15)/w16)/w21,
+        -aligning*(w5/w16 - w18*(w10*w12 + w5*w15)/w16)/w21,
+        -w23,
     )
 
 

@@ -8,16 +8,15 @@ def dynamics(f, q, u, p, s):
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
     w2 = x1_t - theta1_t*(point_1*w0 + point_2*w1)
-    w3 = w1*along_1 - w0*along_2
-    w4 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
-    w5 = w0*along_1 + w1*along_2
-    w6 = w2*w3 + w4*w5
-    w7 = w3*w4 - w2*w5
-    w8 = f.sqrt(w6*w6 + w7*w7)
-    w9 = aligning*f.asin(w7/w8)/(peak*shape_factor)
-    w10 = f.sin(shape_factor*f.atan(w9 - curvature_factor*(w9 - f.atan(w9))))
+    w3 = w0*along_1 + w1*along_2
+    w4 = w1*along_1 - w0*along_2
+    w5 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
+    w6 = w4*w5 - w2*w3
+    w7 = w2*w4 + w5*w3
+    w8 = aligning*f.asin(w6/f.sqrt(w7*w7 + w6*w6))/(peak*shape_factor)
+    w9 = f.sin(shape_factor*f.atan(w8 - curvature_factor*(w8 - f.atan(w8))))
     return (
-        -peak*w6*w10/w8,
+        -peak*w9,
     )
 
 
@@ -35,53 +34,43 @@ def linearize(f, q, u, p, s):
     w2 = point_1*w0 + point_2*w1
     w3 = theta1_t*w2
     w4 = x1_t - w3
-    w5 = w0*along_1 + w1*along_2
+    w5 = w1*along_1 - w0*along_2
     w6 = w4*w5
-    w7 = w1*along_1 - w0*along_2
-    w8 = point_1*w1 - w0*point_2
-    w9 = theta1_t*w8
-    w10 = y1_t + w9
-    w11 = w7*w10
-    w12 = w11 - w3*w5 - (w6 + w7*w9)
-    w13 = w4*w7
-    w14 = w10*w5
-    w15 = w13 + w14
-    w16 = w11 - w6
-    w17 = f.sqrt(w15*w15 + w16*w16)
-    w18 = w16/w17
-    w19 = aligning*f.asin(w18)/(peak*shape_factor)
-    w20 = w19 - curvature_factor*(w19 - f.atan(w19))
-    w21 = shape_factor*f.atan(w20)
-    w22 = f.sin(w21)
-    w23 = peak*w22/w17
-    w24 = w13 - w9*w5 + w14 + w3*w7
-    w25 = (w15*w12 - w16*w24)/w17
-    w26 = peak*w15*w22/(w17*w17)
-    w27 = w16/(w17*w17)
-    w28 = f.sqrt(1 - w18*w18)
-    w29 = aligning/(peak*shape_factor)
-    w30 = (w24/w17 + w25*w27)*w29/w28
-    w31 = 1 + w19*w19
-    w32 = 1 + w20*w20
-    w33 = f.cos(w21)
-    w34 = shape_factor*(w30 + curvature_factor*(w30/w31 - w30))*w33/w32
-    w35 = peak*w15/w17
-    w36 = (w7*w15 - w5*w16)/w17
-    w37 = w29*(w5/w17 + w27*w36)/w28
-    w38 = w33*shape_factor*(w37 + curvature_factor*(w37/w31 - w37))/w32
-    w39 = (w5*w15 + w7*w16)/w17
-    w40 = w29*(w7/w17 - w27*w39)/w28
-    w41 = w33*shape_factor*(w40 - curvature_factor*(w40 - w40/w31))/w32
-    w42 = w8*w5 - w2*w7
-    w43 = w2*w5 + w7*w8
-    w44 = (w15*w42 + w16*w43)/w17
-    w45 = w29*(w43/w17 - w27*w44)/w28
-    w46 = w33*shape_factor*(w45 - curvature_factor*(w45 - w45/w31))/w32
+    w7 = point_1*w1 - w0*point_2
+    w8 = theta1_t*w7
+    w9 = y1_t + w8
+    w10 = w0*along_1 + w1*along_2
+    w11 = w9*w10
+    w12 = w6 + w11
+    w13 = w4*w10
+    w14 = w5*w9
+    w15 = w14 - w13
+    w16 = f.sqrt(w12*w12 + w15*w15)
+    w17 = w6 - w8*w10 + w11 + w3*w5
+    w18 = w15/(w16*w16)
+    w19 = w17/w16 + (w12*(w14 - w3*w10 - (w13 + w5*w8)) - w15*w17)*w18/w16
+    w20 = w15/w16
+    w21 = f.sqrt(1 - w20*w20)
+    w22 = aligning/(peak*shape_factor)
+    w23 = w19*w22/w21
+    w24 = aligning*f.asin(w20)/(peak*shape_factor)
+    w25 = 1 + w24*w24
+    w26 = w24 - curvature_factor*(w24 - f.atan(w24))
+    w27 = 1 + w26*w26
+    w28 = f.cos(shape_factor*f.atan(w26))
+    w29 = shape_factor*(w23 + curvature_factor*(w23/w25 - w23))*w28/w27
+    w30 = w22*(w10/w16 + w18*(w5*w12 - w10*w15)/w16)/w21
+    w31 = w28*shape_factor*(w30 + curvature_factor*(w30/w25 - w30))/w27
+    w32 = w22*(w5/w16 - w18*(w10*w12 + w5*w15)/w16)/w21
+    w33 = w28*shape_factor*(w32 - curvature_factor*(w32 - w32/w25))/w27
+    w34 = w2*w10 + w5*w7
+    w35 = w22*(w34/w16 - w18*(w12*(w7*w10 - w2*w5) + w15*w34)/w16)/w21
+    w36 = w28*shape_factor*(w35 - curvature_factor*(w35 - w35/w25))/w27
     return (
-        w25*w26 - w12*w23 + w34*w35,
-        w26*w36 - w7*w23 + w35*w38,
-        -(w5*w23 - w26*w39 + w35*w41),
-        -(w23*w42 - w26*w44 + w35*w46),
+        peak*w29,
+        peak*w31,
+        -peak*w33,
+        -peak*w36,
     )
 
 

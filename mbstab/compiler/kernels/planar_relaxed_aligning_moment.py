@@ -2,19 +2,10 @@
 
 
 def dynamics(f, q, u, p, s):
-    _, _, theta1, c2, = q
-    x1_t, y1_t, theta1_t, *_ = u
-    point_1, point_2, along_1, along_2, aligning, = p
-    w0 = f.sin(theta1)
-    w1 = f.cos(theta1)
-    w2 = x1_t - theta1_t*(point_1*w0 + point_2*w1)
-    w3 = w1*along_1 - w0*along_2
-    w4 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
-    w5 = w0*along_1 + w1*along_2
-    w6 = w2*w3 + w4*w5
-    w7 = w3*w4 - w2*w5
+    _, _, _, c2, = q
+    _, _, _, _, aligning, = p
     return (
-        -aligning*c2*w6/f.sqrt(w6*w6 + w7*w7),
+        -aligning*c2,
     )
 
 
@@ -24,41 +15,13 @@ DYNAMICS = {
 
 
 def linearize(f, q, u, p, s):
-    _, _, theta1, c2, = q
-    x1_t, y1_t, theta1_t, *_ = u
-    point_1, point_2, along_1, along_2, aligning, = p
-    w0 = f.sin(theta1)
-    w1 = f.cos(theta1)
-    w2 = point_1*w0 + point_2*w1
-    w3 = theta1_t*w2
-    w4 = x1_t - w3
-    w5 = w0*along_1 + w1*along_2
-    w6 = w4*w5
-    w7 = w1*along_1 - w0*along_2
-    w8 = point_1*w1 - w0*point_2
-    w9 = theta1_t*w8
-    w10 = y1_t + w9
-    w11 = w7*w10
-    w12 = w11 - w3*w5 - (w6 + w7*w9)
-    w13 = w4*w7
-    w14 = w10*w5
-    w15 = w13 + w14
-    w16 = w11 - w6
-    w17 = f.sqrt(w15*w15 + w16*w16)
-    w18 = aligning*c2/w17
-    w19 = aligning*c2*w15/(w17*w17)
-    w20 = w12*w18 - (w15*w12 - w16*(w13 - w9*w5 + w14 + w3*w7))*w19/w17
-    w21 = w8*w5 - w2*w7
+    _, _, _, _, aligning, = p
     return (
-        -w20,
-        -aligning*w15/w17,
-        -(w7*w18 - w19*(w7*w15 - w5*w16)/w17),
-        -(w5*w18 - w19*(w5*w15 + w7*w16)/w17),
-        -(w18*w21 - w19*(w15*w21 + w16*(w2*w5 + w7*w8))/w17),
+        -aligning,
     )
 
 
 LINEARIZE = {
-    'K': ((2, 2), (2, 3)),
-    'R': ((2, 0), (2, 1), (2, 2)),
+    'K': ((2, 3),),
+    'R': (),
 }

@@ -2,21 +2,12 @@
 
 
 def dynamics(f, q, u, p, s):
-    _, _, theta1, c2, = q
-    x1_t, y1_t, theta1_t, *_ = u
-    point_1, point_2, along_1, along_2, aligning, peak, shape_factor, curvature_factor, = p
-    w0 = f.sin(theta1)
-    w1 = f.cos(theta1)
-    w2 = x1_t - theta1_t*(point_1*w0 + point_2*w1)
-    w3 = w1*along_1 - w0*along_2
-    w4 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
-    w5 = w0*along_1 + w1*along_2
-    w6 = w2*w3 + w4*w5
-    w7 = w3*w4 - w2*w5
-    w8 = aligning*c2/(peak*shape_factor)
-    w9 = f.sin(shape_factor*f.atan(w8 - curvature_factor*(w8 - f.atan(w8))))
+    _, _, _, c2, = q
+    _, _, _, _, aligning, peak, shape_factor, curvature_factor, = p
+    w0 = aligning*c2/(peak*shape_factor)
+    w1 = f.sin(shape_factor*f.atan(w0 - curvature_factor*(w0 - f.atan(w0))))
     return (
-        -peak*w6*w9/f.sqrt(w6*w6 + w7*w7),
+        -peak*w1,
     )
 
 
@@ -26,47 +17,18 @@ DYNAMICS = {
 
 
 def linearize(f, q, u, p, s):
-    _, _, theta1, c2, = q
-    x1_t, y1_t, theta1_t, *_ = u
-    point_1, point_2, along_1, along_2, aligning, peak, shape_factor, curvature_factor, = p
-    w0 = f.sin(theta1)
-    w1 = f.cos(theta1)
-    w2 = point_1*w0 + point_2*w1
-    w3 = theta1_t*w2
-    w4 = x1_t - w3
-    w5 = w0*along_1 + w1*along_2
-    w6 = w4*w5
-    w7 = w1*along_1 - w0*along_2
-    w8 = point_1*w1 - w0*point_2
-    w9 = theta1_t*w8
-    w10 = y1_t + w9
-    w11 = w7*w10
-    w12 = w11 - w3*w5 - (w6 + w7*w9)
-    w13 = w4*w7
-    w14 = w10*w5
-    w15 = w13 + w14
-    w16 = w11 - w6
-    w17 = f.sqrt(w15*w15 + w16*w16)
-    w18 = aligning*c2/(peak*shape_factor)
-    w19 = w18 - curvature_factor*(w18 - f.atan(w18))
-    w20 = shape_factor*f.atan(w19)
-    w21 = f.sin(w20)
-    w22 = peak*w21/w17
-    w23 = peak*w15*w21/(w17*w17)
-    w24 = w12*w22 - (w15*w12 - w16*(w13 - w9*w5 + w14 + w3*w7))*w23/w17
-    w25 = aligning/(peak*shape_factor)
-    w26 = (w25 - curvature_factor*(w25 - w25/(1 + w18*w18)))/(1 + w19*w19)
-    w27 = w8*w5 - w2*w7
+    _, _, _, c2, = q
+    _, _, _, _, aligning, peak, shape_factor, curvature_factor, = p
+    w0 = aligning/(peak*shape_factor)
+    w1 = aligning*c2/(peak*shape_factor)
+    w2 = w1 - curvature_factor*(w1 - f.atan(w1))
+    w3 = shape_factor*(w0 - curvature_factor*(w0 - w0/(1 + w1*w1)))/(1 + w2*w2)
     return (
-        -w24,
-        -peak*w15*shape_factor*w26*f.cos(w20)/w17,
-        -(w7*w22 - w23*(w7*w15 - w5*w16)/w17),
-        -(w5*w22 - w23*(w5*w15 + w7*w16)/w17),
-        -(w22*w27 - w23*(w15*w27 + w16*(w2*w5 + w7*w8))/w17),
+        -peak*w3*f.cos(shape_factor*f.atan(w2)),
     )
 
 
 LINEARIZE = {
-    'K': ((2, 2), (2, 3)),
-    'R': ((2, 0), (2, 1), (2, 2)),
+    'K': ((2, 3),),
+    'R': (),
 }

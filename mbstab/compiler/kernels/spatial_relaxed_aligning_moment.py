@@ -2,71 +2,22 @@
 
 
 def dynamics(f, q, u, p, s):
-    _, _, _, phi1, theta1, psi1, c2, = q
-    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, = p
-    w0 = f.sin(theta1)
-    w1 = f.cos(psi1)
-    w2 = f.sin(psi1)
-    w3 = axle_1*w1 - axle_2*w2
-    w4 = f.cos(theta1)
-    w5 = axle_3*w0 + w3*w4
-    w6 = axle_1*w2 + w1*axle_2
+    _, _, _, phi1, theta1, _, c2, = q
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, _, _, _, _, _, _, _, _, normal_1, normal_2, normal_3, aligning, = p
+    w0 = aligning*c2
+    w1 = w0*normal_3
+    w2 = w0*normal_2
+    w3 = w0*normal_1
+    w4 = base1_31*w1 + base1_21*w2 + base1_11*w3
+    w5 = f.sin(phi1)
+    w6 = base1_33*w1 + base1_23*w2 + base1_13*w3
     w7 = f.cos(phi1)
-    w8 = axle_3*w4 - w0*w3
-    w9 = f.sin(phi1)
-    w10 = w6*w7 - w8*w9
-    w11 = w6*w9 + w7*w8
-    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
-    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
-    w14 = normal_1*w12 - normal_3*w13
-    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
-    w16 = w13*normal_2 - normal_1*w15
-    w17 = normal_3*w15 - w12*normal_2
-    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
-    w19 = w2*center_1 + w1*center_2
-    w20 = w1*center_1 - w2*center_2
-    w21 = w4*center_3 - w0*w20
-    w22 = w9*w19 + w7*w21
-    w23 = w7*w19 - w9*w21
-    w24 = phi1_t*(base1_23*w23 - base1_22*w22)
-    w25 = w7*w20 - w0*w9*w19
-    w26 = w9*w20 + w0*w7*w19
-    w27 = psi1_t*(base1_22*w25 + base1_23*w26 - w4*base1_21*w19)
-    w28 = w0*center_3 + w4*w20
-    w29 = theta1_t*(base1_21*w21 - w7*base1_23*w28 + w9*base1_22*w28)
-    w30 = phi1_t*(base1_33*w23 - base1_32*w22)
-    w31 = psi1_t*(base1_32*w25 + base1_33*w26 - base1_31*w4*w19)
-    w32 = theta1_t*(base1_31*w21 - w7*base1_33*w28 + base1_32*w9*w28)
-    w33 = phi1_t*(base1_13*w23 - base1_12*w22)
-    w34 = psi1_t*(base1_12*w25 + base1_13*w26 - w4*base1_11*w19)
-    w35 = theta1_t*(base1_11*w21 - w7*base1_13*w28 + w9*base1_12*w28)
-    w36 = w14*(y1_t + w24 + w27 + w29)/w18 + w16*(z1_t + w30 + w31 + w32)/w18 + w17*(x1_t + w33 + w34 + w35)/w18
-    w37 = normal_1*w13 + normal_2*w15 + w12*normal_3
-    w38 = normal_2*tube + radius*(normal_2 - w15*w37)/w18
-    w39 = phi1_t + w0*psi1_t
-    w40 = w7*theta1_t - w4*w9*psi1_t
-    w41 = w9*theta1_t + w4*w7*psi1_t
-    w42 = base1_11*w39 + base1_12*w40 + base1_13*w41
-    w43 = normal_1*tube + radius*(normal_1 - w13*w37)/w18
-    w44 = base1_21*w39 + base1_22*w40 + base1_23*w41
-    w45 = (normal_1*w14 - normal_2*w17)*(z1_t + w30 + w31 + w32 - w38*w42 + w43*w44)/w18
-    w46 = normal_3*tube + radius*(normal_3 - w12*w37)/w18
-    w47 = base1_31*w39 + base1_32*w40 + base1_33*w41
-    w48 = (normal_2*w16 - normal_3*w14)*(x1_t + w33 + w34 + w35 - w44*w46 + w38*w47)/w18
-    w49 = (normal_3*w17 - normal_1*w16)*(y1_t + w24 + w27 + w29 - w43*w47 + w42*w46)/w18
-    w50 = w45 + w48 + w49
-    w51 = aligning*c2*w36/f.sqrt(w50*w50 + w36*w36)
-    w52 = normal_3*w51
-    w53 = normal_2*w51
-    w54 = normal_1*w51
-    w55 = base1_31*w52 + base1_21*w53 + base1_11*w54
-    w56 = base1_33*w52 + base1_23*w53 + base1_13*w54
-    w57 = base1_32*w52 + base1_22*w53 + base1_12*w54
+    w8 = base1_32*w1 + base1_22*w2 + base1_12*w3
+    w9 = f.cos(theta1)
     return (
-        -w55,
-        -(w9*w56 + w7*w57),
-        -(w56*w4*w7 - w57*w4*w9 + w0*w55),
+        -w4,
+        -(w5*w6 + w7*w8),
+        -(w6*w7*w9 - w8*w9*w5 + f.sin(theta1)*w4),
     )
 
 
@@ -76,335 +27,38 @@ DYNAMICS = {
 
 
 def linearize(f, q, u, p, s):
-    _, _, _, phi1, theta1, psi1, c2, = q
-    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, = p
-    w0 = f.sin(psi1)
-    w1 = f.cos(psi1)
-    w2 = axle_1*w0 + w1*axle_2
-    w3 = f.sin(phi1)
+    _, _, _, phi1, theta1, _, c2, = q
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, _, _, _, _, _, _, _, _, normal_1, normal_2, normal_3, aligning, = p
+    w0 = aligning*normal_3
+    w1 = aligning*normal_2
+    w2 = aligning*normal_1
+    w3 = base1_31*w0 + base1_21*w1 + base1_11*w2
     w4 = f.cos(phi1)
-    w5 = f.cos(theta1)
-    w6 = f.sin(theta1)
-    w7 = axle_1*w1 - axle_2*w0
-    w8 = axle_3*w5 - w6*w7
-    w9 = w2*w3 + w4*w8
-    w10 = w2*w4 - w8*w3
-    w11 = w10*base1_33 - base1_32*w9
-    w12 = w10*base1_13 - w9*base1_12
-    w13 = normal_1*w11 - normal_3*w12
-    w14 = axle_3*w6 + w7*w5
-    w15 = base1_31*w14 + base1_32*w10 + base1_33*w9
-    w16 = w14*base1_11 + w10*base1_12 + w9*base1_13
-    w17 = normal_1*w15 - normal_3*w16
-    w18 = w14*base1_21 + w10*base1_22 + w9*base1_23
-    w19 = w16*normal_2 - normal_1*w18
-    w20 = normal_3*w18 - w15*normal_2
-    w21 = f.sqrt(w17*w17 + w19*w19 + w20*w20)
-    w22 = w0*center_1 + w1*center_2
-    w23 = w3*w22
-    w24 = w1*center_1 - w0*center_2
-    w25 = w5*center_3 - w6*w24
-    w26 = w23 + w4*w25
-    w27 = w4*w22
-    w28 = w27 - w3*w25
-    w29 = base1_23*w28 - base1_22*w26
-    w30 = phi1_t*w29
-    w31 = w4*w24 - w6*w3*w22
-    w32 = w3*w24 + w6*w4*w22
-    w33 = base1_22*w31 + base1_23*w32 - w5*base1_21*w22
-    w34 = psi1_t*w33
-    w35 = w6*center_3 + w5*w24
-    w36 = base1_21*w25 - w4*base1_23*w35 + w3*base1_22*w35
-    w37 = theta1_t*w36
-    w38 = y1_t + w30 + w34 + w37
-    w39 = w38/w21
-    w40 = w10*base1_23 - w9*base1_22
-    w41 = normal_2*w12 - normal_1*w40
-    w42 = normal_3*w40 - normal_2*w11
-    w43 = (w17*w13 + w19*w41 + w20*w42)/w21
-    w44 = w17*w38/(w21*w21)
-    w45 = phi1_t*(base1_22*w28 + base1_23*w26)
-    w46 = base1_23*w31 - base1_22*w32
-    w47 = psi1_t*w46
-    w48 = w3*base1_23*w35 + w4*base1_22*w35
-    w49 = theta1_t*w48
-    w50 = w17/w21
-    w51 = base1_33*w28 - base1_32*w26
-    w52 = phi1_t*w51
-    w53 = base1_32*w31 + base1_33*w32 - base1_31*w5*w22
-    w54 = psi1_t*w53
-    w55 = base1_31*w25 - w4*base1_33*w35 + base1_32*w3*w35
-    w56 = theta1_t*w55
-    w57 = z1_t + w52 + w54 + w56
-    w58 = w57/w21
-    w59 = w19*w57/(w21*w21)
-    w60 = phi1_t*(base1_32*w28 + base1_33*w26)
-    w61 = base1_33*w31 - base1_32*w32
-    w62 = psi1_t*w61
-    w63 = w3*base1_33*w35 + w4*base1_32*w35
-    w64 = theta1_t*w63
-    w65 = w19/w21
-    w66 = base1_13*w28 - base1_12*w26
-    w67 = phi1_t*w66
-    w68 = base1_12*w31 + base1_13*w32 - w5*base1_11*w22
-    w69 = psi1_t*w68
-    w70 = base1_11*w25 - w4*base1_13*w35 + w3*base1_12*w35
-    w71 = theta1_t*w70
-    w72 = x1_t + w67 + w69 + w71
-    w73 = w72/w21
-    w74 = w20*w72/(w21*w21)
-    w75 = phi1_t*(base1_12*w28 + base1_13*w26)
-    w76 = base1_13*w31 - base1_12*w32
-    w77 = psi1_t*w76
-    w78 = w3*base1_13*w35 + w4*base1_12*w35
-    w79 = theta1_t*w78
-    w80 = w20/w21
-    w81 = w13*w39 - w43*w44 + (w47 - w45 + w49)*w50 + w41*w58 - w43*w59 + (w62 - w60 + w64)*w65 + w42*w73 - w43*w74 + (w77 - w75 + w79)*w80
-    w82 = normal_1*w17 - normal_2*w20
-    w83 = normal_1*w16 + normal_2*w18 + w15*normal_3
-    w84 = normal_2 - w18*w83
-    w85 = normal_2*tube + radius*w84/w21
-    w86 = phi1_t + w6*psi1_t
-    w87 = w4*theta1_t - w5*w3*psi1_t
-    w88 = w3*theta1_t + w5*w4*psi1_t
-    w89 = base1_11*w86 + base1_12*w87 + base1_13*w88
-    w90 = normal_1 - w16*w83
-    w91 = normal_1*tube + radius*w90/w21
-    w92 = base1_21*w86 + base1_22*w87 + base1_23*w88
-    w93 = z1_t + w52 + w54 + w56 - w85*w89 + w91*w92
-    w94 = normal_2*w19 - normal_3*w17
-    w95 = normal_3 - w15*w83
-    w96 = normal_3*tube + radius*w95/w21
-    w97 = base1_31*w86 + base1_32*w87 + base1_33*w88
-    w98 = x1_t + w67 + w69 + w71 - w92*w96 + w85*w97
-    w99 = normal_3*w20 - normal_1*w19
-    w100 = y1_t + w30 + w34 + w37 - w91*w97 + w89*w96
-    w101 = w82*w93/w21 + w94*w98/w21 + w99*w100/w21
-    w102 = w17*w38/w21 + w19*w57/w21 + w20*w72/w21
-    w103 = f.sqrt(w101*w101 + w102*w102)
-    w104 = aligning*c2/w103
-    w105 = w82*w93/(w21*w21)
-    w106 = w93/w21
-    w107 = radius*w84/(w21*w21)
-    w108 = normal_1*w12 + normal_2*w40 + normal_3*w11
-    w109 = radius/w21
-    w110 = w43*w107 + (w83*w40 + w18*w108)*w109
-    w111 = base1_13*w87 - base1_12*w88
-    w112 = radius*w90/(w21*w21)
-    w113 = w43*w112 + w109*(w83*w12 + w16*w108)
-    w114 = base1_23*w87 - base1_22*w88
-    w115 = w62 - w60 + w64 - (w85*w111 - w89*w110) + w91*w114 - w92*w113
-    w116 = w82/w21
-    w117 = w94*w98/(w21*w21)
-    w118 = w98/w21
-    w119 = radius*w95/(w21*w21)
-    w120 = w43*w119 + w109*(w83*w11 + w15*w108)
-    w121 = base1_33*w87 - base1_32*w88
-    w122 = w77 - w75 + w79 - (w96*w114 - w92*w120) + w85*w121 - w97*w110
-    w123 = w94/w21
-    w124 = w99*w100/(w21*w21)
-    w125 = w100/w21
-    w126 = w47 - w45 + w49 - (w91*w121 - w97*w113) + w96*w111 - w89*w120
-    w127 = w99/w21
-    w128 = (normal_1*w13 - normal_2*w42)*w106 - w43*w105 + w115*w116 + (normal_2*w41 - normal_3*w13)*w118 - w43*w117 + w122*w123 + (normal_3*w42 - normal_1*w41)*w125 - w43*w124 + w126*w127
-    w129 = aligning*c2*w102/(w103*w103)
-    w130 = w81*w104 - (w101*w128 + w102*w81)*w129/w103
-    w131 = normal_3*w130
-    w132 = normal_2*w130
-    w133 = normal_1*w130
-    w134 = base1_31*w131 + base1_21*w132 + base1_11*w133
-    w135 = w14*w3
-    w136 = w14*w4
-    w137 = base1_31*w8 + base1_32*w135 - base1_33*w136
-    w138 = w8*base1_11 + base1_12*w135 - base1_13*w136
-    w139 = normal_1*w137 - normal_3*w138
-    w140 = w8*base1_21 + base1_22*w135 - base1_23*w136
-    w141 = normal_2*w138 - normal_1*w140
-    w142 = normal_3*w140 - normal_2*w137
-    w143 = (w17*w139 + w19*w141 + w20*w142)/w21
-    w144 = phi1_t*w48
-    w145 = w5*w23
-    w146 = w5*w27
-    w147 = base1_23*w146 - base1_22*w145 + w6*base1_21*w22
-    w148 = psi1_t*w147
-    w149 = theta1_t*(base1_21*w35 + w25*w4*base1_23 - w25*w3*base1_22)
-    w150 = phi1_t*w63
-    w151 = base1_33*w146 - base1_32*w145 + w6*base1_31*w22
-    w152 = psi1_t*w151
-    w153 = theta1_t*(base1_31*w35 + w25*w4*base1_33 - w25*base1_32*w3)
-    w154 = phi1_t*w78
-    w155 = base1_13*w146 - base1_12*w145 + w6*base1_11*w22
-    w156 = psi1_t*w155
-    w157 = theta1_t*(base1_11*w35 + w25*w4*base1_13 - w25*w3*base1_12)
-    w158 = w39*w139 - w44*w143 + w50*(w144 + w148 - w149) + w58*w141 - w59*w143 + w65*(w150 + w152 - w153) + w73*w142 - w74*w143 + w80*(w154 + w156 - w157)
-    w159 = normal_1*w138 + normal_2*w140 + normal_3*w137
-    w160 = w107*w143 + w109*(w83*w140 + w18*w159)
-    w161 = w5*psi1_t
-    w162 = w6*w3*psi1_t
-    w163 = w6*w4*psi1_t
-    w164 = base1_11*w161 + base1_12*w162 - base1_13*w163
-    w165 = w112*w143 + w109*(w83*w138 + w16*w159)
-    w166 = base1_21*w161 + base1_22*w162 - base1_23*w163
-    w167 = w150 + w152 - w153 - (w85*w164 - w89*w160) + w91*w166 - w92*w165
-    w168 = w119*w143 + w109*(w83*w137 + w15*w159)
-    w169 = base1_31*w161 + base1_32*w162 - base1_33*w163
-    w170 = w154 + w156 - w157 - (w96*w166 - w92*w168) + w85*w169 - w97*w160
-    w171 = w144 + w148 - w149 - (w91*w169 - w97*w165) + w96*w164 - w89*w168
-    w172 = w106*(normal_1*w139 - normal_2*w142) - w105*w143 + w116*w167 + w118*(normal_2*w141 - normal_3*w139) - w117*w143 + w123*w170 + w125*(normal_3*w142 - normal_1*w141) - w124*w143 + w127*w171
-    w173 = w104*w158 - w129*(w101*w172 + w102*w158)/w103
-    w174 = normal_3*w173
-    w175 = normal_2*w173
-    w176 = normal_1*w173
-    w177 = base1_31*w174 + base1_21*w175 + base1_11*w176
-    w178 = w5*w2
-    w179 = w6*w2
-    w180 = w7*w4 - w3*w179
-    w181 = w7*w3 + w4*w179
-    w182 = base1_32*w180 - base1_31*w178 + base1_33*w181
-    w183 = base1_12*w180 - base1_11*w178 + base1_13*w181
-    w184 = normal_1*w182 - normal_3*w183
-    w185 = base1_22*w180 - base1_21*w178 + base1_23*w181
-    w186 = normal_2*w183 - normal_1*w185
-    w187 = normal_3*w185 - normal_2*w182
-    w188 = (w17*w184 + w19*w186 + w20*w187)/w21
-    w189 = phi1_t*w46
-    w190 = w6*w3
-    w191 = w27 + w24*w190
-    w192 = w6*w4
-    w193 = w24*w192 - w23
-    w194 = psi1_t*(base1_22*w191 - base1_23*w193 + w24*w5*base1_21)
-    w195 = theta1_t*w147
-    w196 = phi1_t*w61
-    w197 = psi1_t*(base1_32*w191 - base1_33*w193 + w24*base1_31*w5)
-    w198 = theta1_t*w151
-    w199 = phi1_t*w76
-    w200 = psi1_t*(base1_12*w191 - base1_13*w193 + w24*w5*base1_11)
-    w201 = theta1_t*w155
-    w202 = w39*w184 - w44*w188 + w50*(w189 - w194 + w195) + w58*w186 - w59*w188 + w65*(w196 - w197 + w198) + w73*w187 - w74*w188 + w80*(w199 - w200 + w201)
-    w203 = normal_1*w183 + normal_2*w185 + normal_3*w182
-    w204 = w107*w188 + w109*(w83*w185 + w18*w203)
-    w205 = w112*w188 + w109*(w83*w183 + w16*w203)
-    w206 = w106*(normal_1*w184 - normal_2*w187) - w105*w188 + w116*(w196 - w197 + w198 + w89*w204 - w92*w205)
-    w207 = w119*w188 + w109*(w83*w182 + w15*w203)
-    w208 = w118*(normal_2*w186 - normal_3*w184) - w117*w188 + w123*(w199 - w200 + w201 + w92*w207 - w97*w204)
-    w209 = w125*(normal_3*w187 - normal_1*w186) - w124*w188 + w127*(w189 - w194 + w195 + w97*w205 - w89*w207)
-    w210 = w104*w202 - w129*(w101*(w206 + w208 + w209) + w102*w202)/w103
-    w211 = normal_3*w210
-    w212 = normal_2*w210
-    w213 = normal_1*w210
-    w214 = base1_31*w211 + base1_21*w212 + base1_11*w213
-    w215 = aligning*w102/w103
-    w216 = normal_3*w215
-    w217 = normal_2*w215
-    w218 = normal_1*w215
-    w219 = base1_31*w216 + base1_21*w217 + base1_11*w218
-    w220 = aligning*c2*w102/w103
-    w221 = normal_3*w220
-    w222 = normal_2*w220
-    w223 = normal_1*w220
-    w224 = base1_33*w221 + base1_23*w222 + base1_13*w223
-    w225 = base1_33*w131 + base1_23*w132 + base1_13*w133
-    w226 = base1_32*w221 + base1_22*w222 + base1_12*w223
-    w227 = base1_32*w131 + base1_22*w132 + base1_12*w133
-    w228 = base1_33*w174 + base1_23*w175 + base1_13*w176
-    w229 = base1_32*w174 + base1_22*w175 + base1_12*w176
-    w230 = base1_33*w211 + base1_23*w212 + base1_13*w213
-    w231 = base1_32*w211 + base1_22*w212 + base1_12*w213
-    w232 = base1_33*w216 + base1_23*w217 + base1_13*w218
-    w233 = base1_32*w216 + base1_22*w217 + base1_12*w218
-    w234 = w5*w4
-    w235 = w5*w3
-    w236 = w234*w228 - w224*w192 - (w235*w229 - w226*w190) + w5*(base1_31*w221 + base1_21*w222 + base1_11*w223) + w6*w177
-    w237 = w80*w104 - w129*(w101*w123 + w102*w80)/w103
-    w238 = normal_3*w237
-    w239 = normal_2*w237
-    w240 = normal_1*w237
-    w241 = base1_31*w238 + base1_21*w239 + base1_11*w240
-    w242 = w50*w104 - w129*(w101*w127 + w102*w50)/w103
-    w243 = normal_3*w242
-    w244 = normal_2*w242
-    w245 = normal_1*w242
-    w246 = base1_31*w243 + base1_21*w244 + base1_11*w245
-    w247 = w65*w104 - w129*(w101*w116 + w102*w65)/w103
-    w248 = normal_3*w247
-    w249 = normal_2*w247
-    w250 = normal_1*w247
-    w251 = base1_31*w248 + base1_21*w249 + base1_11*w250
-    w252 = w29*w50 + w51*w65 + w66*w80
-    w253 = w116*(w51 - base1_11*w85 + base1_21*w91) + w123*(w66 - base1_21*w96 + base1_31*w85) + w127*(w29 - base1_31*w91 + base1_11*w96)
-    w254 = w104*w252 - w129*(w101*w253 + w102*w252)/w103
-    w255 = normal_3*w254
-    w256 = normal_2*w254
-    w257 = normal_1*w254
-    w258 = base1_31*w255 + base1_21*w256 + base1_11*w257
-    w259 = w36*w50 + w55*w65 + w70*w80
-    w260 = w4*base1_12 + w3*base1_13
-    w261 = w4*base1_22 + w3*base1_23
-    w262 = base1_32*w4 + w3*base1_33
-    w263 = w116*(w55 - w85*w260 + w91*w261) + w123*(w70 - w96*w261 + w85*w262) + w127*(w36 - w91*w262 + w96*w260)
-    w264 = w104*w259 - w129*(w101*w263 + w102*w259)/w103
-    w265 = normal_3*w264
-    w266 = normal_2*w264
-    w267 = normal_1*w264
-    w268 = base1_31*w265 + base1_21*w266 + base1_11*w267
-    w269 = w33*w50 + w53*w65 + w68*w80
-    w270 = w6*base1_11 - base1_12*w235 + base1_13*w234
-    w271 = w6*base1_21 - base1_22*w235 + base1_23*w234
-    w272 = base1_31*w6 - base1_32*w235 + base1_33*w234
-    w273 = w116*(w53 - w85*w270 + w91*w271) + w123*(w68 - w96*w271 + w85*w272) + w127*(w33 - w91*w272 + w96*w270)
-    w274 = w104*w269 - w129*(w101*w273 + w102*w269)/w103
-    w275 = normal_3*w274
-    w276 = normal_2*w274
-    w277 = normal_1*w274
-    w278 = base1_31*w275 + base1_21*w276 + base1_11*w277
-    w279 = base1_33*w238 + base1_23*w239 + base1_13*w240
-    w280 = base1_32*w238 + base1_22*w239 + base1_12*w240
-    w281 = base1_33*w243 + base1_23*w244 + base1_13*w245
-    w282 = base1_32*w243 + base1_22*w244 + base1_12*w245
-    w283 = base1_33*w248 + base1_23*w249 + base1_13*w250
-    w284 = base1_32*w248 + base1_22*w249 + base1_12*w250
-    w285 = base1_33*w255 + base1_23*w256 + base1_13*w257
-    w286 = base1_32*w255 + base1_22*w256 + base1_12*w257
-    w287 = base1_33*w265 + base1_23*w266 + base1_13*w267
-    w288 = base1_32*w265 + base1_22*w266 + base1_12*w267
-    w289 = base1_33*w275 + base1_23*w276 + base1_13*w277
-    w290 = base1_32*w275 + base1_22*w276 + base1_12*w277
+    w5 = aligning*c2
+    w6 = w5*normal_3
+    w7 = w5*normal_2
+    w8 = w5*normal_1
+    w9 = base1_33*w6 + base1_23*w7 + base1_13*w8
+    w10 = f.sin(phi1)
+    w11 = base1_32*w6 + base1_22*w7 + base1_12*w8
+    w12 = base1_33*w0 + base1_23*w1 + base1_13*w2
+    w13 = base1_32*w0 + base1_22*w1 + base1_12*w2
+    w14 = f.cos(theta1)
+    w15 = w14*w10
+    w16 = w4*w14
+    w17 = f.sin(theta1)
+    w18 = w11*w17*w10 - w9*w17*w4 + w14*(base1_31*w6 + base1_21*w7 + base1_11*w8)
     return (
-        -w134,
-        -w177,
-        -w214,
-        -w219,
-        -(w4*w224 + w3*w225 + w4*w227 - w3*w226),
-        -(w3*w228 + w4*w229),
-        -(w3*w230 + w4*w231),
-        -(w3*w232 + w4*w233),
-        -(w234*w225 - w224*w235 - (w235*w227 + w234*w226) + w6*w134),
-        -w236,
-        -(w234*w230 - w235*w231 + w6*w214),
-        -(w234*w232 - w235*w233 + w6*w219),
-        -w241,
-        -w246,
-        -w251,
-        -w258,
-        -w268,
-        -w278,
-        -(w3*w279 + w4*w280),
-        -(w3*w281 + w4*w282),
-        -(w3*w283 + w4*w284),
-        -(w3*w285 + w4*w286),
-        -(w3*w287 + w4*w288),
-        -(w3*w289 + w4*w290),
-        -(w234*w279 - w235*w280 + w6*w241),
-        -(w234*w281 - w235*w282 + w6*w246),
-        -(w234*w283 - w235*w284 + w6*w251),
-        -(w234*w285 - w235*w286 + w6*w258),
-        -(w234*w287 - w235*w288 + w6*w268),
-        -(w234*w289 - w235*w290 + w6*w278),
+        -w3,
+        -(w4*w9 - w10*w11),
+        -(w10*w12 + w4*w13),
+        w9*w15 + w16*w11,
+        -w18,
+        -(w16*w12 - w15*w13 + w17*w3),
     )
 
 
 LINEARIZE = {
-    'K': ((3, 3), (3, 4), (3, 5), (3, 6), (4, 3), (4, 4), (4, 5), (4, 6), (5, 3), (5, 4), (5, 5), (5, 6)),
-    'R': ((3, 0), (3, 1), (3, 2), (3, 3), (3, 4), (3, 5), (4, 0), (4, 1), (4, 2), (4, 3), (4, 4), (4, 5), (5, 0), (5, 1), (5, 2), (5, 3), (5, 4), (5, 5)),
+    'K': ((3, 6), (4, 3), (4, 6), (5, 3), (5, 4), (5, 6)),
+    'R': (),
 }

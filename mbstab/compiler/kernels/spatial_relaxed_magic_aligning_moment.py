@@ -2,73 +2,24 @@
 
 
 def dynamics(f, q, u, p, s):
-    _, _, _, phi1, theta1, psi1, c2, = q
-    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
-    w0 = f.sin(theta1)
-    w1 = f.cos(psi1)
-    w2 = f.sin(psi1)
-    w3 = axle_1*w1 - axle_2*w2
-    w4 = f.cos(theta1)
-    w5 = axle_3*w0 + w3*w4
-    w6 = axle_1*w2 + w1*axle_2
-    w7 = f.cos(phi1)
-    w8 = axle_3*w4 - w0*w3
-    w9 = f.sin(phi1)
-    w10 = w6*w7 - w8*w9
-    w11 = w6*w9 + w7*w8
-    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
-    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
-    w14 = normal_1*w12 - normal_3*w13
-    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
-    w16 = w13*normal_2 - normal_1*w15
-    w17 = normal_3*w15 - w12*normal_2
-    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
-    w19 = w2*center_1 + w1*center_2
-    w20 = w1*center_1 - w2*center_2
-    w21 = w4*center_3 - w0*w20
-    w22 = w9*w19 + w7*w21
-    w23 = w7*w19 - w9*w21
-    w24 = phi1_t*(base1_23*w23 - base1_22*w22)
-    w25 = w7*w20 - w0*w9*w19
-    w26 = w9*w20 + w0*w7*w19
-    w27 = psi1_t*(base1_22*w25 + base1_23*w26 - w4*base1_21*w19)
-    w28 = w0*center_3 + w4*w20
-    w29 = theta1_t*(base1_21*w21 - w7*base1_23*w28 + w9*base1_22*w28)
-    w30 = phi1_t*(base1_33*w23 - base1_32*w22)
-    w31 = psi1_t*(base1_32*w25 + base1_33*w26 - base1_31*w4*w19)
-    w32 = theta1_t*(base1_31*w21 - w7*base1_33*w28 + base1_32*w9*w28)
-    w33 = phi1_t*(base1_13*w23 - base1_12*w22)
-    w34 = psi1_t*(base1_12*w25 + base1_13*w26 - w4*base1_11*w19)
-    w35 = theta1_t*(base1_11*w21 - w7*base1_13*w28 + w9*base1_12*w28)
-    w36 = w14*(y1_t + w24 + w27 + w29)/w18 + w16*(z1_t + w30 + w31 + w32)/w18 + w17*(x1_t + w33 + w34 + w35)/w18
-    w37 = normal_1*w13 + normal_2*w15 + w12*normal_3
-    w38 = normal_2*tube + radius*(normal_2 - w15*w37)/w18
-    w39 = phi1_t + w0*psi1_t
-    w40 = w7*theta1_t - w4*w9*psi1_t
-    w41 = w9*theta1_t + w4*w7*psi1_t
-    w42 = base1_11*w39 + base1_12*w40 + base1_13*w41
-    w43 = normal_1*tube + radius*(normal_1 - w13*w37)/w18
-    w44 = base1_21*w39 + base1_22*w40 + base1_23*w41
-    w45 = (normal_1*w14 - normal_2*w17)*(z1_t + w30 + w31 + w32 - w38*w42 + w43*w44)/w18
-    w46 = normal_3*tube + radius*(normal_3 - w12*w37)/w18
-    w47 = base1_31*w39 + base1_32*w40 + base1_33*w41
-    w48 = (normal_2*w16 - normal_3*w14)*(x1_t + w33 + w34 + w35 - w44*w46 + w38*w47)/w18
-    w49 = (normal_3*w17 - normal_1*w16)*(y1_t + w24 + w27 + w29 - w43*w47 + w42*w46)/w18
-    w50 = w45 + w48 + w49
-    w51 = aligning*c2/(peak*shape_factor)
-    w52 = shape_factor*f.atan(w51 - curvature_factor*(w51 - f.atan(w51)))
-    w53 = peak*w36*f.sin(w52)/f.sqrt(w50*w50 + w36*w36)
-    w54 = normal_3*w53
-    w55 = normal_2*w53
-    w56 = normal_1*w53
-    w57 = base1_31*w54 + base1_21*w55 + base1_11*w56
-    w58 = base1_33*w54 + base1_23*w55 + base1_13*w56
-    w59 = base1_32*w54 + base1_22*w55 + base1_12*w56
+    _, _, _, phi1, theta1, _, c2, = q
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, _, _, _, _, _, _, _, _, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
+    w0 = aligning*c2/(peak*shape_factor)
+    w1 = f.sin(shape_factor*f.atan(w0 - curvature_factor*(w0 - f.atan(w0))))
+    w2 = peak*w1
+    w3 = w2*normal_3
+    w4 = w2*normal_2
+    w5 = w2*normal_1
+    w6 = base1_31*w3 + base1_21*w4 + base1_11*w5
+    w7 = f.sin(phi1)
+    w8 = base1_33*w3 + base1_23*w4 + base1_13*w5
+    w9 = f.cos(phi1)
+    w10 = base1_32*w3 + base1_22*w4 + base1_12*w5
+    w11 = f.cos(theta1)
     return (
-        -w57,
-        -(w9*w58 + w7*w59),
-        -(w58*w4*w7 - w59*w4*w9 + w0*w57),
+        -w6,
+        -(w7*w8 + w9*w10),
+        -(w8*w9*w11 - w10*w11*w7 + f.sin(theta1)*w6),
     )
 
 
@@ -78,341 +29,44 @@ DYNAMICS = {
 
 
 def linearize(f, q, u, p, s):
-    _, _, _, phi1, theta1, psi1, c2, = q
-    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
-    w0 = f.sin(psi1)
-    w1 = f.cos(psi1)
-    w2 = axle_1*w0 + w1*axle_2
-    w3 = f.sin(phi1)
-    w4 = f.cos(phi1)
-    w5 = f.cos(theta1)
-    w6 = f.sin(theta1)
-    w7 = axle_1*w1 - axle_2*w0
-    w8 = axle_3*w5 - w6*w7
-    w9 = w2*w3 + w4*w8
-    w10 = w2*w4 - w8*w3
-    w11 = w10*base1_33 - base1_32*w9
-    w12 = w10*base1_13 - w9*base1_12
-    w13 = normal_1*w11 - normal_3*w12
-    w14 = axle_3*w6 + w7*w5
-    w15 = base1_31*w14 + base1_32*w10 + base1_33*w9
-    w16 = w14*base1_11 + w10*base1_12 + w9*base1_13
-    w17 = normal_1*w15 - normal_3*w16
-    w18 = w14*base1_21 + w10*base1_22 + w9*base1_23
-    w19 = w16*normal_2 - normal_1*w18
-    w20 = normal_3*w18 - w15*normal_2
-    w21 = f.sqrt(w17*w17 + w19*w19 + w20*w20)
-    w22 = w0*center_1 + w1*center_2
-    w23 = w3*w22
-    w24 = w1*center_1 - w0*center_2
-    w25 = w5*center_3 - w6*w24
-    w26 = w23 + w4*w25
-    w27 = w4*w22
-    w28 = w27 - w3*w25
-    w29 = base1_23*w28 - base1_22*w26
-    w30 = phi1_t*w29
-    w31 = w4*w24 - w6*w3*w22
-    w32 = w3*w24 + w6*w4*w22
-    w33 = base1_22*w31 + base1_23*w32 - w5*base1_21*w22
-    w34 = psi1_t*w33
-    w35 = w6*center_3 + w5*w24
-    w36 = base1_21*w25 - w4*base1_23*w35 + w3*base1_22*w35
-    w37 = theta1_t*w36
-    w38 = y1_t + w30 + w34 + w37
-    w39 = w38/w21
-    w40 = w10*base1_23 - w9*base1_22
-    w41 = normal_2*w12 - normal_1*w40
-    w42 = normal_3*w40 - normal_2*w11
-    w43 = (w17*w13 + w19*w41 + w20*w42)/w21
-    w44 = w17*w38/(w21*w21)
-    w45 = phi1_t*(base1_22*w28 + base1_23*w26)
-    w46 = base1_23*w31 - base1_22*w32
-    w47 = psi1_t*w46
-    w48 = w3*base1_23*w35 + w4*base1_22*w35
-    w49 = theta1_t*w48
-    w50 = w17/w21
-    w51 = base1_33*w28 - base1_32*w26
-    w52 = phi1_t*w51
-    w53 = base1_32*w31 + base1_33*w32 - base1_31*w5*w22
-    w54 = psi1_t*w53
-    w55 = base1_31*w25 - w4*base1_33*w35 + base1_32*w3*w35
-    w56 = theta1_t*w55
-    w57 = z1_t + w52 + w54 + w56
-    w58 = w57/w21
-    w59 = w19*w57/(w21*w21)
-    w60 = phi1_t*(base1_32*w28 + base1_33*w26)
-    w61 = base1_33*w31 - base1_32*w32
-    w62 = psi1_t*w61
-    w63 = w3*base1_33*w35 + w4*base1_32*w35
-    w64 = theta1_t*w63
-    w65 = w19/w21
-    w66 = base1_13*w28 - base1_12*w26
-    w67 = phi1_t*w66
-    w68 = base1_12*w31 + base1_13*w32 - w5*base1_11*w22
-    w69 = psi1_t*w68
-    w70 = base1_11*w25 - w4*base1_13*w35 + w3*base1_12*w35
-    w71 = theta1_t*w70
-    w72 = x1_t + w67 + w69 + w71
-    w73 = w72/w21
-    w74 = w20*w72/(w21*w21)
-    w75 = phi1_t*(base1_12*w28 + base1_13*w26)
-    w76 = base1_13*w31 - base1_12*w32
-    w77 = psi1_t*w76
-    w78 = w3*base1_13*w35 + w4*base1_12*w35
-    w79 = theta1_t*w78
-    w80 = w20/w21
-    w81 = w13*w39 - w43*w44 + (w47 - w45 + w49)*w50 + w41*w58 - w43*w59 + (w62 - w60 + w64)*w65 + w42*w73 - w43*w74 + (w77 - w75 + w79)*w80
-    w82 = normal_1*w17 - normal_2*w20
-    w83 = normal_1*w16 + normal_2*w18 + w15*normal_3
-    w84 = normal_2 - w18*w83
-    w85 = normal_2*tube + radius*w84/w21
-    w86 = phi1_t + w6*psi1_t
-    w87 = w4*theta1_t - w5*w3*psi1_t
-    w88 = w3*theta1_t + w5*w4*psi1_t
-    w89 = base1_11*w86 + base1_12*w87 + base1_13*w88
-    w90 = normal_1 - w16*w83
-    w91 = normal_1*tube + radius*w90/w21
-    w92 = base1_21*w86 + base1_22*w87 + base1_23*w88
-    w93 = z1_t + w52 + w54 + w56 - w85*w89 + w91*w92
-    w94 = normal_2*w19 - normal_3*w17
-    w95 = normal_3 - w15*w83
-    w96 = normal_3*tube + radius*w95/w21
-    w97 = base1_31*w86 + base1_32*w87 + base1_33*w88
-    w98 = x1_t + w67 + w69 + w71 - w92*w96 + w85*w97
-    w99 = normal_3*w20 - normal_1*w19
-    w100 = y1_t + w30 + w34 + w37 - w91*w97 + w89*w96
-    w101 = w82*w93/w21 + w94*w98/w21 + w99*w100/w21
-    w102 = w17*w38/w21 + w19*w57/w21 + w20*w72/w21
-    w103 = f.sqrt(w101*w101 + w102*w102)
-    w104 = aligning*c2/(peak*shape_factor)
-    w105 = w104 - curvature_factor*(w104 - f.atan(w104))
-    w106 = shape_factor*f.atan(w105)
-    w107 = f.sin(w106)
-    w108 = peak*w107/w103
-    w109 = w82*w93/(w21*w21)
-    w110 = w93/w21
-    w111 = radius*w84/(w21*w21)
-    w112 = normal_1*w12 + normal_2*w40 + normal_3*w11
-    w113 = radius/w21
-    w114 = w43*w111 + (w83*w40 + w18*w112)*w113
-    w115 = base1_13*w87 - base1_12*w88
-    w116 = radius*w90/(w21*w21)
-    w117 = w43*w116 + w113*(w83*w12 + w16*w112)
-    w118 = base1_23*w87 - base1_22*w88
-    w119 = w62 - w60 + w64 - (w85*w115 - w89*w114) + w91*w118 - w92*w117
-    w120 = w82/w21
-    w121 = w94*w98/(w21*w21)
-    w122 = w98/w21
-    w123 = radius*w95/(w21*w21)
-    w124 = w43*w123 + w113*(w83*w11 + w15*w112)
-    w125 = base1_33*w87 - base1_32*w88
-    w126 = w77 - w75 + w79 - (w96*w118 - w92*w124) + w85*w125 - w97*w114
-    w127 = w94/w21
-    w128 = w99*w100/(w21*w21)
-    w129 = w100/w21
-    w130 = w47 - w45 + w49 - (w91*w125 - w97*w117) + w96*w115 - w89*w124
-    w131 = w99/w21
-    w132 = (normal_1*w13 - normal_2*w42)*w110 - w43*w109 + w119*w120 + (normal_2*w41 - normal_3*w13)*w122 - w43*w121 + w126*w127 + (normal_3*w42 - normal_1*w41)*w129 - w43*w128 + w130*w131
-    w133 = peak*w102*w107/(w103*w103)
-    w134 = w81*w108 - (w101*w132 + w102*w81)*w133/w103
-    w135 = normal_3*w134
-    w136 = normal_2*w134
-    w137 = normal_1*w134
-    w138 = base1_31*w135 + base1_21*w136 + base1_11*w137
-    w139 = w14*w3
-    w140 = w14*w4
-    w141 = base1_31*w8 + base1_32*w139 - base1_33*w140
-    w142 = w8*base1_11 + base1_12*w139 - base1_13*w140
-    w143 = normal_1*w141 - normal_3*w142
-    w144 = w8*base1_21 + base1_22*w139 - base1_23*w140
-    w145 = normal_2*w142 - normal_1*w144
-    w146 = normal_3*w144 - normal_2*w141
-    w147 = (w17*w143 + w19*w145 + w20*w146)/w21
-    w148 = phi1_t*w48
-    w149 = w5*w23
-    w150 = w5*w27
-    w151 = base1_23*w150 - base1_22*w149 + w6*base1_21*w22
-    w152 = psi1_t*w151
-    w153 = theta1_t*(base1_21*w35 + w25*w4*base1_23 - w25*w3*base1_22)
-    w154 = phi1_t*w63
-    w155 = base1_33*w150 - base1_32*w149 + w6*base1_31*w22
-    w156 = psi1_t*w155
-    w157 = theta1_t*(base1_31*w35 + w25*w4*base1_33 - w25*base1_32*w3)
-    w158 = phi1_t*w78
-    w159 = base1_13*w150 - base1_12*w149 + w6*base1_11*w22
-    w160 = psi1_t*w159
-    w161 = theta1_t*(base1_11*w35 + w25*w4*base1_13 - w25*w3*base1_12)
-    w162 = w39*w143 - w44*w147 + w50*(w148 + w152 - w153) + w58*w145 - w59*w147 + w65*(w154 + w156 - w157) + w73*w146 - w74*w147 + w80*(w158 + w160 - w161)
-    w163 = normal_1*w142 + normal_2*w144 + normal_3*w141
-    w164 = w111*w147 + w113*(w83*w144 + w18*w163)
-    w165 = w5*psi1_t
-    w166 = w6*w3*psi1_t
-    w167 = w6*w4*psi1_t
-    w168 = base1_11*w165 + base1_12*w166 - base1_13*w167
-    w169 = w116*w147 + w113*(w83*w142 + w16*w163)
-    w170 = base1_21*w165 + base1_22*w166 - base1_23*w167
-    w171 = w154 + w156 - w157 - (w85*w168 - w89*w164) + w91*w170 - w92*w169
-    w172 = w123*w147 + w113*(w83*w141 + w15*w163)
-    w173 = base1_31*w165 + base1_32*w166 - base1_33*w167
-    w174 = w158 + w160 - w161 - (w96*w170 - w92*w172) + w85*w173 - w97*w164
-    w175 = w148 + w152 - w153 - (w91*w173 - w97*w169) + w96*w168 - w89*w172
-    w176 = w110*(normal_1*w143 - normal_2*w146) - w109*w147 + w120*w171 + w122*(normal_2*w145 - normal_3*w143) - w121*w147 + w127*w174 + w129*(normal_3*w146 - normal_1*w145) - w128*w147 + w131*w175
-    w177 = w108*w162 - w133*(w101*w176 + w102*w162)/w103
-    w178 = normal_3*w177
-    w179 = normal_2*w177
-    w180 = normal_1*w177
-    w181 = base1_31*w178 + base1_21*w179 + base1_11*w180
-    w182 = w5*w2
-    w183 = w6*w2
-    w184 = w7*w4 - w3*w183
-    w185 = w7*w3 + w4*w183
-    w186 = base1_32*w184 - base1_31*w182 + base1_33*w185
-    w187 = base1_12*w184 - base1_11*w182 + base1_13*w185
-    w188 = normal_1*w186 - normal_3*w187
-    w189 = base1_22*w184 - base1_21*w182 + base1_23*w185
-    w190 = normal_2*w187 - normal_1*w189
-    w191 = normal_3*w189 - normal_2*w186
-    w192 = (w17*w188 + w19*w190 + w20*w191)/w21
-    w193 = phi1_t*w46
-    w194 = w6*w3
-    w195 = w27 + w24*w194
-    w196 = w6*w4
-    w197 = w24*w196 - w23
-    w198 = psi1_t*(base1_22*w195 - base1_23*w197 + w24*w5*base1_21)
-    w199 = theta1_t*w151
-    w200 = phi1_t*w61
-    w201 = psi1_t*(base1_32*w195 - base1_33*w197 + w24*base1_31*w5)
-    w202 = theta1_t*w155
-    w203 = phi1_t*w76
-    w204 = psi1_t*(base1_12*w195 - base1_13*w197 + w24*w5*base1_11)
-    w205 = theta1_t*w159
-    w206 = w39*w188 - w44*w192 + w50*(w193 - w198 + w199) + w58*w190 - w59*w192 + w65*(w200 - w201 + w202) + w73*w191 - w74*w192 + w80*(w203 - w204 + w205)
-    w207 = normal_1*w187 + normal_2*w189 + normal_3*w186
-    w208 = w111*w192 + w113*(w83*w189 + w18*w207)
-    w209 = w116*w192 + w113*(w83*w187 + w16*w207)
-    w210 = w110*(normal_1*w188 - normal_2*w191) - w109*w192 + w120*(w200 - w201 + w202 + w89*w208 - w92*w209)
-    w211 = w123*w192 + w113*(w83*w186 + w15*w207)
-    w212 = w122*(normal_2*w190 - normal_3*w188) - w121*w192 + w127*(w203 - w204 + w205 + w92*w211 - w97*w208)
-    w213 = w129*(normal_3*w191 - normal_1*w190) - w128*w192 + w131*(w193 - w198 + w199 + w97*w209 - w89*w211)
-    w214 = w108*w206 - w133*(w101*(w210 + w212 + w213) + w102*w206)/w103
-    w215 = normal_3*w214
-    w216 = normal_2*w214
-    w217 = normal_1*w214
-    w218 = base1_31*w215 + base1_21*w216 + base1_11*w217
-    w219 = aligning/(peak*shape_factor)
-    w220 = (w219 - curvature_factor*(w219 - w219/(1 + w104*w104)))/(1 + w105*w105)
-    w221 = peak*w102*shape_factor*w220*f.cos(w106)/w103
-    w222 = normal_3*w221
-    w223 = normal_2*w221
-    w224 = normal_1*w221
-    w225 = base1_31*w222 + base1_21*w223 + base1_11*w224
-    w226 = peak*w102*w107/w103
-    w227 = normal_3*w226
-    w228 = normal_2*w226
-    w229 = normal_1*w226
-    w230 = base1_33*w227 + base1_23*w228 + base1_13*w229
-    w231 = base1_33*w135 + base1_23*w136 + base1_13*w137
-    w232 = base1_32*w227 + base1_22*w228 + base1_12*w229
-    w233 = base1_32*w135 + base1_22*w136 + base1_12*w137
-    w234 = base1_33*w178 + base1_23*w179 + base1_13*w180
-    w235 = base1_32*w178 + base1_22*w179 + base1_12*w180
-    w236 = base1_33*w215 + base1_23*w216 + base1_13*w217
-    w237 = base1_32*w215 + base1_22*w216 + base1_12*w217
-    w238 = base1_33*w222 + base1_23*w223 + base1_13*w224
-    w239 = base1_32*w222 + base1_22*w223 + base1_12*w224
-    w240 = w5*w4
-    w241 = w5*w3
-    w242 = w240*w234 - w230*w196 - (w241*w235 - w232*w194) + w5*(base1_31*w227 + base1_21*w228 + base1_11*w229) + w6*w181
-    w243 = w80*w108 - w133*(w101*w127 + w102*w80)/w103
-    w244 = normal_3*w243
-    w245 = normal_2*w243
-    w246 = normal_1*w243
-    w247 = base1_31*w244 + base1_21*w245 + base1_11*w246
-    w248 = w50*w108 - w133*(w101*w131 + w102*w50)/w103
-    w249 = normal_3*w248
-    w250 = normal_2*w248
-    w251 = normal_1*w248
-    w252 = base1_31*w249 + base1_21*w250 + base1_11*w251
-    w253 = w65*w108 - w133*(w101*w120 + w102*w65)/w103
-    w254 = normal_3*w253
-    w255 = normal_2*w253
-    w256 = normal_1*w253
-    w257 = base1_31*w254 + base1_21*w255 + base1_11*w256
-    w258 = w29*w50 + w51*w65 + w66*w80
-    w259 = w120*(w51 - base1_11*w85 + base1_21*w91) + w127*(w66 - base1_21*w96 + base1_31*w85) + w131*(w29 - base1_31*w91 + base1_11*w96)
-    w260 = w108*w258 - w133*(w101*w259 + w102*w258)/w103
-    w261 = normal_3*w260
-    w262 = normal_2*w260
-    w263 = normal_1*w260
-    w264 = base1_31*w261 + base1_21*w262 + base1_11*w263
-    w265 = w36*w50 + w55*w65 + w70*w80
-    w266 = w4*base1_12 + w3*base1_13
-    w267 = w4*base1_22 + w3*base1_23
-    w268 = base1_32*w4 + w3*base1_33
-    w269 = w120*(w55 - w85*w266 + w91*w267) + w127*(w70 - w96*w267 + w85*w268) + w131*(w36 - w91*w268 + w96*w266)
-    w270 = w108*w265 - w133*(w101*w269 + w102*w265)/w103
-    w271 = normal_3*w270
-    w272 = normal_2*w270
-    w273 = normal_1*w270
-    w274 = base1_31*w271 + base1_21*w272 + base1_11*w273
-    w275 = w33*w50 + w53*w65 + w68*w80
-    w276 = w6*base1_11 - base1_12*w241 + base1_13*w240
-    w277 = w6*base1_21 - base1_22*w241 + base1_23*w240
-    w278 = base1_31*w6 - base1_32*w241 + base1_33*w240
-    w279 = w120*(w53 - w85*w276 + w91*w277) + w127*(w68 - w96*w277 + w85*w278) + w131*(w33 - w91*w278 + w96*w276)
-    w280 = w108*w275 - w133*(w101*w279 + w102*w275)/w103
-    w281 = normal_3*w280
-    w282 = normal_2*w280
-    w283 = normal_1*w280
-    w284 = base1_31*w281 + base1_21*w282 + base1_11*w283
-    w285 = base1_33*w244 + base1_23*w245 + base1_13*w246
-    w286 = base1_32*w244 + base1_22*w245 + base1_12*w246
-    w287 = base1_33*w249 + base1_23*w250 + base1_13*w251
-    w288 = base1_32*w249 + base1_22*w250 + base1_12*w251
-    w289 = base1_33*w254 + base1_23*w255 + base1_13*w256
-    w290 = base1_32*w254 + base1_22*w255 + base1_12*w256
-    w291 = base1_33*w261 + base1_23*w262 + base1_13*w263
-    w292 = base1_32*w261 + base1_22*w262 + base1_12*w263
-    w293 = base1_33*w271 + base1_23*w272 + base1_13*w273
-    w294 = base1_32*w271 + base1_22*w272 + base1_12*w273
-    w295 = base1_33*w281 + base1_23*w282 + base1_13*w283
-    w296 = base1_32*w281 + base1_22*w282 + base1_12*w283
+    _, _, _, phi1, theta1, _, c2, = q
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, _, _, _, _, _, _, _, _, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
+    w0 = aligning/(peak*shape_factor)
+    w1 = aligning*c2/(peak*shape_factor)
+    w2 = w1 - curvature_factor*(w1 - f.atan(w1))
+    w3 = shape_factor*(w0 - curvature_factor*(w0 - w0/(1 + w1*w1)))/(1 + w2*w2)
+    w4 = shape_factor*f.atan(w2)
+    w5 = peak*w3*f.cos(w4)
+    w6 = normal_3*w5
+    w7 = normal_2*w5
+    w8 = normal_1*w5
+    w9 = base1_31*w6 + base1_21*w7 + base1_11*w8
+    w10 = f.cos(phi1)
+    w11 = peak*f.sin(w4)
+    w12 = w11*normal_3
+    w13 = w11*normal_2
+    w14 = w11*normal_1
+    w15 = base1_33*w12 + base1_23*w13 + base1_13*w14
+    w16 = f.sin(phi1)
+    w17 = base1_32*w12 + base1_22*w13 + base1_12*w14
+    w18 = base1_33*w6 + base1_23*w7 + base1_13*w8
+    w19 = base1_32*w6 + base1_22*w7 + base1_12*w8
+    w20 = f.cos(theta1)
+    w21 = w20*w16
+    w22 = w10*w20
+    w23 = f.sin(theta1)
+    w24 = w17*w23*w16 - w15*w23*w10 + w20*(base1_31*w12 + base1_21*w13 + base1_11*w14)
     return (
-        -w138,
-        -w181,
-        -w218,
-        -w225,
-        -(w4*w230 + w3*w231 + w4*w233 - w3*w232),
-        -(w3*w234 + w4*w235),
-        -(w3*w236 + w4*w237),
-        -(w3*w238 + w4*w239),
-        -(w240*w231 - w230*w241 - (w241*w233 + w240*w232) + w6*w138),
-        -w242,
-        -(w240*w236 - w241*w237 + w6*w218),
-        -(w240*w238 - w241*w239 + w6*w225),
-        -w247,
-        -w252,
-        -w257,
-        -w264,
-        -w274,
-        -w284,
-        -(w3*w285 + w4*w286),
-        -(w3*w287 + w4*w288),
-        -(w3*w289 + w4*w290),
-        -(w3*w291 + w4*w292),
-        -(w3*w293 + w4*w294),
-        -(w3*w295 + w4*w296),
-        -(w240*w285 - w241*w286 + w6*w247),
-        -(w240*w287 - w241*w288 + w6*w252),
-        -(w240*w289 - w241*w290 + w6*w257),
-        -(w240*w291 - w241*w292 + w6*w264),
-        -(w240*w293 - w241*w294 + w6*w274),
-        -(w240*w295 - w241*w296 + w6*w284),
+        -w9,
+        -(w10*w15 - w16*w17),
+        -(w16*w18 + w10*w19),
+        w15*w21 + w22*w17,
+        -w24,
+        -(w22*w18 - w21*w19 + w23*w9),
     )
 
 
 LINEARIZE = {
-    'K': ((3, 3), (3, 4), (3, 5), (3, 6), (4, 3), (4, 4), (4, 5), (4, 6), (5, 3), (5, 4), (5, 5), (5, 6)),
-    'R': ((3, 0), (3, 1), (3, 2), (3, 3), (3, 4), (3, 5), (4, 0), (4, 1), (4, 2), (4, 3), (4, 4), (4, 5), (5, 0), (5, 1), (5, 2), (5, 3), (5, 4), (5, 5)),
+    'K': ((3, 6), (4, 3), (4, 6), (5, 3), (5, 4), (5, 6)),
+    'R': (),
 }
