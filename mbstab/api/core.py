@@ -47,21 +47,7 @@ def asked(question: Callable[P, T]) -> Callable[P, T]:
 
 @dataclass(frozen=True)
 class Core:
-    """A model at values of its parameters.
-
-    Every method takes parameter values as keywords: ``model.eig(omega=5.6)``. A number, also one
-    of NumPy, `fractions` or `decimal`, counts in the declared unit of the parameter; a text is an
-    expression in SI, or a number with or without a unit, such as ``"2 mm"``. `at` binds them for several questions.
-    Where something takes long, `progress` is called with the part of the work that is done, from 0 to 1.
-
-    Attributes
-    ----------
-    model : Model
-        What the file says.
-    force : bool
-        Go on where a scene is so large that memory or time is more than what is reasonable
-        (`mbstab.analysis.algebra.budget`).
-    """
+    """A model at values of its parameters, with the attributes that `mbstab.api.mechanism.Mechanism` describes."""
 
     model: Model
     force: bool = False

@@ -170,9 +170,10 @@ class BackwardErrors:
         where its directions are nearly dependent. This is evaluated with S and with the unreduced equations: each has
         rounding errors of its own, which the smaller of both has least of. Twice as much is not too little.
         """
-        T, inner = self.T, (self.inside @ self.T).astype(complex)
+        T = self.T
         if not T.shape[1]:
             return np.zeros_like(C, dtype=float)
+        inner = (self.inside @ T).astype(complex)
         pos = self.N @ T[: self.n_xi]
         vel = pos @ inner
         acc = vel @ inner
