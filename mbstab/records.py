@@ -2,7 +2,8 @@
 
 `dataclasses.dataclass` writes the text of every method of every class and compiles it: for the hundred classes of a
 command that takes longer than most answers. Here the fields are those of `dataclasses` (with `fields`, `replace`,
-`asdict`, matching), and the methods are closures over their names.
+`asdict`, matching), and the methods are closures over their names. Fields and methods are made when they are first
+needed: a command imports more classes than it makes objects of.
 """
 
 from __future__ import annotations
@@ -37,45 +38,100 @@ else:
         def decorate(cls):
             if options:
                 return dataclasses.dataclass(cls, frozen=frozen, eq=eq, repr=repr, **options)
-            own = set(vars(cls))
-            fields = _fields(cls)
-            methods = {"__init__": _init(cls, fields)}
+            makers = {"__init__": _init}
             if repr:
-                methods["__repr__"] = _repr(fields)
+                makers["__repr__"] = _repr
             if eq:
-                methods |= _comparison(fields, frozen)
+                makers["__eq__"] = _equality
+            if eq and frozen:
+                makers["__hash__"] = _hash
+            methods = {name: _late(cls, name, make) for name, make in makers.items()}
+            if eq and not frozen:
+                methods["__hash__"] = None
             if frozen:
                 methods |= {"__setattr__": _refuse_assignment, "__delattr__": _refuse_deletion}
+            own = set(vars(cls))
             for name, method in methods.items():
                 if name not in own:
                     setattr(cls, name, method)
+            _announce(cls)
             return cls
 
         return decorate if cls is None else decorate(cls)
 
-    def _fields(cls):
-        """Return the fields of a class, which `dataclasses` then knows; their types are those of the annotations.
+    def _late(cls, name, make):
+        """Return a method that, when it is first called, gives way to the one that is made for the class."""
 
-        `dataclasses` parses each annotation that is a text, and there is none that means anything to it.
+        def method(self, *values, **named):
+            made = make(cls)
+            setattr(cls, name, made)
+            return made(self, *values, **named)
+
+        return method
+
+    class _Announced:
+        """An attribute of a class that `dataclasses` sets when one of them is first read."""
+
+        def __init__(self, cls, name):
+            self.cls, self.name = cls, name
+
+        def __get__(self, instance, owner=None):
+            cls = self.cls
+            for name in ANNOUNCED:
+                delattr(cls, name)
+            for name, written in vars(cls)[WRITTEN].items():
+                if isinstance(written, dataclasses.Field):
+                    setattr(cls, name, written)
+            _find_fields(cls)
+            return getattr(cls, self.name)
+
+    ANNOUNCED = ("__dataclass_fields__", "__dataclass_params__", "__match_args__")
+    WRITTEN = "__written_fields__"
+    """The attribute with what a class assigns to its own fields, by their names; `MISSING` if nothing."""
+
+    def _announce(cls):
+        """Set the defaults of the fields, and the attributes of a dataclass so that they are found when read."""
+        own = vars(cls)
+        kinds = get_annotations(cls).items()
+        written = {name: own.get(name, dataclasses.MISSING) for name, kind in kinds if "ClassVar" not in str(kind)}
+        setattr(cls, WRITTEN, written)
+        for name, x in written.items():
+            if isinstance(x, dataclasses.Field):
+                if x.default is dataclasses.MISSING:
+                    delattr(cls, name)
+                else:
+                    setattr(cls, name, x.default)
+        for name in ANNOUNCED:
+            setattr(cls, name, _Announced(cls, name))
+
+    def _find_fields(cls):
+        """Let `dataclasses` find the fields of a class; their types are those of the annotations.
+
+        `dataclasses` parses each annotation that is a text, and only that of a class variable means anything to it.
         """
         written = get_annotations(cls)
-        plain = bool(written) and not any("Var" in str(x) or "KW_ONLY" in str(x) for x in written.values())
-        if plain:
-            cls.__annotations__ = dict.fromkeys(written, object)
+        cls.__annotations__ = {name: kind if "ClassVar" in str(kind) else object for name, kind in written.items()}
         dataclasses.dataclass(cls, init=False, repr=False, eq=False)
-        fields = dataclasses.fields(cls)
-        if plain:
-            cls.__annotations__ = written
-            for field in fields:
-                field.type = written.get(field.name, field.type)
-        return fields
+        cls.__annotations__ = written
+        for field in dataclasses.fields(cls):
+            field.type = written.get(field.name, field.type)
 
-    def _init(cls, fields):
+    def _init(cls):
         """Return the method that sets the fields, and calls ``__post_init__`` if there is one."""
-        names = tuple(f.name for f in fields if f.init)
-        defaults = {f.name: f.default for f in fields if f.default is not dataclasses.MISSING}
-        factories = tuple((f.name, f.default_factory) for f in fields if f.default_factory is not dataclasses.MISSING)
-        known, count, complete = frozenset(names), len(names), len(names) == len(fields)
+        written = {}
+        for base in reversed(cls.__mro__):
+            written |= vars(base).get(WRITTEN, vars(base).get("__dataclass_fields__", {}))
+        names, defaults, factories = [], {}, []
+        for name, x in written.items():
+            field = x if isinstance(x, dataclasses.Field) else None
+            if field is None or field.init:
+                names.append(name)
+            if (default := x if field is None else field.default) is not dataclasses.MISSING:
+                defaults[name] = default
+            if field is not None and field.default_factory is not dataclasses.MISSING:
+                factories.append((name, field.default_factory))
+        names, complete = tuple(names), len(names) == len(written)
+        known, count = frozenset(names), len(names)
         made = [name for name, _ in factories]
         required = [name for name in names if name not in defaults and name not in made]
         least = names.index(required[-1]) + 1 if required else 0
@@ -104,8 +160,8 @@ else:
 
         return __init__
 
-    def _repr(fields):
-        names = [f.name for f in fields if f.repr]
+    def _repr(cls):
+        names = [f.name for f in dataclasses.fields(cls) if f.repr]
 
         @recursive_repr()
         def __repr__(self):
@@ -114,18 +170,26 @@ else:
 
         return __repr__
 
-    def _comparison(fields, hashable):
-        """Return the methods for what is equal if all fields are, and a hash where these stay what they are."""
-        names = [f.name for f in fields if f.compare]
-        values = attrgetter(*names) if len(names) > 1 else lambda self: tuple(getattr(self, name) for name in names)
+    def _compared(cls):
+        """Return the function that gives the values by which objects of a class are compared."""
+        names = [f.name for f in dataclasses.fields(cls) if f.compare]
+        return attrgetter(*names) if len(names) > 1 else lambda self: tuple(getattr(self, name) for name in names)
+
+    def _equality(cls):
+        values = _compared(cls)
 
         def __eq__(self, other):
             return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
 
+        return __eq__
+
+    def _hash(cls):
+        values = _compared(cls)
+
         def __hash__(self):
             return hash(values(self))
 
-        return {"__eq__": __eq__, "__hash__": __hash__ if hashable else None}
+        return __hash__
 
     def _refuse_assignment(self, name, value):
         _refuse(self, name, "assign to")

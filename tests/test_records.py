@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import pickle
 from dataclasses import FrozenInstanceError, field, replace
+from typing import ClassVar
 
 import pytest
 
@@ -24,6 +25,7 @@ class Named(Place):
 
 @dataclass
 class Open:
+    kind: ClassVar[str] = "open"
     x: int = 1
 
     def __post_init__(self):
@@ -71,5 +73,42 @@ def test_the_tools_of_dataclasses_know_them():
 
 
 def test_methods_are_not_compiled_for_each_class():
+    assert len({Place(1, ()), Named(1, ())}) == len({repr(Place(1)), repr(Named(1))}) == 2
+    assert Place(1) == Place(1)
+    assert Named(1) == Named(1)
     for name in ("__init__", "__repr__", "__eq__", "__hash__", "__setattr__"):
         assert getattr(Place, name).__code__ is getattr(Named, name).__code__, name
+
+
+def test_what_is_never_asked_for_is_never_made():
+    @dataclass(frozen=True)
+    class Unused:
+        x: int
+        tags: list = field(default_factory=list)
+        size: float = field(default=2.0, compare=False)
+
+    assert Unused.size == 2.0
+    assert not hasattr(Unused, "tags")
+    assert Unused(1).tags == []
+    assert not isinstance(vars(Unused)["__dataclass_fields__"], dict)
+    assert dataclasses.is_dataclass(Unused)
+    assert Unused(1) == Unused(1, size=3.0)
+    assert [(f.name, f.type, f.compare) for f in dataclasses.fields(Unused)] == [
+        ("x", int, True),
+        ("tags", list, True),
+        ("size", float, False),
+    ]
+    assert Unused.size == 2.0
+    assert Unused.__match_args__ == ("x", "tags", "size")
+
+
+def test_a_field_that_a_subclass_assigns_keeps_its_place():
+    @dataclass(frozen=True)
+    class Tagged(Place):
+        y: int = 3
+        tags: list = field(default_factory=lambda: [0])
+
+    assert repr(Tagged(1)) == "test_a_field_that_a_subclass_assigns_keeps_its_place.<locals>.Tagged(x=1, tags=[0], y=3)"
+    assert Tagged(1, [2], 4) == Tagged(y=4, tags=[2], x=1)
+    assert Open.kind == "open"
+    assert [f.name for f in dataclasses.fields(Open)] == ["x"]
