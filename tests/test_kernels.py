@@ -715,10 +715,10 @@ def tyre(b, p, s, u, w):
 
 
 def aligning_moment(b, p, s, u, w):
-    """Return the power of a moment about the normal that turns a wheel to where it goes."""
+    """Return the power of a moment about the normal that turns a wheel to where it goes, ahead or astern."""
     slip = b[1] if len(b) > 1 else slip_angle(b[0], p, u[0])
-    slope = p["aligning"][0]
-    return (magic_formula(slip, slope, p) if "peak" in p else slope * slip) * rolling(b[0], p, w[0])[2]
+    slope, sense = p["aligning"][0], mpmath.sign(rolling(b[0], p, u[0])[0])
+    return sense * (magic_formula(slip, slope, p) if "peak" in p else slope * slip) * rolling(b[0], p, w[0])[2]
 
 
 def magic_formula(slip, slope, p):

@@ -302,26 +302,46 @@ def test_many_speeds_of_a_body_that_a_joint_moves_are_computed_together():
         assert close(moving(dict(enumerate(found.values[k]))), moving(model.eig(u=x[k])), 1e-11)
 
 
+@pytest.mark.parametrize("law", ["", ", aligning_peak: 90, aligning_shape_factor: 2.3"])
 @pytest.mark.parametrize("relaxed", [", relaxation_length: sigma", ""])
-@pytest.mark.parametrize(
-    ("V", "along", "told"), [(10, "x", False), (-10, "x", True), (10, "-x", True), (-10, "-x", False)]
-)
-def test_wheels_with_an_aligning_moment_that_move_against_their_heading_are_told(V, along, told, relaxed):
-    """The side force does not depend on the sense of the heading, the aligning moment is that of the motion ahead."""
-    text = SHIMMY.replace(", relaxation_length: sigma", f", aligning_stiffness: 300{relaxed}, along: {along}")
-    warnings = mbstab.loads(text).eig(V=V).warnings
-    assert len(warnings) == told
-    assert (
-        not told or "against their headings move those of force 'tyre' (-10 m/s)\nhint: turn the along" in warnings[0]
-    )
-    assert len(mbstab.loads(text).sweep("V", [V, 1.5 * V]).warnings) == told
-    without = text.replace(", aligning_stiffness: 300", "")
-    assert not mbstab.loads(without).eig(V=V).warnings
+def test_the_sense_of_a_heading_changes_nothing(relaxed, law):
+    """A wheel has no front: described from the other side it feels the same forces, and the same aligning moment."""
+    text = SHIMMY.replace(", relaxation_length: sigma", f", aligning_stiffness: 300{relaxed}{law}")
+    turned = text.replace("at: wheel.contact", "at: wheel.contact, along: -x")
+    for V in (10.0, -10.0, 60.0):
+        one, other = (mbstab.loads(x).eig(V=V) for x in (text, turned))
+        assert close(moving(one), moving(other), 1e-11)
+        assert one.verdict == other.verdict
+        assert [*one.warnings, *other.warnings] == []
 
 
+@pytest.mark.parametrize("relaxed", [", relaxation_length: sigma", ""])
 @pytest.mark.parametrize("V", [10.0, -10.0])
-def test_an_aligning_moment_is_that_of_a_trail(V):
-    """The force C α at a distance t behind the contact, or the moment C t α, where the wheel moves ahead."""
-    trailing = mbstab.loads(SHIMMY).eig(V=V)
-    text = SHIMMY.replace("trail: t_p", f"aligning_stiffness: t_p*C, along: {'x' if V > 0 else '-x'}")
+def test_an_aligning_moment_is_that_of_a_trail_whichever_way_the_wheel_goes(V, relaxed):
+    """The force C α at a distance t behind the contact, or the moment C t α."""
+    shimmy = SHIMMY.replace(", relaxation_length: sigma", relaxed)
+    trailing = mbstab.loads(shimmy).eig(V=V)
+    text = shimmy.replace("trail: t_p", "aligning_stiffness: t_p*C")
     assert close(moving(mbstab.loads(text).eig(V=V)), moving(trailing), 1e-11)
+
+
+def test_a_sweep_of_the_speed_through_rest_has_aligning_moments_of_both_senses():
+    """I θ'' + (d + C e (e + s t)/|V|) θ' + C (s e + t) θ = 0 with s = V/|V|."""
+    text = SHIMMY.replace("trail: t_p, relaxation_length: sigma", "aligning_stiffness: t_p*C")
+    speeds, (C, inertia, t, d) = np.array([-20.0, -5.0, 5.0, 20.0]), (15000.0, 0.25, 0.02, 1.5)
+    for e in (0.08, 0.01):
+        swept = mbstab.loads(text).sweep("V", speeds, e=e)
+        assert not swept.warnings
+        for V, found, count in zip(speeds, swept.branches, swept.unstable, strict=True):
+            s = np.sign(V)
+            expected = np.roots([inertia, d + C * e * (e + s * t) / abs(V), C * (s * e + t)])
+            found = sorted(found, key=lambda x: (x.real, x.imag))
+            np.testing.assert_allclose(found, sorted(expected, key=lambda x: (x.real, x.imag)), rtol=1e-11)
+            assert count == sum(x.real > 0.0 for x in expected)
+
+
+@pytest.mark.parametrize("relaxed", [", relaxation_length: sigma", ""])
+def test_an_aligning_moment_has_no_value_where_its_wheel_moves_straight_sideways(relaxed):
+    text = SHIMMY.replace(", relaxation_length: sigma", f", aligning_stiffness: 300{relaxed}, along: y")
+    with pytest.raises(NumericalError, match=r"<text>:11:9: forces.tyre .*\n.*moves straight sideways"):
+        mbstab.loads(text).eig()

@@ -7,7 +7,8 @@ slip z = α + γ C_γ/C comes the side force −C z, with a peak D that of the M
 slope C where nothing slips (Bakker, Nyborg, Pacejka, SAE 870421, 1987).
 The force acts a pneumatic trail t behind the contact: its moment there is −t cos α times the force. An aligning
 moment of its own may be added, K z at small slip and with a peak likewise by the Magic Formula; it turns the
-wheel to where it goes, until at large slip it may change its sign (shape factors above 2). With a relaxation
+wheel to where it goes, until at large slip it may change its sign (shape factors above 2). Where the wheel moves astern
+of its heading, v_x < 0, the trail lies on the other side, and this moment has the other sign. With a relaxation
 length σ the slip z is a first-order state, z' = |v|/σ (α + γ C_γ/C − z): it follows over the distance travelled
 (Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7). Coefficients may be expressions of the load, and this
 one of the motion.
@@ -39,6 +40,13 @@ class _Rolling:
         import sympy
 
         return sympy.sqrt(self.along**2 + self.across**2)
+
+    @property
+    def sense(self) -> Any:
+        """1 of a wheel that moves ahead, -1 of one that moves astern, no value of one that moves sideways."""
+        import sympy
+
+        return 1 / sympy.Function("signum")(self.along)
 
 
 def _rolling(frame: Any, p: Any) -> _Rolling:
@@ -104,7 +112,7 @@ def _aligning(frames: Any, p: Any, s: Any) -> Load:
     at = _rolling(wheel, p)
     slip = states[0].q[0] if states else _settled(at, p)
     moment = _magic(p.aligning[0], p, slip) if hasattr(p, "peak") else p.aligning[0] * slip
-    return Load(power=((sympy.Matrix([moment]), sympy.Matrix([at.turn])),))
+    return Load(power=((sympy.Matrix([at.sense * moment]), sympy.Matrix([at.turn])),))
 
 
 def _tyre_relaxation(frames: Any, p: Any, s: Any) -> Any:
@@ -124,7 +132,8 @@ _MAGIC = tuple((name, 1) for name in ("peak", "shape_factor", "curvature_factor"
 _AT_REST = (
     "the slip of a tyre has no value where its wheel does not move over the ground: give speeds under reference: rates:"
     " (or reference: steady: {direction: x, speed: …}, where a motion is looked for), or hold a wheel that stands by a "
-    "contact instead; a cornering stiffness or a peak that changes with the motion must stay positive"
+    "contact instead; an aligning moment has none where its wheel moves straight sideways; a cornering stiffness or a "
+    "peak that changes with the motion must stay positive"
 )
 
 ELEMENTS = tuple(
@@ -183,7 +192,7 @@ ELEMENTS = tuple(
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
 
-def place_of(item: Item) -> tuple[int, tuple[Any, ...]]:
+def _place(item: Item) -> tuple[int, tuple[Any, ...]]:
     """Return the body of the wheel, and the numbers that say where it is."""
     if item.dimension == 2:
         point = item.marker("at")
@@ -199,7 +208,7 @@ def _camber(item: Item) -> tuple[Any, ...]:
 
 
 def _tyre_elements(item: Item) -> Iterable[ElementUse]:
-    body, place = place_of(item)
+    body, place = _place(item)
     force = [item.number("cornering_stiffness"), item.number("trail")]
     name = "tyre"
     if item.given("peak"):
@@ -225,7 +234,7 @@ def _aligning_use(item: Item, body: int, place: tuple[Any, ...]) -> ElementUse:
 
 
 def _relaxation(item: Item) -> Iterable[ElementUse]:
-    body, place = place_of(item)
+    body, place = _place(item)
     numbers = (*place, item.number("relaxation_length"), item.number("cornering_stiffness"), *_camber(item))
     yield ElementUse("tyre_relaxation", (body, item.state), numbers, labels=("relaxation",))
 

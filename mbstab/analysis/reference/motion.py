@@ -25,7 +25,7 @@ from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancie
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.assembly import assembled, not_satisfied, unclosed
 from mbstab.analysis.reference.imbalance import balanced_at, carrying, require_compatible, state_rounding
-from mbstab.analysis.reference.misfits import misfits
+from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.reference.refusals import (
     inertias_too_far_apart,
     singular_configuration,
@@ -391,7 +391,7 @@ class Finder:
                 )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant,
-            tuple(self.solved), (*self.warnings, *misfits(system, q, u), *doubts(system.scene.model)),
+            tuple(self.solved), (*self.warnings, *misread(system, q, u), *doubts(system.scene.model)),
             massless=massless,
         )  # fmt: skip
         if massless is not None:

@@ -23,8 +23,8 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import Complex, Flags
 from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.reference.guesses import idle
-from mbstab.analysis.reference.misfits import misfits
 from mbstab.analysis.reference.paths import Path as Solutions
+from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import (
     unstable_counts,
@@ -235,7 +235,7 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
     warnings = (*tracker.warnings, *idle(model, [parameter], None if path is None else {parameter: path.start}))
     # What is said of the speeds of one point holds for the others.
     points = [(pattern.linear.system, pattern.linear.motion) for pattern in evaluator.patterns[:1]]
-    warnings += tuple(text for system, motion in points for text in misfits(system, motion.q, motion.u))
+    warnings += tuple(text for system, motion in points for text in misread(system, motion.q, motion.u))
     warnings += tuple(doubts(model))
     reference = _named(model, raw.motion)
     return Sweep(

@@ -8,13 +8,13 @@ def dynamics(f, q, u, p, s):
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
     w2 = x1_t - theta1_t*(point_1*w0 + point_2*w1)
-    w3 = w0*along_1 + w1*along_2
-    w4 = w1*along_1 - w0*along_2
-    w5 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
-    w6 = w4*w5 - w2*w3
-    w7 = w2*w4 + w5*w3
+    w3 = w1*along_1 - w0*along_2
+    w4 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
+    w5 = w0*along_1 + w1*along_2
+    w6 = w2*w3 + w4*w5
+    w7 = w3*w4 - w2*w5
     return (
-        -aligning*f.asin(w6/f.sqrt(w7*w7 + w6*w6)),
+        -aligning*f.asin(w7/f.sqrt(w6*w6 + w7*w7))/f.signum(w6),
     )
 
 
@@ -49,13 +49,13 @@ def linearize(f, q, u, p, s):
     w19 = w17/w16 + (w12*(w14 - w3*w10 - (w13 + w5*w8)) - w15*w17)*w18/w16
     w20 = w15/w16
     w21 = f.sqrt(1 - w20*w20)
-    w22 = w2*w10 + w5*w7
-    w23 = aligning*(w22/w16 - w18*(w12*(w7*w10 - w2*w5) + w15*w22)/w16)/w21
+    w22 = aligning/f.signum(w12)
+    w23 = w2*w10 + w5*w7
     return (
-        aligning*w19/w21,
-        aligning*(w10/w16 + w18*(w5*w12 - w10*w15)/w16)/w21,
-        -aligning*(w5/w16 - w18*(w10*w12 + w5*w15)/w16)/w21,
-        -w23,
+        w19*w22/w21,
+        w22*(w10/w16 + w18*(w5*w12 - w10*w15)/w16)/w21,
+        -w22*(w5/w16 - w18*(w10*w12 + w5*w15)/w16)/w21,
+        -w22*(w23/w16 - w18*(w12*(w7*w10 - w2*w5) + w15*w23)/w16)/w21,
     )
 
 

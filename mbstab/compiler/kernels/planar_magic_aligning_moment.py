@@ -8,15 +8,15 @@ def dynamics(f, q, u, p, s):
     w0 = f.sin(theta1)
     w1 = f.cos(theta1)
     w2 = x1_t - theta1_t*(point_1*w0 + point_2*w1)
-    w3 = w0*along_1 + w1*along_2
-    w4 = w1*along_1 - w0*along_2
-    w5 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
-    w6 = w4*w5 - w2*w3
-    w7 = w2*w4 + w5*w3
-    w8 = aligning*f.asin(w6/f.sqrt(w7*w7 + w6*w6))/(peak*shape_factor)
+    w3 = w1*along_1 - w0*along_2
+    w4 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
+    w5 = w0*along_1 + w1*along_2
+    w6 = w2*w3 + w4*w5
+    w7 = w3*w4 - w2*w5
+    w8 = aligning*f.asin(w7/f.sqrt(w6*w6 + w7*w7))/(peak*shape_factor)
     w9 = f.sin(shape_factor*f.atan(w8 - curvature_factor*(w8 - f.atan(w8))))
     return (
-        -peak*w9,
+        -peak*w9/f.signum(w6),
     )
 
 
@@ -59,18 +59,19 @@ def linearize(f, q, u, p, s):
     w27 = 1 + w26*w26
     w28 = f.cos(shape_factor*f.atan(w26))
     w29 = shape_factor*(w23 + curvature_factor*(w23/w25 - w23))*w28/w27
-    w30 = w22*(w10/w16 + w18*(w5*w12 - w10*w15)/w16)/w21
-    w31 = w28*shape_factor*(w30 + curvature_factor*(w30/w25 - w30))/w27
-    w32 = w22*(w5/w16 - w18*(w10*w12 + w5*w15)/w16)/w21
-    w33 = w28*shape_factor*(w32 - curvature_factor*(w32 - w32/w25))/w27
-    w34 = w2*w10 + w5*w7
-    w35 = w22*(w34/w16 - w18*(w12*(w7*w10 - w2*w5) + w15*w34)/w16)/w21
-    w36 = w28*shape_factor*(w35 - curvature_factor*(w35 - w35/w25))/w27
+    w30 = peak/f.signum(w12)
+    w31 = w22*(w10/w16 + w18*(w5*w12 - w10*w15)/w16)/w21
+    w32 = w28*shape_factor*(w31 + curvature_factor*(w31/w25 - w31))/w27
+    w33 = w22*(w5/w16 - w18*(w10*w12 + w5*w15)/w16)/w21
+    w34 = w28*shape_factor*(w33 - curvature_factor*(w33 - w33/w25))/w27
+    w35 = w2*w10 + w5*w7
+    w36 = w22*(w35/w16 - w18*(w12*(w7*w10 - w2*w5) + w15*w35)/w16)/w21
+    w37 = w28*shape_factor*(w36 - curvature_factor*(w36 - w36/w25))/w27
     return (
-        peak*w29,
-        peak*w31,
-        -peak*w33,
-        -peak*w36,
+        w29*w30,
+        w30*w32,
+        -w30*w34,
+        -w30*w37,
     )
 
 

@@ -2,10 +2,15 @@
 
 
 def dynamics(f, q, u, p, s):
-    _, _, _, c2, = q
-    _, _, _, _, aligning, = p
+    _, _, theta1, c2, = q
+    x1_t, y1_t, theta1_t, *_ = u
+    point_1, point_2, along_1, along_2, aligning, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(theta1)
+    w2 = (x1_t - theta1_t*(point_1*w0 + point_2*w1))*(w1*along_1 - w0*along_2)
+    w3 = (y1_t + theta1_t*(point_1*w1 - w0*point_2))*(w0*along_1 + w1*along_2)
     return (
-        -aligning*c2,
+        -aligning*c2/f.signum(w2 + w3),
     )
 
 
@@ -15,9 +20,15 @@ DYNAMICS = {
 
 
 def linearize(f, q, u, p, s):
-    _, _, _, _, aligning, = p
+    _, _, theta1, *_ = q
+    x1_t, y1_t, theta1_t, *_ = u
+    point_1, point_2, along_1, along_2, aligning, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(theta1)
+    w2 = (x1_t - theta1_t*(point_1*w0 + point_2*w1))*(w1*along_1 - w0*along_2)
+    w3 = (y1_t + theta1_t*(point_1*w1 - w0*point_2))*(w0*along_1 + w1*along_2)
     return (
-        -aligning,
+        -aligning/f.signum(w2 + w3),
     )
 
 

@@ -2,12 +2,17 @@
 
 
 def dynamics(f, q, u, p, s):
-    _, _, _, c2, = q
-    _, _, _, _, aligning, peak, shape_factor, curvature_factor, = p
-    w0 = aligning*c2/(peak*shape_factor)
-    w1 = f.sin(shape_factor*f.atan(w0 - curvature_factor*(w0 - f.atan(w0))))
+    _, _, theta1, c2, = q
+    x1_t, y1_t, theta1_t, *_ = u
+    point_1, point_2, along_1, along_2, aligning, peak, shape_factor, curvature_factor, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(theta1)
+    w2 = (x1_t - theta1_t*(point_1*w0 + point_2*w1))*(w1*along_1 - w0*along_2)
+    w3 = (y1_t + theta1_t*(point_1*w1 - w0*point_2))*(w0*along_1 + w1*along_2)
+    w4 = aligning*c2/(peak*shape_factor)
+    w5 = f.sin(shape_factor*f.atan(w4 - curvature_factor*(w4 - f.atan(w4))))
     return (
-        -peak*w1,
+        -peak*w5/f.signum(w2 + w3),
     )
 
 
@@ -17,14 +22,19 @@ DYNAMICS = {
 
 
 def linearize(f, q, u, p, s):
-    _, _, _, c2, = q
-    _, _, _, _, aligning, peak, shape_factor, curvature_factor, = p
-    w0 = aligning/(peak*shape_factor)
-    w1 = aligning*c2/(peak*shape_factor)
-    w2 = w1 - curvature_factor*(w1 - f.atan(w1))
-    w3 = shape_factor*(w0 - curvature_factor*(w0 - w0/(1 + w1*w1)))/(1 + w2*w2)
+    _, _, theta1, c2, = q
+    x1_t, y1_t, theta1_t, *_ = u
+    point_1, point_2, along_1, along_2, aligning, peak, shape_factor, curvature_factor, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(theta1)
+    w2 = (x1_t - theta1_t*(point_1*w0 + point_2*w1))*(w1*along_1 - w0*along_2)
+    w3 = (y1_t + theta1_t*(point_1*w1 - w0*point_2))*(w0*along_1 + w1*along_2)
+    w4 = aligning/(peak*shape_factor)
+    w5 = aligning*c2/(peak*shape_factor)
+    w6 = w5 - curvature_factor*(w5 - f.atan(w5))
+    w7 = shape_factor*(w4 - curvature_factor*(w4 - w4/(1 + w5*w5)))/(1 + w6*w6)
     return (
-        -peak*w3*f.cos(shape_factor*f.atan(w2)),
+        -peak*w7*f.cos(shape_factor*f.atan(w6))/f.signum(w2 + w3),
     )
 
 

@@ -17,47 +17,47 @@ def dynamics(f, q, u, p, s):
     w9 = f.sin(phi1)
     w10 = w6*w7 - w8*w9
     w11 = w6*w9 + w7*w8
-    w12 = base1_11*w5 + base1_12*w10 + base1_13*w11
-    w13 = w5*base1_21 + w10*base1_22 + w11*base1_23
-    w14 = w5*base1_31 + w10*base1_32 + w11*base1_33
-    w15 = normal_1*w12 + normal_2*w13 + normal_3*w14
-    w16 = normal_1*w14 - w12*normal_3
-    w17 = w12*normal_2 - normal_1*w13
-    w18 = w13*normal_3 - normal_2*w14
-    w19 = f.sqrt(w16*w16 + w17*w17 + w18*w18)
-    w20 = w2*center_1 + w1*center_2
-    w21 = w1*center_1 - w2*center_2
-    w22 = w4*center_3 - w0*w21
-    w23 = w9*w20 + w7*w22
-    w24 = w7*w20 - w9*w22
-    w25 = phi1_t*(base1_33*w24 - base1_32*w23)
-    w26 = w7*w21 - w0*w9*w20
-    w27 = w9*w21 + w0*w7*w20
-    w28 = psi1_t*(base1_32*w26 + base1_33*w27 - w4*base1_31*w20)
-    w29 = w0*center_3 + w4*w21
-    w30 = theta1_t*(base1_31*w22 - w7*base1_33*w29 + w9*base1_32*w29)
-    w31 = normal_2*tube + radius*(normal_2 - w13*w15)/w19
-    w32 = phi1_t + w0*psi1_t
-    w33 = w7*theta1_t - w4*w9*psi1_t
-    w34 = w9*theta1_t + w4*w7*psi1_t
-    w35 = base1_11*w32 + base1_12*w33 + base1_13*w34
-    w36 = normal_1*tube + radius*(normal_1 - w12*w15)/w19
-    w37 = base1_21*w32 + base1_22*w33 + base1_23*w34
-    w38 = (normal_1*w16 - normal_2*w18)*(z1_t + w25 + w28 + w30 - w31*w35 + w36*w37)/w19
-    w39 = phi1_t*(base1_13*w24 - base1_12*w23)
-    w40 = psi1_t*(base1_12*w26 + base1_13*w27 - base1_11*w4*w20)
-    w41 = theta1_t*(base1_11*w22 - w7*base1_13*w29 + base1_12*w9*w29)
-    w42 = normal_3*tube + radius*(normal_3 - w14*w15)/w19
-    w43 = base1_31*w32 + base1_32*w33 + base1_33*w34
-    w44 = (normal_2*w17 - normal_3*w16)*(x1_t + w39 + w40 + w41 - w37*w42 + w31*w43)/w19
-    w45 = phi1_t*(base1_23*w24 - base1_22*w23)
-    w46 = psi1_t*(base1_22*w26 + base1_23*w27 - w4*base1_21*w20)
-    w47 = theta1_t*(base1_21*w22 - w7*base1_23*w29 + w9*base1_22*w29)
-    w48 = (normal_3*w18 - normal_1*w17)*(y1_t + w45 + w46 + w47 - w36*w43 + w35*w42)/w19
-    w49 = w38 + w44 + w48
-    w50 = w16*(y1_t + w45 + w46 + w47)/w19 + w17*(z1_t + w25 + w28 + w30)/w19 + w18*(x1_t + w39 + w40 + w41)/w19
-    w51 = camber*f.atan2(w15, w19)/cornering + f.asin(w49/f.sqrt(w49*w49 + w50*w50))
-    w52 = aligning*w51
+    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
+    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
+    w14 = normal_1*w12 - normal_3*w13
+    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w16 = w13*normal_2 - normal_1*w15
+    w17 = normal_3*w15 - w12*normal_2
+    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
+    w19 = w2*center_1 + w1*center_2
+    w20 = w1*center_1 - w2*center_2
+    w21 = w4*center_3 - w0*w20
+    w22 = w9*w19 + w7*w21
+    w23 = w7*w19 - w9*w21
+    w24 = phi1_t*(base1_23*w23 - base1_22*w22)
+    w25 = w7*w20 - w0*w9*w19
+    w26 = w9*w20 + w0*w7*w19
+    w27 = psi1_t*(base1_22*w25 + base1_23*w26 - w4*base1_21*w19)
+    w28 = w0*center_3 + w4*w20
+    w29 = theta1_t*(base1_21*w21 - w7*base1_23*w28 + w9*base1_22*w28)
+    w30 = phi1_t*(base1_33*w23 - base1_32*w22)
+    w31 = psi1_t*(base1_32*w25 + base1_33*w26 - base1_31*w4*w19)
+    w32 = theta1_t*(base1_31*w21 - w7*base1_33*w28 + base1_32*w9*w28)
+    w33 = phi1_t*(base1_13*w23 - base1_12*w22)
+    w34 = psi1_t*(base1_12*w25 + base1_13*w26 - w4*base1_11*w19)
+    w35 = theta1_t*(base1_11*w21 - w7*base1_13*w28 + w9*base1_12*w28)
+    w36 = w14*(y1_t + w24 + w27 + w29)/w18 + w16*(z1_t + w30 + w31 + w32)/w18 + w17*(x1_t + w33 + w34 + w35)/w18
+    w37 = normal_1*w13 + normal_2*w15 + w12*normal_3
+    w38 = normal_2*tube + radius*(normal_2 - w15*w37)/w18
+    w39 = phi1_t + w0*psi1_t
+    w40 = w7*theta1_t - w4*w9*psi1_t
+    w41 = w9*theta1_t + w4*w7*psi1_t
+    w42 = base1_11*w39 + base1_12*w40 + base1_13*w41
+    w43 = normal_1*tube + radius*(normal_1 - w13*w37)/w18
+    w44 = base1_21*w39 + base1_22*w40 + base1_23*w41
+    w45 = (normal_1*w14 - normal_2*w17)*(z1_t + w30 + w31 + w32 - w38*w42 + w43*w44)/w18
+    w46 = normal_3*tube + radius*(normal_3 - w12*w37)/w18
+    w47 = base1_31*w39 + base1_32*w40 + base1_33*w41
+    w48 = (normal_2*w16 - normal_3*w14)*(x1_t + w33 + w34 + w35 - w44*w46 + w38*w47)/w18
+    w49 = (normal_3*w17 - normal_1*w16)*(y1_t + w24 + w27 + w29 - w43*w47 + w42*w46)/w18
+    w50 = w45 + w48 + w49
+    w51 = camber*f.atan2(w37, w18)/cornering + f.asin(w50/f.sqrt(w50*w50 + w36*w36))
+    w52 = aligning*w51/f.signum(w36)
     w53 = normal_3*w52
     w54 = normal_2*w52
     w55 = normal_1*w52
@@ -91,19 +91,19 @@ def linearize(f, q, u, p, s):
     w8 = axle_3*w5 - w6*w7
     w9 = w2*w3 + w4*w8
     w10 = w2*w4 - w8*w3
-    w11 = w10*base1_13 - base1_12*w9
+    w11 = w10*base1_13 - w9*base1_12
     w12 = w10*base1_23 - w9*base1_22
-    w13 = w10*base1_33 - w9*base1_32
+    w13 = w10*base1_33 - base1_32*w9
     w14 = normal_1*w11 + normal_2*w12 + normal_3*w13
     w15 = axle_3*w6 + w7*w5
-    w16 = w15*base1_31 + w10*base1_32 + w9*base1_33
-    w17 = base1_11*w15 + base1_12*w10 + base1_13*w9
-    w18 = normal_1*w16 - w17*normal_3
+    w16 = base1_31*w15 + base1_32*w10 + base1_33*w9
+    w17 = w15*base1_11 + w10*base1_12 + w9*base1_13
+    w18 = normal_1*w16 - normal_3*w17
     w19 = w15*base1_21 + w10*base1_22 + w9*base1_23
     w20 = w17*normal_2 - normal_1*w19
-    w21 = w19*normal_3 - normal_2*w16
+    w21 = normal_3*w19 - w16*normal_2
     w22 = f.sqrt(w18*w18 + w20*w20 + w21*w21)
-    w23 = normal_1*w17 + normal_2*w19 + normal_3*w16
+    w23 = normal_1*w17 + normal_2*w19 + w16*normal_3
     w24 = w23*w23 + w22*w22
     w25 = w22/w24
     w26 = normal_1*w13 - normal_3*w11
@@ -124,10 +124,10 @@ def linearize(f, q, u, p, s):
     w41 = phi1_t*w40
     w42 = w4*w35 - w6*w3*w33
     w43 = w3*w35 + w6*w4*w33
-    w44 = base1_32*w42 + base1_33*w43 - w5*base1_31*w33
+    w44 = base1_32*w42 + base1_33*w43 - base1_31*w5*w33
     w45 = psi1_t*w44
     w46 = w6*center_3 + w5*w35
-    w47 = base1_31*w36 - w4*base1_33*w46 + w3*base1_32*w46
+    w47 = base1_31*w36 - w4*base1_33*w46 + base1_32*w3*w46
     w48 = theta1_t*w47
     w49 = normal_2 - w19*w23
     w50 = normal_2*tube + radius*w49/w22
@@ -142,9 +142,9 @@ def linearize(f, q, u, p, s):
     w59 = normal_2*w20 - normal_3*w18
     w60 = base1_13*w39 - base1_12*w37
     w61 = phi1_t*w60
-    w62 = base1_12*w42 + base1_13*w43 - base1_11*w5*w33
+    w62 = base1_12*w42 + base1_13*w43 - w5*base1_11*w33
     w63 = psi1_t*w62
-    w64 = base1_11*w36 - w4*base1_13*w46 + base1_12*w3*w46
+    w64 = base1_11*w36 - w4*base1_13*w46 + w3*base1_12*w46
     w65 = theta1_t*w64
     w66 = normal_3 - w16*w23
     w67 = normal_3*tube + radius*w66/w22
@@ -216,191 +216,193 @@ def linearize(f, q, u, p, s):
     w133 = w78/w83
     w134 = f.sqrt(1 - w133*w133)
     w135 = (w14*w25 - w29*w30)*w31 + (w121/w83 - (w78*w121 + w82*w131)*w132/w83)/w134
-    w136 = aligning*w135
-    w137 = normal_3*w136
-    w138 = normal_2*w136
-    w139 = normal_1*w136
-    w140 = base1_31*w137 + base1_21*w138 + base1_11*w139
-    w141 = w15*w3
-    w142 = w15*w4
-    w143 = base1_11*w8 + base1_12*w141 - base1_13*w142
-    w144 = w8*base1_21 + base1_22*w141 - base1_23*w142
-    w145 = w8*base1_31 + base1_32*w141 - base1_33*w142
-    w146 = normal_1*w143 + normal_2*w144 + normal_3*w145
-    w147 = normal_1*w145 - normal_3*w143
-    w148 = normal_2*w143 - normal_1*w144
-    w149 = normal_3*w144 - normal_2*w145
-    w150 = (w18*w147 + w20*w148 + w21*w149)/w22
-    w151 = phi1_t*w89
-    w152 = w5*w34
-    w153 = w5*w38
-    w154 = base1_33*w153 - base1_32*w152 + w6*base1_31*w33
-    w155 = psi1_t*w154
-    w156 = theta1_t*(base1_31*w46 + w36*w4*base1_33 - w36*w3*base1_32)
-    w157 = w91*w150 + w92*(w23*w144 + w19*w146)
-    w158 = w5*psi1_t
-    w159 = w6*w3*psi1_t
-    w160 = w6*w4*psi1_t
-    w161 = base1_11*w158 + base1_12*w159 - base1_13*w160
-    w162 = w95*w150 + w92*(w23*w143 + w17*w146)
-    w163 = base1_21*w158 + base1_22*w159 - base1_23*w160
-    w164 = w151 + w155 - w156 - (w50*w161 - w54*w157) + w56*w163 - w57*w162
-    w165 = phi1_t*w105
-    w166 = base1_13*w153 - base1_12*w152 + w6*base1_11*w33
-    w167 = psi1_t*w166
-    w168 = theta1_t*(base1_11*w46 + w36*w4*base1_13 - w36*base1_12*w3)
-    w169 = w107*w150 + w92*(w23*w145 + w16*w146)
-    w170 = base1_31*w158 + base1_32*w159 - base1_33*w160
-    w171 = w165 + w167 - w168 - (w67*w163 - w57*w169) + w50*w170 - w68*w157
-    w172 = phi1_t*w117
-    w173 = base1_23*w153 - base1_22*w152 + w6*base1_21*w33
-    w174 = psi1_t*w173
-    w175 = theta1_t*(base1_21*w46 + w36*w4*base1_23 - w36*w3*base1_22)
-    w176 = w172 + w174 - w175 - (w56*w170 - w68*w162) + w67*w161 - w54*w169
-    w177 = w85*(normal_1*w147 - normal_2*w149) - w84*w150 + w98*w164 + w101*(normal_2*w148 - normal_3*w147) - w100*w150 + w111*w171 + w113*(normal_3*w149 - normal_1*w148) - w112*w150 + w120*w176
-    w178 = w122*w147 - w123*w150 + w124*(w172 + w174 - w175) + w125*w148 - w126*w150 + w127*(w151 + w155 - w156) + w128*w149 - w129*w150 + w130*(w165 + w167 - w168)
-    w179 = w31*(w25*w146 - w30*w150) + (w177/w83 - w132*(w78*w177 + w82*w178)/w83)/w134
-    w180 = aligning*w179
-    w181 = normal_3*w180
-    w182 = normal_2*w180
-    w183 = normal_1*w180
-    w184 = base1_31*w181 + base1_21*w182 + base1_11*w183
-    w185 = w5*w2
-    w186 = w6*w2
-    w187 = w7*w4 - w3*w186
-    w188 = w7*w3 + w4*w186
-    w189 = base1_12*w187 - base1_11*w185 + base1_13*w188
-    w190 = base1_22*w187 - base1_21*w185 + base1_23*w188
-    w191 = base1_32*w187 - base1_31*w185 + base1_33*w188
-    w192 = normal_1*w189 + normal_2*w190 + normal_3*w191
-    w193 = normal_1*w191 - normal_3*w189
-    w194 = normal_2*w189 - normal_1*w190
-    w195 = normal_3*w190 - normal_2*w191
-    w196 = (w18*w193 + w20*w194 + w21*w195)/w22
-    w197 = phi1_t*w87
-    w198 = w6*w3
-    w199 = w38 + w35*w198
-    w200 = w6*w4
-    w201 = w35*w200 - w34
-    w202 = psi1_t*(base1_32*w199 - base1_33*w201 + w35*w5*base1_31)
-    w203 = theta1_t*w154
-    w204 = w91*w196 + w92*(w23*w190 + w19*w192)
-    w205 = w95*w196 + w92*(w23*w189 + w17*w192)
-    w206 = w85*(normal_1*w193 - normal_2*w195) - w84*w196 + w98*(w197 - w202 + w203 + w54*w204 - w57*w205)
-    w207 = phi1_t*w103
-    w208 = psi1_t*(base1_12*w199 - base1_13*w201 + w35*base1_11*w5)
-    w209 = theta1_t*w166
-    w210 = w107*w196 + w92*(w23*w191 + w16*w192)
-    w211 = w101*(normal_2*w194 - normal_3*w193) - w100*w196 + w111*(w207 - w208 + w209 + w57*w210 - w68*w204)
-    w212 = phi1_t*w115
-    w213 = psi1_t*(base1_22*w199 - base1_23*w201 + w35*w5*base1_21)
-    w214 = theta1_t*w173
-    w215 = w113*(normal_3*w195 - normal_1*w194) - w112*w196 + w120*(w212 - w213 + w214 + w68*w205 - w54*w210)
-    w216 = w206 + w211 + w215
-    w217 = w122*w193 - w123*w196 + w124*(w212 - w213 + w214) + w125*w194 - w126*w196 + w127*(w197 - w202 + w203) + w128*w195 - w129*w196 + w130*(w207 - w208 + w209)
-    w218 = w31*(w25*w192 - w30*w196) + (w216/w83 - w132*(w78*w216 + w82*w217)/w83)/w134
-    w219 = aligning*w218
-    w220 = normal_3*w219
-    w221 = normal_2*w219
-    w222 = normal_1*w219
-    w223 = base1_31*w220 + base1_21*w221 + base1_11*w222
-    w224 = aligning*(camber*f.atan2(w23, w22)/cornering + f.asin(w133))
-    w225 = normal_3*w224
-    w226 = normal_2*w224
-    w227 = normal_1*w224
-    w228 = base1_33*w225 + base1_23*w226 + base1_13*w227
-    w229 = base1_33*w137 + base1_23*w138 + base1_13*w139
-    w230 = base1_32*w225 + base1_22*w226 + base1_12*w227
-    w231 = base1_32*w137 + base1_22*w138 + base1_12*w139
-    w232 = base1_33*w181 + base1_23*w182 + base1_13*w183
-    w233 = base1_32*w181 + base1_22*w182 + base1_12*w183
-    w234 = base1_33*w220 + base1_23*w221 + base1_13*w222
-    w235 = base1_32*w220 + base1_22*w221 + base1_12*w222
-    w236 = w5*w4
-    w237 = w5*w3
-    w238 = w236*w232 - w228*w200 - (w237*w233 - w230*w198) + w5*(base1_31*w225 + base1_21*w226 + base1_11*w227) + w6*w184
-    w239 = aligning*(w111/w83 - w132*(w78*w111 + w82*w130)/w83)/w134
-    w240 = normal_3*w239
-    w241 = normal_2*w239
-    w242 = normal_1*w239
-    w243 = base1_31*w240 + base1_21*w241 + base1_11*w242
-    w244 = aligning*(w120/w83 - w132*(w78*w120 + w82*w124)/w83)/w134
-    w245 = normal_3*w244
-    w246 = normal_2*w244
-    w247 = normal_1*w244
-    w248 = base1_31*w245 + base1_21*w246 + base1_11*w247
-    w249 = aligning*(w98/w83 - w132*(w78*w98 + w82*w127)/w83)/w134
-    w250 = normal_3*w249
-    w251 = normal_2*w249
-    w252 = normal_1*w249
-    w253 = base1_31*w250 + base1_21*w251 + base1_11*w252
-    w254 = w98*(w40 - base1_11*w50 + base1_21*w56) + w111*(w60 - base1_21*w67 + base1_31*w50) + w120*(w71 - base1_31*w56 + base1_11*w67)
-    w255 = w254/w83 - w132*(w78*w254 + w82*(w71*w124 + w40*w127 + w60*w130))/w83
-    w256 = aligning*w255/w134
-    w257 = normal_3*w256
-    w258 = normal_2*w256
-    w259 = normal_1*w256
-    w260 = base1_31*w257 + base1_21*w258 + base1_11*w259
-    w261 = base1_12*w4 + w3*base1_13
-    w262 = w4*base1_22 + w3*base1_23
-    w263 = w4*base1_32 + w3*base1_33
-    w264 = w98*(w47 - w50*w261 + w56*w262) + w111*(w64 - w67*w262 + w50*w263) + w120*(w75 - w56*w263 + w67*w261)
-    w265 = w264/w83 - w132*(w78*w264 + w82*(w75*w124 + w47*w127 + w64*w130))/w83
-    w266 = aligning*w265/w134
-    w267 = normal_3*w266
-    w268 = normal_2*w266
-    w269 = normal_1*w266
-    w270 = base1_31*w267 + base1_21*w268 + base1_11*w269
-    w271 = base1_11*w6 - base1_12*w237 + base1_13*w236
-    w272 = w6*base1_21 - base1_22*w237 + base1_23*w236
-    w273 = w6*base1_31 - base1_32*w237 + base1_33*w236
-    w274 = w98*(w44 - w50*w271 + w56*w272) + w111*(w62 - w67*w272 + w50*w273) + w120*(w73 - w56*w273 + w67*w271)
-    w275 = w274/w83 - w132*(w78*w274 + w82*(w73*w124 + w44*w127 + w62*w130))/w83
-    w276 = aligning*w275/w134
-    w277 = normal_3*w276
-    w278 = normal_2*w276
-    w279 = normal_1*w276
-    w280 = base1_31*w277 + base1_21*w278 + base1_11*w279
-    w281 = base1_33*w240 + base1_23*w241 + base1_13*w242
-    w282 = base1_32*w240 + base1_22*w241 + base1_12*w242
-    w283 = base1_33*w245 + base1_23*w246 + base1_13*w247
-    w284 = base1_32*w245 + base1_22*w246 + base1_12*w247
-    w285 = base1_33*w250 + base1_23*w251 + base1_13*w252
-    w286 = base1_32*w250 + base1_22*w251 + base1_12*w252
-    w287 = base1_33*w257 + base1_23*w258 + base1_13*w259
-    w288 = base1_32*w257 + base1_22*w258 + base1_12*w259
-    w289 = base1_33*w267 + base1_23*w268 + base1_13*w269
-    w290 = base1_32*w267 + base1_22*w268 + base1_12*w269
-    w291 = base1_33*w277 + base1_23*w278 + base1_13*w279
-    w292 = base1_32*w277 + base1_22*w278 + base1_12*w279
+    w136 = f.signum(w82)
+    w137 = aligning/w136
+    w138 = w135*w137
+    w139 = normal_3*w138
+    w140 = normal_2*w138
+    w141 = normal_1*w138
+    w142 = base1_31*w139 + base1_21*w140 + base1_11*w141
+    w143 = w15*w3
+    w144 = w15*w4
+    w145 = w8*base1_11 + base1_12*w143 - base1_13*w144
+    w146 = w8*base1_21 + base1_22*w143 - base1_23*w144
+    w147 = base1_31*w8 + base1_32*w143 - base1_33*w144
+    w148 = normal_1*w145 + normal_2*w146 + normal_3*w147
+    w149 = normal_1*w147 - normal_3*w145
+    w150 = normal_2*w145 - normal_1*w146
+    w151 = normal_3*w146 - normal_2*w147
+    w152 = (w18*w149 + w20*w150 + w21*w151)/w22
+    w153 = phi1_t*w89
+    w154 = w5*w34
+    w155 = w5*w38
+    w156 = base1_33*w155 - base1_32*w154 + w6*base1_31*w33
+    w157 = psi1_t*w156
+    w158 = theta1_t*(base1_31*w46 + w36*w4*base1_33 - w36*base1_32*w3)
+    w159 = w91*w152 + w92*(w23*w146 + w19*w148)
+    w160 = w5*psi1_t
+    w161 = w6*w3*psi1_t
+    w162 = w6*w4*psi1_t
+    w163 = base1_11*w160 + base1_12*w161 - base1_13*w162
+    w164 = w95*w152 + w92*(w23*w145 + w17*w148)
+    w165 = base1_21*w160 + base1_22*w161 - base1_23*w162
+    w166 = w153 + w157 - w158 - (w50*w163 - w54*w159) + w56*w165 - w57*w164
+    w167 = phi1_t*w105
+    w168 = base1_13*w155 - base1_12*w154 + w6*base1_11*w33
+    w169 = psi1_t*w168
+    w170 = theta1_t*(base1_11*w46 + w36*w4*base1_13 - w36*w3*base1_12)
+    w171 = w107*w152 + w92*(w23*w147 + w16*w148)
+    w172 = base1_31*w160 + base1_32*w161 - base1_33*w162
+    w173 = w167 + w169 - w170 - (w67*w165 - w57*w171) + w50*w172 - w68*w159
+    w174 = phi1_t*w117
+    w175 = base1_23*w155 - base1_22*w154 + w6*base1_21*w33
+    w176 = psi1_t*w175
+    w177 = theta1_t*(base1_21*w46 + w36*w4*base1_23 - w36*w3*base1_22)
+    w178 = w174 + w176 - w177 - (w56*w172 - w68*w164) + w67*w163 - w54*w171
+    w179 = w85*(normal_1*w149 - normal_2*w151) - w84*w152 + w98*w166 + w101*(normal_2*w150 - normal_3*w149) - w100*w152 + w111*w173 + w113*(normal_3*w151 - normal_1*w150) - w112*w152 + w120*w178
+    w180 = w122*w149 - w123*w152 + w124*(w174 + w176 - w177) + w125*w150 - w126*w152 + w127*(w153 + w157 - w158) + w128*w151 - w129*w152 + w130*(w167 + w169 - w170)
+    w181 = w31*(w25*w148 - w30*w152) + (w179/w83 - w132*(w78*w179 + w82*w180)/w83)/w134
+    w182 = w137*w181
+    w183 = normal_3*w182
+    w184 = normal_2*w182
+    w185 = normal_1*w182
+    w186 = base1_31*w183 + base1_21*w184 + base1_11*w185
+    w187 = w5*w2
+    w188 = w6*w2
+    w189 = w7*w4 - w3*w188
+    w190 = w7*w3 + w4*w188
+    w191 = base1_12*w189 - base1_11*w187 + base1_13*w190
+    w192 = base1_22*w189 - base1_21*w187 + base1_23*w190
+    w193 = base1_32*w189 - base1_31*w187 + base1_33*w190
+    w194 = normal_1*w191 + normal_2*w192 + normal_3*w193
+    w195 = normal_1*w193 - normal_3*w191
+    w196 = normal_2*w191 - normal_1*w192
+    w197 = normal_3*w192 - normal_2*w193
+    w198 = (w18*w195 + w20*w196 + w21*w197)/w22
+    w199 = phi1_t*w87
+    w200 = w6*w3
+    w201 = w38 + w35*w200
+    w202 = w6*w4
+    w203 = w35*w202 - w34
+    w204 = psi1_t*(base1_32*w201 - base1_33*w203 + w35*base1_31*w5)
+    w205 = theta1_t*w156
+    w206 = w91*w198 + w92*(w23*w192 + w19*w194)
+    w207 = w95*w198 + w92*(w23*w191 + w17*w194)
+    w208 = w85*(normal_1*w195 - normal_2*w197) - w84*w198 + w98*(w199 - w204 + w205 + w54*w206 - w57*w207)
+    w209 = phi1_t*w103
+    w210 = psi1_t*(base1_12*w201 - base1_13*w203 + w35*w5*base1_11)
+    w211 = theta1_t*w168
+    w212 = w107*w198 + w92*(w23*w193 + w16*w194)
+    w213 = w101*(normal_2*w196 - normal_3*w195) - w100*w198 + w111*(w209 - w210 + w211 + w57*w212 - w68*w206)
+    w214 = phi1_t*w115
+    w215 = psi1_t*(base1_22*w201 - base1_23*w203 + w35*w5*base1_21)
+    w216 = theta1_t*w175
+    w217 = w113*(normal_3*w197 - normal_1*w196) - w112*w198 + w120*(w214 - w215 + w216 + w68*w207 - w54*w212)
+    w218 = w208 + w213 + w217
+    w219 = w122*w195 - w123*w198 + w124*(w214 - w215 + w216) + w125*w196 - w126*w198 + w127*(w199 - w204 + w205) + w128*w197 - w129*w198 + w130*(w209 - w210 + w211)
+    w220 = w31*(w25*w194 - w30*w198) + (w218/w83 - w132*(w78*w218 + w82*w219)/w83)/w134
+    w221 = w137*w220
+    w222 = normal_3*w221
+    w223 = normal_2*w221
+    w224 = normal_1*w221
+    w225 = base1_31*w222 + base1_21*w223 + base1_11*w224
+    w226 = aligning*(camber*f.atan2(w23, w22)/cornering + f.asin(w133))/w136
+    w227 = normal_3*w226
+    w228 = normal_2*w226
+    w229 = normal_1*w226
+    w230 = base1_33*w227 + base1_23*w228 + base1_13*w229
+    w231 = base1_33*w139 + base1_23*w140 + base1_13*w141
+    w232 = base1_32*w227 + base1_22*w228 + base1_12*w229
+    w233 = base1_32*w139 + base1_22*w140 + base1_12*w141
+    w234 = base1_33*w183 + base1_23*w184 + base1_13*w185
+    w235 = base1_32*w183 + base1_22*w184 + base1_12*w185
+    w236 = base1_33*w222 + base1_23*w223 + base1_13*w224
+    w237 = base1_32*w222 + base1_22*w223 + base1_12*w224
+    w238 = w5*w4
+    w239 = w5*w3
+    w240 = w238*w234 - w230*w202 - (w239*w235 - w232*w200) + w5*(base1_31*w227 + base1_21*w228 + base1_11*w229) + w6*w186
+    w241 = w137*(w111/w83 - w132*(w78*w111 + w82*w130)/w83)/w134
+    w242 = normal_3*w241
+    w243 = normal_2*w241
+    w244 = normal_1*w241
+    w245 = base1_31*w242 + base1_21*w243 + base1_11*w244
+    w246 = w137*(w120/w83 - w132*(w78*w120 + w82*w124)/w83)/w134
+    w247 = normal_3*w246
+    w248 = normal_2*w246
+    w249 = normal_1*w246
+    w250 = base1_31*w247 + base1_21*w248 + base1_11*w249
+    w251 = w137*(w98/w83 - w132*(w78*w98 + w82*w127)/w83)/w134
+    w252 = normal_3*w251
+    w253 = normal_2*w251
+    w254 = normal_1*w251
+    w255 = base1_31*w252 + base1_21*w253 + base1_11*w254
+    w256 = w98*(w40 - base1_11*w50 + base1_21*w56) + w111*(w60 - base1_21*w67 + base1_31*w50) + w120*(w71 - base1_31*w56 + base1_11*w67)
+    w257 = w256/w83 - w132*(w78*w256 + w82*(w71*w124 + w40*w127 + w60*w130))/w83
+    w258 = w137*w257/w134
+    w259 = normal_3*w258
+    w260 = normal_2*w258
+    w261 = normal_1*w258
+    w262 = base1_31*w259 + base1_21*w260 + base1_11*w261
+    w263 = w4*base1_12 + w3*base1_13
+    w264 = w4*base1_22 + w3*base1_23
+    w265 = base1_32*w4 + w3*base1_33
+    w266 = w98*(w47 - w50*w263 + w56*w264) + w111*(w64 - w67*w264 + w50*w265) + w120*(w75 - w56*w265 + w67*w263)
+    w267 = w266/w83 - w132*(w78*w266 + w82*(w75*w124 + w47*w127 + w64*w130))/w83
+    w268 = w137*w267/w134
+    w269 = normal_3*w268
+    w270 = normal_2*w268
+    w271 = normal_1*w268
+    w272 = base1_31*w269 + base1_21*w270 + base1_11*w271
+    w273 = w6*base1_11 - base1_12*w239 + base1_13*w238
+    w274 = w6*base1_21 - base1_22*w239 + base1_23*w238
+    w275 = base1_31*w6 - base1_32*w239 + base1_33*w238
+    w276 = w98*(w44 - w50*w273 + w56*w274) + w111*(w62 - w67*w274 + w50*w275) + w120*(w73 - w56*w275 + w67*w273)
+    w277 = w276/w83 - w132*(w78*w276 + w82*(w73*w124 + w44*w127 + w62*w130))/w83
+    w278 = w137*w277/w134
+    w279 = normal_3*w278
+    w280 = normal_2*w278
+    w281 = normal_1*w278
+    w282 = base1_31*w279 + base1_21*w280 + base1_11*w281
+    w283 = base1_33*w242 + base1_23*w243 + base1_13*w244
+    w284 = base1_32*w242 + base1_22*w243 + base1_12*w244
+    w285 = base1_33*w247 + base1_23*w248 + base1_13*w249
+    w286 = base1_32*w247 + base1_22*w248 + base1_12*w249
+    w287 = base1_33*w252 + base1_23*w253 + base1_13*w254
+    w288 = base1_32*w252 + base1_22*w253 + base1_12*w254
+    w289 = base1_33*w259 + base1_23*w260 + base1_13*w261
+    w290 = base1_32*w259 + base1_22*w260 + base1_12*w261
+    w291 = base1_33*w269 + base1_23*w270 + base1_13*w271
+    w292 = base1_32*w269 + base1_22*w270 + base1_12*w271
+    w293 = base1_33*w279 + base1_23*w280 + base1_13*w281
+    w294 = base1_32*w279 + base1_22*w280 + base1_12*w281
     return (
-        -w140,
-        -w184,
-        -w223,
-        -(w4*w228 + w3*w229 + w4*w231 - w3*w230),
-        -(w3*w232 + w4*w233),
+        -w142,
+        -w186,
+        -w225,
+        -(w4*w230 + w3*w231 + w4*w233 - w3*w232),
         -(w3*w234 + w4*w235),
-        -(w236*w229 - w228*w237 - (w237*w231 + w236*w230) + w6*w140),
-        -w238,
-        -(w236*w234 - w237*w235 + w6*w223),
-        -w243,
-        -w248,
-        -w253,
-        -w260,
-        -w270,
-        -w280,
-        -(w3*w281 + w4*w282),
+        -(w3*w236 + w4*w237),
+        -(w238*w231 - w230*w239 - (w239*w233 + w238*w232) + w6*w142),
+        -w240,
+        -(w238*w236 - w239*w237 + w6*w225),
+        -w245,
+        -w250,
+        -w255,
+        -w262,
+        -w272,
+        -w282,
         -(w3*w283 + w4*w284),
         -(w3*w285 + w4*w286),
         -(w3*w287 + w4*w288),
         -(w3*w289 + w4*w290),
         -(w3*w291 + w4*w292),
-        -(w236*w281 - w237*w282 + w6*w243),
-        -(w236*w283 - w237*w284 + w6*w248),
-        -(w236*w285 - w237*w286 + w6*w253),
-        -(w236*w287 - w237*w288 + w6*w260),
-        -(w236*w289 - w237*w290 + w6*w270),
-        -(w236*w291 - w237*w292 + w6*w280),
+        -(w3*w293 + w4*w294),
+        -(w238*w283 - w239*w284 + w6*w245),
+        -(w238*w285 - w239*w286 + w6*w250),
+        -(w238*w287 - w239*w288 + w6*w255),
+        -(w238*w289 - w239*w290 + w6*w262),
+        -(w238*w291 - w239*w292 + w6*w272),
+        -(w238*w293 - w239*w294 + w6*w282),
     )
 
 

@@ -17,49 +17,49 @@ def dynamics(f, q, u, p, s):
     w9 = f.sin(phi1)
     w10 = w6*w7 - w8*w9
     w11 = w6*w9 + w7*w8
-    w12 = base1_11*w5 + base1_12*w10 + base1_13*w11
-    w13 = w5*base1_21 + w10*base1_22 + w11*base1_23
-    w14 = w5*base1_31 + w10*base1_32 + w11*base1_33
-    w15 = normal_1*w12 + normal_2*w13 + normal_3*w14
-    w16 = normal_1*w14 - w12*normal_3
-    w17 = w12*normal_2 - normal_1*w13
-    w18 = w13*normal_3 - normal_2*w14
-    w19 = f.sqrt(w16*w16 + w17*w17 + w18*w18)
-    w20 = w2*center_1 + w1*center_2
-    w21 = w1*center_1 - w2*center_2
-    w22 = w4*center_3 - w0*w21
-    w23 = w9*w20 + w7*w22
-    w24 = w7*w20 - w9*w22
-    w25 = phi1_t*(base1_33*w24 - base1_32*w23)
-    w26 = w7*w21 - w0*w9*w20
-    w27 = w9*w21 + w0*w7*w20
-    w28 = psi1_t*(base1_32*w26 + base1_33*w27 - w4*base1_31*w20)
-    w29 = w0*center_3 + w4*w21
-    w30 = theta1_t*(base1_31*w22 - w7*base1_33*w29 + w9*base1_32*w29)
-    w31 = normal_2*tube + radius*(normal_2 - w13*w15)/w19
-    w32 = phi1_t + w0*psi1_t
-    w33 = w7*theta1_t - w4*w9*psi1_t
-    w34 = w9*theta1_t + w4*w7*psi1_t
-    w35 = base1_11*w32 + base1_12*w33 + base1_13*w34
-    w36 = normal_1*tube + radius*(normal_1 - w12*w15)/w19
-    w37 = base1_21*w32 + base1_22*w33 + base1_23*w34
-    w38 = (normal_1*w16 - normal_2*w18)*(z1_t + w25 + w28 + w30 - w31*w35 + w36*w37)/w19
-    w39 = phi1_t*(base1_13*w24 - base1_12*w23)
-    w40 = psi1_t*(base1_12*w26 + base1_13*w27 - base1_11*w4*w20)
-    w41 = theta1_t*(base1_11*w22 - w7*base1_13*w29 + base1_12*w9*w29)
-    w42 = normal_3*tube + radius*(normal_3 - w14*w15)/w19
-    w43 = base1_31*w32 + base1_32*w33 + base1_33*w34
-    w44 = (normal_2*w17 - normal_3*w16)*(x1_t + w39 + w40 + w41 - w37*w42 + w31*w43)/w19
-    w45 = phi1_t*(base1_23*w24 - base1_22*w23)
-    w46 = psi1_t*(base1_22*w26 + base1_23*w27 - w4*base1_21*w20)
-    w47 = theta1_t*(base1_21*w22 - w7*base1_23*w29 + w9*base1_22*w29)
-    w48 = (normal_3*w18 - normal_1*w17)*(y1_t + w45 + w46 + w47 - w36*w43 + w35*w42)/w19
-    w49 = w38 + w44 + w48
-    w50 = w16*(y1_t + w45 + w46 + w47)/w19 + w17*(z1_t + w25 + w28 + w30)/w19 + w18*(x1_t + w39 + w40 + w41)/w19
-    w51 = camber*f.atan2(w15, w19)/cornering + f.asin(w49/f.sqrt(w49*w49 + w50*w50))
+    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
+    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
+    w14 = normal_1*w12 - normal_3*w13
+    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w16 = w13*normal_2 - normal_1*w15
+    w17 = normal_3*w15 - w12*normal_2
+    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
+    w19 = w2*center_1 + w1*center_2
+    w20 = w1*center_1 - w2*center_2
+    w21 = w4*center_3 - w0*w20
+    w22 = w9*w19 + w7*w21
+    w23 = w7*w19 - w9*w21
+    w24 = phi1_t*(base1_23*w23 - base1_22*w22)
+    w25 = w7*w20 - w0*w9*w19
+    w26 = w9*w20 + w0*w7*w19
+    w27 = psi1_t*(base1_22*w25 + base1_23*w26 - w4*base1_21*w19)
+    w28 = w0*center_3 + w4*w20
+    w29 = theta1_t*(base1_21*w21 - w7*base1_23*w28 + w9*base1_22*w28)
+    w30 = phi1_t*(base1_33*w23 - base1_32*w22)
+    w31 = psi1_t*(base1_32*w25 + base1_33*w26 - base1_31*w4*w19)
+    w32 = theta1_t*(base1_31*w21 - w7*base1_33*w28 + base1_32*w9*w28)
+    w33 = phi1_t*(base1_13*w23 - base1_12*w22)
+    w34 = psi1_t*(base1_12*w25 + base1_13*w26 - w4*base1_11*w19)
+    w35 = theta1_t*(base1_11*w21 - w7*base1_13*w28 + w9*base1_12*w28)
+    w36 = w14*(y1_t + w24 + w27 + w29)/w18 + w16*(z1_t + w30 + w31 + w32)/w18 + w17*(x1_t + w33 + w34 + w35)/w18
+    w37 = normal_1*w13 + normal_2*w15 + w12*normal_3
+    w38 = normal_2*tube + radius*(normal_2 - w15*w37)/w18
+    w39 = phi1_t + w0*psi1_t
+    w40 = w7*theta1_t - w4*w9*psi1_t
+    w41 = w9*theta1_t + w4*w7*psi1_t
+    w42 = base1_11*w39 + base1_12*w40 + base1_13*w41
+    w43 = normal_1*tube + radius*(normal_1 - w13*w37)/w18
+    w44 = base1_21*w39 + base1_22*w40 + base1_23*w41
+    w45 = (normal_1*w14 - normal_2*w17)*(z1_t + w30 + w31 + w32 - w38*w42 + w43*w44)/w18
+    w46 = normal_3*tube + radius*(normal_3 - w12*w37)/w18
+    w47 = base1_31*w39 + base1_32*w40 + base1_33*w41
+    w48 = (normal_2*w16 - normal_3*w14)*(x1_t + w33 + w34 + w35 - w44*w46 + w38*w47)/w18
+    w49 = (normal_3*w17 - normal_1*w16)*(y1_t + w24 + w27 + w29 - w43*w47 + w42*w46)/w18
+    w50 = w45 + w48 + w49
+    w51 = camber*f.atan2(w37, w18)/cornering + f.asin(w50/f.sqrt(w50*w50 + w36*w36))
     w52 = aligning*w51/(peak*shape_factor)
     w53 = shape_factor*f.atan(w52 - curvature_factor*(w52 - f.atan(w52)))
-    w54 = peak*f.sin(w53)
+    w54 = peak*f.sin(w53)/f.signum(w36)
     w55 = normal_3*w54
     w56 = normal_2*w54
     w57 = normal_1*w54
@@ -93,19 +93,19 @@ def linearize(f, q, u, p, s):
     w8 = axle_3*w5 - w6*w7
     w9 = w2*w3 + w4*w8
     w10 = w2*w4 - w8*w3
-    w11 = w10*base1_13 - base1_12*w9
+    w11 = w10*base1_13 - w9*base1_12
     w12 = w10*base1_23 - w9*base1_22
-    w13 = w10*base1_33 - w9*base1_32
+    w13 = w10*base1_33 - base1_32*w9
     w14 = normal_1*w11 + normal_2*w12 + normal_3*w13
     w15 = axle_3*w6 + w7*w5
-    w16 = w15*base1_31 + w10*base1_32 + w9*base1_33
-    w17 = base1_11*w15 + base1_12*w10 + base1_13*w9
-    w18 = normal_1*w16 - w17*normal_3
+    w16 = base1_31*w15 + base1_32*w10 + base1_33*w9
+    w17 = w15*base1_11 + w10*base1_12 + w9*base1_13
+    w18 = normal_1*w16 - normal_3*w17
     w19 = w15*base1_21 + w10*base1_22 + w9*base1_23
     w20 = w17*normal_2 - normal_1*w19
-    w21 = w19*normal_3 - normal_2*w16
+    w21 = normal_3*w19 - w16*normal_2
     w22 = f.sqrt(w18*w18 + w20*w20 + w21*w21)
-    w23 = normal_1*w17 + normal_2*w19 + normal_3*w16
+    w23 = normal_1*w17 + normal_2*w19 + w16*normal_3
     w24 = w23*w23 + w22*w22
     w25 = w22/w24
     w26 = normal_1*w13 - normal_3*w11
@@ -126,10 +126,10 @@ def linearize(f, q, u, p, s):
     w41 = phi1_t*w40
     w42 = w4*w35 - w6*w3*w33
     w43 = w3*w35 + w6*w4*w33
-    w44 = base1_32*w42 + base1_33*w43 - w5*base1_31*w33
+    w44 = base1_32*w42 + base1_33*w43 - base1_31*w5*w33
     w45 = psi1_t*w44
     w46 = w6*center_3 + w5*w35
-    w47 = base1_31*w36 - w4*base1_33*w46 + w3*base1_32*w46
+    w47 = base1_31*w36 - w4*base1_33*w46 + base1_32*w3*w46
     w48 = theta1_t*w47
     w49 = normal_2 - w19*w23
     w50 = normal_2*tube + radius*w49/w22
@@ -144,9 +144,9 @@ def linearize(f, q, u, p, s):
     w59 = normal_2*w20 - normal_3*w18
     w60 = base1_13*w39 - base1_12*w37
     w61 = phi1_t*w60
-    w62 = base1_12*w42 + base1_13*w43 - base1_11*w5*w33
+    w62 = base1_12*w42 + base1_13*w43 - w5*base1_11*w33
     w63 = psi1_t*w62
-    w64 = base1_11*w36 - w4*base1_13*w46 + base1_12*w3*w46
+    w64 = base1_11*w36 - w4*base1_13*w46 + w3*base1_12*w46
     w65 = theta1_t*w64
     w66 = normal_3 - w16*w23
     w67 = normal_3*tube + radius*w66/w22
@@ -227,207 +227,209 @@ def linearize(f, q, u, p, s):
     w142 = shape_factor*(w137 - curvature_factor*(w137 - w137/w139))/w141
     w143 = shape_factor*f.atan(w140)
     w144 = f.cos(w143)
-    w145 = peak*w142*w144
-    w146 = normal_3*w145
-    w147 = normal_2*w145
-    w148 = normal_1*w145
-    w149 = base1_31*w146 + base1_21*w147 + base1_11*w148
-    w150 = w15*w3
-    w151 = w15*w4
-    w152 = base1_11*w8 + base1_12*w150 - base1_13*w151
-    w153 = w8*base1_21 + base1_22*w150 - base1_23*w151
-    w154 = w8*base1_31 + base1_32*w150 - base1_33*w151
-    w155 = normal_1*w152 + normal_2*w153 + normal_3*w154
-    w156 = normal_1*w154 - normal_3*w152
-    w157 = normal_2*w152 - normal_1*w153
-    w158 = normal_3*w153 - normal_2*w154
-    w159 = (w18*w156 + w20*w157 + w21*w158)/w22
-    w160 = phi1_t*w89
-    w161 = w5*w34
-    w162 = w5*w38
-    w163 = base1_33*w162 - base1_32*w161 + w6*base1_31*w33
-    w164 = psi1_t*w163
-    w165 = theta1_t*(base1_31*w46 + w36*w4*base1_33 - w36*w3*base1_32)
-    w166 = w91*w159 + w92*(w23*w153 + w19*w155)
-    w167 = w5*psi1_t
-    w168 = w6*w3*psi1_t
-    w169 = w6*w4*psi1_t
-    w170 = base1_11*w167 + base1_12*w168 - base1_13*w169
-    w171 = w95*w159 + w92*(w23*w152 + w17*w155)
-    w172 = base1_21*w167 + base1_22*w168 - base1_23*w169
-    w173 = w160 + w164 - w165 - (w50*w170 - w54*w166) + w56*w172 - w57*w171
-    w174 = phi1_t*w105
-    w175 = base1_13*w162 - base1_12*w161 + w6*base1_11*w33
-    w176 = psi1_t*w175
-    w177 = theta1_t*(base1_11*w46 + w36*w4*base1_13 - w36*base1_12*w3)
-    w178 = w107*w159 + w92*(w23*w154 + w16*w155)
-    w179 = base1_31*w167 + base1_32*w168 - base1_33*w169
-    w180 = w174 + w176 - w177 - (w67*w172 - w57*w178) + w50*w179 - w68*w166
-    w181 = phi1_t*w117
-    w182 = base1_23*w162 - base1_22*w161 + w6*base1_21*w33
-    w183 = psi1_t*w182
-    w184 = theta1_t*(base1_21*w46 + w36*w4*base1_23 - w36*w3*base1_22)
-    w185 = w181 + w183 - w184 - (w56*w179 - w68*w171) + w67*w170 - w54*w178
-    w186 = w85*(normal_1*w156 - normal_2*w158) - w84*w159 + w98*w173 + w101*(normal_2*w157 - normal_3*w156) - w100*w159 + w111*w180 + w113*(normal_3*w158 - normal_1*w157) - w112*w159 + w120*w185
-    w187 = w122*w156 - w123*w159 + w124*(w181 + w183 - w184) + w125*w157 - w126*w159 + w127*(w160 + w164 - w165) + w128*w158 - w129*w159 + w130*(w174 + w176 - w177)
-    w188 = w31*(w25*w155 - w30*w159) + (w186/w83 - w132*(w78*w186 + w82*w187)/w83)/w134
-    w189 = w136*w188
-    w190 = shape_factor*(w189 - curvature_factor*(w189 - w189/w139))/w141
-    w191 = peak*w144*w190
-    w192 = normal_3*w191
-    w193 = normal_2*w191
-    w194 = normal_1*w191
-    w195 = base1_31*w192 + base1_21*w193 + base1_11*w194
-    w196 = w5*w2
-    w197 = w6*w2
-    w198 = w7*w4 - w3*w197
-    w199 = w7*w3 + w4*w197
-    w200 = base1_12*w198 - base1_11*w196 + base1_13*w199
-    w201 = base1_22*w198 - base1_21*w196 + base1_23*w199
-    w202 = base1_32*w198 - base1_31*w196 + base1_33*w199
-    w203 = normal_1*w200 + normal_2*w201 + normal_3*w202
-    w204 = normal_1*w202 - normal_3*w200
-    w205 = normal_2*w200 - normal_1*w201
-    w206 = normal_3*w201 - normal_2*w202
-    w207 = (w18*w204 + w20*w205 + w21*w206)/w22
-    w208 = phi1_t*w87
-    w209 = w6*w3
-    w210 = w38 + w35*w209
-    w211 = w6*w4
-    w212 = w35*w211 - w34
-    w213 = psi1_t*(base1_32*w210 - base1_33*w212 + w35*w5*base1_31)
-    w214 = theta1_t*w163
-    w215 = w91*w207 + w92*(w23*w201 + w19*w203)
-    w216 = w95*w207 + w92*(w23*w200 + w17*w203)
-    w217 = w85*(normal_1*w204 - normal_2*w206) - w84*w207 + w98*(w208 - w213 + w214 + w54*w215 - w57*w216)
-    w218 = phi1_t*w103
-    w219 = psi1_t*(base1_12*w210 - base1_13*w212 + w35*base1_11*w5)
-    w220 = theta1_t*w175
-    w221 = w107*w207 + w92*(w23*w202 + w16*w203)
-    w222 = w101*(normal_2*w205 - normal_3*w204) - w100*w207 + w111*(w218 - w219 + w220 + w57*w221 - w68*w215)
-    w223 = phi1_t*w115
-    w224 = psi1_t*(base1_22*w210 - base1_23*w212 + w35*w5*base1_21)
-    w225 = theta1_t*w182
-    w226 = w113*(normal_3*w206 - normal_1*w205) - w112*w207 + w120*(w223 - w224 + w225 + w68*w216 - w54*w221)
-    w227 = w217 + w222 + w226
-    w228 = w122*w204 - w123*w207 + w124*(w223 - w224 + w225) + w125*w205 - w126*w207 + w127*(w208 - w213 + w214) + w128*w206 - w129*w207 + w130*(w218 - w219 + w220)
-    w229 = w31*(w25*w203 - w30*w207) + (w227/w83 - w132*(w78*w227 + w82*w228)/w83)/w134
-    w230 = w136*w229
-    w231 = shape_factor*(w230 - curvature_factor*(w230 - w230/w139))/w141
-    w232 = peak*w144*w231
-    w233 = normal_3*w232
-    w234 = normal_2*w232
-    w235 = normal_1*w232
-    w236 = base1_31*w233 + base1_21*w234 + base1_11*w235
-    w237 = peak*f.sin(w143)
-    w238 = normal_3*w237
-    w239 = normal_2*w237
-    w240 = normal_1*w237
-    w241 = base1_33*w238 + base1_23*w239 + base1_13*w240
-    w242 = base1_33*w146 + base1_23*w147 + base1_13*w148
-    w243 = base1_32*w238 + base1_22*w239 + base1_12*w240
-    w244 = base1_32*w146 + base1_22*w147 + base1_12*w148
-    w245 = base1_33*w192 + base1_23*w193 + base1_13*w194
-    w246 = base1_32*w192 + base1_22*w193 + base1_12*w194
-    w247 = base1_33*w233 + base1_23*w234 + base1_13*w235
-    w248 = base1_32*w233 + base1_22*w234 + base1_12*w235
-    w249 = w5*w4
-    w250 = w5*w3
-    w251 = w249*w245 - w241*w211 - (w250*w246 - w243*w209) + w5*(base1_31*w238 + base1_21*w239 + base1_11*w240) + w6*w195
-    w252 = w136*(w111/w83 - w132*(w78*w111 + w82*w130)/w83)/w134
-    w253 = shape_factor*(w252 - curvature_factor*(w252 - w252/w139))/w141
-    w254 = peak*w144*w253
-    w255 = normal_3*w254
-    w256 = normal_2*w254
-    w257 = normal_1*w254
-    w258 = base1_31*w255 + base1_21*w256 + base1_11*w257
-    w259 = w136*(w120/w83 - w132*(w78*w120 + w82*w124)/w83)/w134
-    w260 = shape_factor*(w259 - curvature_factor*(w259 - w259/w139))/w141
-    w261 = peak*w144*w260
-    w262 = normal_3*w261
-    w263 = normal_2*w261
-    w264 = normal_1*w261
-    w265 = base1_31*w262 + base1_21*w263 + base1_11*w264
-    w266 = w136*(w98/w83 - w132*(w78*w98 + w82*w127)/w83)/w134
-    w267 = shape_factor*(w266 - curvature_factor*(w266 - w266/w139))/w141
-    w268 = peak*w144*w267
-    w269 = normal_3*w268
-    w270 = normal_2*w268
-    w271 = normal_1*w268
-    w272 = base1_31*w269 + base1_21*w270 + base1_11*w271
-    w273 = w98*(w40 - base1_11*w50 + base1_21*w56) + w111*(w60 - base1_21*w67 + base1_31*w50) + w120*(w71 - base1_31*w56 + base1_11*w67)
-    w274 = w273/w83 - w132*(w78*w273 + w82*(w71*w124 + w40*w127 + w60*w130))/w83
-    w275 = w136*w274/w134
-    w276 = shape_factor*(w275 - curvature_factor*(w275 - w275/w139))/w141
-    w277 = peak*w144*w276
-    w278 = normal_3*w277
-    w279 = normal_2*w277
-    w280 = normal_1*w277
-    w281 = base1_31*w278 + base1_21*w279 + base1_11*w280
-    w282 = base1_12*w4 + w3*base1_13
-    w283 = w4*base1_22 + w3*base1_23
-    w284 = w4*base1_32 + w3*base1_33
-    w285 = w98*(w47 - w50*w282 + w56*w283) + w111*(w64 - w67*w283 + w50*w284) + w120*(w75 - w56*w284 + w67*w282)
-    w286 = w285/w83 - w132*(w78*w285 + w82*(w75*w124 + w47*w127 + w64*w130))/w83
-    w287 = w136*w286/w134
-    w288 = shape_factor*(w287 - curvature_factor*(w287 - w287/w139))/w141
-    w289 = peak*w144*w288
-    w290 = normal_3*w289
-    w291 = normal_2*w289
-    w292 = normal_1*w289
-    w293 = base1_31*w290 + base1_21*w291 + base1_11*w292
-    w294 = base1_11*w6 - base1_12*w250 + base1_13*w249
-    w295 = w6*base1_21 - base1_22*w250 + base1_23*w249
-    w296 = w6*base1_31 - base1_32*w250 + base1_33*w249
-    w297 = w98*(w44 - w50*w294 + w56*w295) + w111*(w62 - w67*w295 + w50*w296) + w120*(w73 - w56*w296 + w67*w294)
-    w298 = w297/w83 - w132*(w78*w297 + w82*(w73*w124 + w44*w127 + w62*w130))/w83
-    w299 = w136*w298/w134
-    w300 = shape_factor*(w299 - curvature_factor*(w299 - w299/w139))/w141
-    w301 = peak*w144*w300
-    w302 = normal_3*w301
-    w303 = normal_2*w301
-    w304 = normal_1*w301
-    w305 = base1_31*w302 + base1_21*w303 + base1_11*w304
-    w306 = base1_33*w255 + base1_23*w256 + base1_13*w257
-    w307 = base1_32*w255 + base1_22*w256 + base1_12*w257
-    w308 = base1_33*w262 + base1_23*w263 + base1_13*w264
-    w309 = base1_32*w262 + base1_22*w263 + base1_12*w264
-    w310 = base1_33*w269 + base1_23*w270 + base1_13*w271
-    w311 = base1_32*w269 + base1_22*w270 + base1_12*w271
-    w312 = base1_33*w278 + base1_23*w279 + base1_13*w280
-    w313 = base1_32*w278 + base1_22*w279 + base1_12*w280
-    w314 = base1_33*w290 + base1_23*w291 + base1_13*w292
-    w315 = base1_32*w290 + base1_22*w291 + base1_12*w292
-    w316 = base1_33*w302 + base1_23*w303 + base1_13*w304
-    w317 = base1_32*w302 + base1_22*w303 + base1_12*w304
+    w145 = f.signum(w82)
+    w146 = peak/w145
+    w147 = w142*w144*w146
+    w148 = normal_3*w147
+    w149 = normal_2*w147
+    w150 = normal_1*w147
+    w151 = base1_31*w148 + base1_21*w149 + base1_11*w150
+    w152 = w15*w3
+    w153 = w15*w4
+    w154 = w8*base1_11 + base1_12*w152 - base1_13*w153
+    w155 = w8*base1_21 + base1_22*w152 - base1_23*w153
+    w156 = base1_31*w8 + base1_32*w152 - base1_33*w153
+    w157 = normal_1*w154 + normal_2*w155 + normal_3*w156
+    w158 = normal_1*w156 - normal_3*w154
+    w159 = normal_2*w154 - normal_1*w155
+    w160 = normal_3*w155 - normal_2*w156
+    w161 = (w18*w158 + w20*w159 + w21*w160)/w22
+    w162 = phi1_t*w89
+    w163 = w5*w34
+    w164 = w5*w38
+    w165 = base1_33*w164 - base1_32*w163 + w6*base1_31*w33
+    w166 = psi1_t*w165
+    w167 = theta1_t*(base1_31*w46 + w36*w4*base1_33 - w36*base1_32*w3)
+    w168 = w91*w161 + w92*(w23*w155 + w19*w157)
+    w169 = w5*psi1_t
+    w170 = w6*w3*psi1_t
+    w171 = w6*w4*psi1_t
+    w172 = base1_11*w169 + base1_12*w170 - base1_13*w171
+    w173 = w95*w161 + w92*(w23*w154 + w17*w157)
+    w174 = base1_21*w169 + base1_22*w170 - base1_23*w171
+    w175 = w162 + w166 - w167 - (w50*w172 - w54*w168) + w56*w174 - w57*w173
+    w176 = phi1_t*w105
+    w177 = base1_13*w164 - base1_12*w163 + w6*base1_11*w33
+    w178 = psi1_t*w177
+    w179 = theta1_t*(base1_11*w46 + w36*w4*base1_13 - w36*w3*base1_12)
+    w180 = w107*w161 + w92*(w23*w156 + w16*w157)
+    w181 = base1_31*w169 + base1_32*w170 - base1_33*w171
+    w182 = w176 + w178 - w179 - (w67*w174 - w57*w180) + w50*w181 - w68*w168
+    w183 = phi1_t*w117
+    w184 = base1_23*w164 - base1_22*w163 + w6*base1_21*w33
+    w185 = psi1_t*w184
+    w186 = theta1_t*(base1_21*w46 + w36*w4*base1_23 - w36*w3*base1_22)
+    w187 = w183 + w185 - w186 - (w56*w181 - w68*w173) + w67*w172 - w54*w180
+    w188 = w85*(normal_1*w158 - normal_2*w160) - w84*w161 + w98*w175 + w101*(normal_2*w159 - normal_3*w158) - w100*w161 + w111*w182 + w113*(normal_3*w160 - normal_1*w159) - w112*w161 + w120*w187
+    w189 = w122*w158 - w123*w161 + w124*(w183 + w185 - w186) + w125*w159 - w126*w161 + w127*(w162 + w166 - w167) + w128*w160 - w129*w161 + w130*(w176 + w178 - w179)
+    w190 = w31*(w25*w157 - w30*w161) + (w188/w83 - w132*(w78*w188 + w82*w189)/w83)/w134
+    w191 = w136*w190
+    w192 = shape_factor*(w191 - curvature_factor*(w191 - w191/w139))/w141
+    w193 = w146*w144*w192
+    w194 = normal_3*w193
+    w195 = normal_2*w193
+    w196 = normal_1*w193
+    w197 = base1_31*w194 + base1_21*w195 + base1_11*w196
+    w198 = w5*w2
+    w199 = w6*w2
+    w200 = w7*w4 - w3*w199
+    w201 = w7*w3 + w4*w199
+    w202 = base1_12*w200 - base1_11*w198 + base1_13*w201
+    w203 = base1_22*w200 - base1_21*w198 + base1_23*w201
+    w204 = base1_32*w200 - base1_31*w198 + base1_33*w201
+    w205 = normal_1*w202 + normal_2*w203 + normal_3*w204
+    w206 = normal_1*w204 - normal_3*w202
+    w207 = normal_2*w202 - normal_1*w203
+    w208 = normal_3*w203 - normal_2*w204
+    w209 = (w18*w206 + w20*w207 + w21*w208)/w22
+    w210 = phi1_t*w87
+    w211 = w6*w3
+    w212 = w38 + w35*w211
+    w213 = w6*w4
+    w214 = w35*w213 - w34
+    w215 = psi1_t*(base1_32*w212 - base1_33*w214 + w35*base1_31*w5)
+    w216 = theta1_t*w165
+    w217 = w91*w209 + w92*(w23*w203 + w19*w205)
+    w218 = w95*w209 + w92*(w23*w202 + w17*w205)
+    w219 = w85*(normal_1*w206 - normal_2*w208) - w84*w209 + w98*(w210 - w215 + w216 + w54*w217 - w57*w218)
+    w220 = phi1_t*w103
+    w221 = psi1_t*(base1_12*w212 - base1_13*w214 + w35*w5*base1_11)
+    w222 = theta1_t*w177
+    w223 = w107*w209 + w92*(w23*w204 + w16*w205)
+    w224 = w101*(normal_2*w207 - normal_3*w206) - w100*w209 + w111*(w220 - w221 + w222 + w57*w223 - w68*w217)
+    w225 = phi1_t*w115
+    w226 = psi1_t*(base1_22*w212 - base1_23*w214 + w35*w5*base1_21)
+    w227 = theta1_t*w184
+    w228 = w113*(normal_3*w208 - normal_1*w207) - w112*w209 + w120*(w225 - w226 + w227 + w68*w218 - w54*w223)
+    w229 = w219 + w224 + w228
+    w230 = w122*w206 - w123*w209 + w124*(w225 - w226 + w227) + w125*w207 - w126*w209 + w127*(w210 - w215 + w216) + w128*w208 - w129*w209 + w130*(w220 - w221 + w222)
+    w231 = w31*(w25*w205 - w30*w209) + (w229/w83 - w132*(w78*w229 + w82*w230)/w83)/w134
+    w232 = w136*w231
+    w233 = shape_factor*(w232 - curvature_factor*(w232 - w232/w139))/w141
+    w234 = w146*w144*w233
+    w235 = normal_3*w234
+    w236 = normal_2*w234
+    w237 = normal_1*w234
+    w238 = base1_31*w235 + base1_21*w236 + base1_11*w237
+    w239 = peak*f.sin(w143)/w145
+    w240 = normal_3*w239
+    w241 = normal_2*w239
+    w242 = normal_1*w239
+    w243 = base1_33*w240 + base1_23*w241 + base1_13*w242
+    w244 = base1_33*w148 + base1_23*w149 + base1_13*w150
+    w245 = base1_32*w240 + base1_22*w241 + base1_12*w242
+    w246 = base1_32*w148 + base1_22*w149 + base1_12*w150
+    w247 = base1_33*w194 + base1_23*w195 + base1_13*w196
+    w248 = base1_32*w194 + base1_22*w195 + base1_12*w196
+    w249 = base1_33*w235 + base1_23*w236 + base1_13*w237
+    w250 = base1_32*w235 + base1_22*w236 + base1_12*w237
+    w251 = w5*w4
+    w252 = w5*w3
+    w253 = w251*w247 - w243*w213 - (w252*w248 - w245*w211) + w5*(base1_31*w240 + base1_21*w241 + base1_11*w242) + w6*w197
+    w254 = w136*(w111/w83 - w132*(w78*w111 + w82*w130)/w83)/w134
+    w255 = shape_factor*(w254 - curvature_factor*(w254 - w254/w139))/w141
+    w256 = w146*w144*w255
+    w257 = normal_3*w256
+    w258 = normal_2*w256
+    w259 = normal_1*w256
+    w260 = base1_31*w257 + base1_21*w258 + base1_11*w259
+    w261 = w136*(w120/w83 - w132*(w78*w120 + w82*w124)/w83)/w134
+    w262 = shape_factor*(w261 - curvature_factor*(w261 - w261/w139))/w141
+    w263 = w146*w144*w262
+    w264 = normal_3*w263
+    w265 = normal_2*w263
+    w266 = normal_1*w263
+    w267 = base1_31*w264 + base1_21*w265 + base1_11*w266
+    w268 = w136*(w98/w83 - w132*(w78*w98 + w82*w127)/w83)/w134
+    w269 = shape_factor*(w268 - curvature_factor*(w268 - w268/w139))/w141
+    w270 = w146*w144*w269
+    w271 = normal_3*w270
+    w272 = normal_2*w270
+    w273 = normal_1*w270
+    w274 = base1_31*w271 + base1_21*w272 + base1_11*w273
+    w275 = w98*(w40 - base1_11*w50 + base1_21*w56) + w111*(w60 - base1_21*w67 + base1_31*w50) + w120*(w71 - base1_31*w56 + base1_11*w67)
+    w276 = w275/w83 - w132*(w78*w275 + w82*(w71*w124 + w40*w127 + w60*w130))/w83
+    w277 = w136*w276/w134
+    w278 = shape_factor*(w277 - curvature_factor*(w277 - w277/w139))/w141
+    w279 = w146*w144*w278
+    w280 = normal_3*w279
+    w281 = normal_2*w279
+    w282 = normal_1*w279
+    w283 = base1_31*w280 + base1_21*w281 + base1_11*w282
+    w284 = w4*base1_12 + w3*base1_13
+    w285 = w4*base1_22 + w3*base1_23
+    w286 = base1_32*w4 + w3*base1_33
+    w287 = w98*(w47 - w50*w284 + w56*w285) + w111*(w64 - w67*w285 + w50*w286) + w120*(w75 - w56*w286 + w67*w284)
+    w288 = w287/w83 - w132*(w78*w287 + w82*(w75*w124 + w47*w127 + w64*w130))/w83
+    w289 = w136*w288/w134
+    w290 = shape_factor*(w289 - curvature_factor*(w289 - w289/w139))/w141
+    w291 = w146*w144*w290
+    w292 = normal_3*w291
+    w293 = normal_2*w291
+    w294 = normal_1*w291
+    w295 = base1_31*w292 + base1_21*w293 + base1_11*w294
+    w296 = w6*base1_11 - base1_12*w252 + base1_13*w251
+    w297 = w6*base1_21 - base1_22*w252 + base1_23*w251
+    w298 = base1_31*w6 - base1_32*w252 + base1_33*w251
+    w299 = w98*(w44 - w50*w296 + w56*w297) + w111*(w62 - w67*w297 + w50*w298) + w120*(w73 - w56*w298 + w67*w296)
+    w300 = w299/w83 - w132*(w78*w299 + w82*(w73*w124 + w44*w127 + w62*w130))/w83
+    w301 = w136*w300/w134
+    w302 = shape_factor*(w301 - curvature_factor*(w301 - w301/w139))/w141
+    w303 = w146*w144*w302
+    w304 = normal_3*w303
+    w305 = normal_2*w303
+    w306 = normal_1*w303
+    w307 = base1_31*w304 + base1_21*w305 + base1_11*w306
+    w308 = base1_33*w257 + base1_23*w258 + base1_13*w259
+    w309 = base1_32*w257 + base1_22*w258 + base1_12*w259
+    w310 = base1_33*w264 + base1_23*w265 + base1_13*w266
+    w311 = base1_32*w264 + base1_22*w265 + base1_12*w266
+    w312 = base1_33*w271 + base1_23*w272 + base1_13*w273
+    w313 = base1_32*w271 + base1_22*w272 + base1_12*w273
+    w314 = base1_33*w280 + base1_23*w281 + base1_13*w282
+    w315 = base1_32*w280 + base1_22*w281 + base1_12*w282
+    w316 = base1_33*w292 + base1_23*w293 + base1_13*w294
+    w317 = base1_32*w292 + base1_22*w293 + base1_12*w294
+    w318 = base1_33*w304 + base1_23*w305 + base1_13*w306
+    w319 = base1_32*w304 + base1_22*w305 + base1_12*w306
     return (
-        -w149,
-        -w195,
-        -w236,
-        -(w4*w241 + w3*w242 + w4*w244 - w3*w243),
-        -(w3*w245 + w4*w246),
+        -w151,
+        -w197,
+        -w238,
+        -(w4*w243 + w3*w244 + w4*w246 - w3*w245),
         -(w3*w247 + w4*w248),
-        -(w249*w242 - w241*w250 - (w250*w244 + w249*w243) + w6*w149),
-        -w251,
-        -(w249*w247 - w250*w248 + w6*w236),
-        -w258,
-        -w265,
-        -w272,
-        -w281,
-        -w293,
-        -w305,
-        -(w3*w306 + w4*w307),
+        -(w3*w249 + w4*w250),
+        -(w251*w244 - w243*w252 - (w252*w246 + w251*w245) + w6*w151),
+        -w253,
+        -(w251*w249 - w252*w250 + w6*w238),
+        -w260,
+        -w267,
+        -w274,
+        -w283,
+        -w295,
+        -w307,
         -(w3*w308 + w4*w309),
         -(w3*w310 + w4*w311),
         -(w3*w312 + w4*w313),
         -(w3*w314 + w4*w315),
         -(w3*w316 + w4*w317),
-        -(w249*w306 - w250*w307 + w6*w258),
-        -(w249*w308 - w250*w309 + w6*w265),
-        -(w249*w310 - w250*w311 + w6*w272),
-        -(w249*w312 - w250*w313 + w6*w281),
-        -(w249*w314 - w250*w315 + w6*w293),
-        -(w249*w316 - w250*w317 + w6*w305),
+        -(w3*w318 + w4*w319),
+        -(w251*w308 - w252*w309 + w6*w260),
+        -(w251*w310 - w252*w311 + w6*w267),
+        -(w251*w312 - w252*w313 + w6*w274),
+        -(w251*w314 - w252*w315 + w6*w283),
+        -(w251*w316 - w252*w317 + w6*w295),
+        -(w251*w318 - w252*w319 + w6*w307),
     )
 
 

@@ -2,22 +2,50 @@
 
 
 def dynamics(f, q, u, p, s):
-    _, _, _, phi1, theta1, _, c2, = q
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, _, _, _, _, _, _, _, _, normal_1, normal_2, normal_3, aligning, = p
-    w0 = aligning*c2
-    w1 = w0*normal_3
-    w2 = w0*normal_2
-    w3 = w0*normal_1
-    w4 = base1_31*w1 + base1_21*w2 + base1_11*w3
-    w5 = f.sin(phi1)
-    w6 = base1_33*w1 + base1_23*w2 + base1_13*w3
+    _, _, _, phi1, theta1, psi1, c2, = q
+    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = axle_1*w1 - axle_2*w2
+    w4 = f.cos(theta1)
+    w5 = axle_3*w0 + w3*w4
+    w6 = axle_1*w2 + w1*axle_2
     w7 = f.cos(phi1)
-    w8 = base1_32*w1 + base1_22*w2 + base1_12*w3
-    w9 = f.cos(theta1)
+    w8 = axle_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
+    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
+    w14 = normal_1*w12 - normal_3*w13
+    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w16 = w13*normal_2 - normal_1*w15
+    w17 = normal_3*w15 - w12*normal_2
+    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
+    w19 = w2*center_1 + w1*center_2
+    w20 = w1*center_1 - w2*center_2
+    w21 = w4*center_3 - w0*w20
+    w22 = w9*w19 + w7*w21
+    w23 = w7*w19 - w9*w21
+    w24 = w7*w20 - w0*w9*w19
+    w25 = w9*w20 + w0*w7*w19
+    w26 = w0*center_3 + w4*w20
+    w27 = y1_t + phi1_t*(base1_23*w23 - base1_22*w22) + psi1_t*(base1_22*w24 + base1_23*w25 - w4*base1_21*w19) + theta1_t*(base1_21*w21 - w7*base1_23*w26 + w9*base1_22*w26)
+    w28 = z1_t + phi1_t*(base1_33*w23 - base1_32*w22) + psi1_t*(base1_32*w24 + base1_33*w25 - base1_31*w4*w19) + theta1_t*(base1_31*w21 - w7*base1_33*w26 + base1_32*w9*w26)
+    w29 = x1_t + phi1_t*(base1_13*w23 - base1_12*w22) + psi1_t*(base1_12*w24 + base1_13*w25 - w4*base1_11*w19) + theta1_t*(base1_11*w21 - w7*base1_13*w26 + w9*base1_12*w26)
+    w30 = aligning*c2/f.signum(w14*w27/w18 + w16*w28/w18 + w17*w29/w18)
+    w31 = normal_3*w30
+    w32 = normal_2*w30
+    w33 = normal_1*w30
+    w34 = base1_31*w31 + base1_21*w32 + base1_11*w33
+    w35 = base1_33*w31 + base1_23*w32 + base1_13*w33
+    w36 = base1_32*w31 + base1_22*w32 + base1_12*w33
     return (
-        -w4,
-        -(w5*w6 + w7*w8),
-        -(w6*w7*w9 - w8*w9*w5 + f.sin(theta1)*w4),
+        -w34,
+        -(w9*w35 + w7*w36),
+        -(w35*w4*w7 - w36*w4*w9 + w0*w34),
     )
 
 
@@ -27,34 +55,63 @@ DYNAMICS = {
 
 
 def linearize(f, q, u, p, s):
-    _, _, _, phi1, theta1, _, c2, = q
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, _, _, _, _, _, _, _, _, normal_1, normal_2, normal_3, aligning, = p
-    w0 = aligning*normal_3
-    w1 = aligning*normal_2
-    w2 = aligning*normal_1
-    w3 = base1_31*w0 + base1_21*w1 + base1_11*w2
-    w4 = f.cos(phi1)
-    w5 = aligning*c2
-    w6 = w5*normal_3
-    w7 = w5*normal_2
-    w8 = w5*normal_1
-    w9 = base1_33*w6 + base1_23*w7 + base1_13*w8
-    w10 = f.sin(phi1)
-    w11 = base1_32*w6 + base1_22*w7 + base1_12*w8
-    w12 = base1_33*w0 + base1_23*w1 + base1_13*w2
-    w13 = base1_32*w0 + base1_22*w1 + base1_12*w2
-    w14 = f.cos(theta1)
-    w15 = w14*w10
-    w16 = w4*w14
-    w17 = f.sin(theta1)
-    w18 = w11*w17*w10 - w9*w17*w4 + w14*(base1_31*w6 + base1_21*w7 + base1_11*w8)
+    _, _, _, phi1, theta1, psi1, c2, = q
+    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = axle_1*w1 - axle_2*w2
+    w4 = f.cos(theta1)
+    w5 = axle_3*w0 + w3*w4
+    w6 = axle_1*w2 + w1*axle_2
+    w7 = f.cos(phi1)
+    w8 = axle_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
+    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
+    w14 = normal_1*w12 - normal_3*w13
+    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w16 = w13*normal_2 - normal_1*w15
+    w17 = normal_3*w15 - w12*normal_2
+    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
+    w19 = w2*center_1 + w1*center_2
+    w20 = w1*center_1 - w2*center_2
+    w21 = w4*center_3 - w0*w20
+    w22 = w9*w19 + w7*w21
+    w23 = w7*w19 - w9*w21
+    w24 = w7*w20 - w0*w9*w19
+    w25 = w9*w20 + w0*w7*w19
+    w26 = w0*center_3 + w4*w20
+    w27 = y1_t + phi1_t*(base1_23*w23 - base1_22*w22) + psi1_t*(base1_22*w24 + base1_23*w25 - w4*base1_21*w19) + theta1_t*(base1_21*w21 - w7*base1_23*w26 + w9*base1_22*w26)
+    w28 = z1_t + phi1_t*(base1_33*w23 - base1_32*w22) + psi1_t*(base1_32*w24 + base1_33*w25 - base1_31*w4*w19) + theta1_t*(base1_31*w21 - w7*base1_33*w26 + base1_32*w9*w26)
+    w29 = x1_t + phi1_t*(base1_13*w23 - base1_12*w22) + psi1_t*(base1_12*w24 + base1_13*w25 - w4*base1_11*w19) + theta1_t*(base1_11*w21 - w7*base1_13*w26 + w9*base1_12*w26)
+    w30 = f.signum(w14*w27/w18 + w16*w28/w18 + w17*w29/w18)
+    w31 = aligning/w30
+    w32 = normal_3*w31
+    w33 = normal_2*w31
+    w34 = normal_1*w31
+    w35 = base1_31*w32 + base1_21*w33 + base1_11*w34
+    w36 = aligning*c2/w30
+    w37 = normal_3*w36
+    w38 = normal_2*w36
+    w39 = normal_1*w36
+    w40 = base1_33*w37 + base1_23*w38 + base1_13*w39
+    w41 = base1_32*w37 + base1_22*w38 + base1_12*w39
+    w42 = base1_33*w32 + base1_23*w33 + base1_13*w34
+    w43 = base1_32*w32 + base1_22*w33 + base1_12*w34
+    w44 = w4*w9
+    w45 = w4*w7
+    w46 = w41*w0*w9 - w40*w0*w7 + w4*(base1_31*w37 + base1_21*w38 + base1_11*w39)
     return (
-        -w3,
-        -(w4*w9 - w10*w11),
-        -(w10*w12 + w4*w13),
-        w9*w15 + w16*w11,
-        -w18,
-        -(w16*w12 - w15*w13 + w17*w3),
+        -w35,
+        -(w7*w40 - w9*w41),
+        -(w9*w42 + w7*w43),
+        w40*w44 + w45*w41,
+        -w46,
+        -(w45*w42 - w44*w43 + w0*w35),
     )
 
 

@@ -2,24 +2,52 @@
 
 
 def dynamics(f, q, u, p, s):
-    _, _, _, phi1, theta1, _, c2, = q
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, _, _, _, _, _, _, _, _, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
-    w0 = aligning*c2/(peak*shape_factor)
-    w1 = f.sin(shape_factor*f.atan(w0 - curvature_factor*(w0 - f.atan(w0))))
-    w2 = peak*w1
-    w3 = w2*normal_3
-    w4 = w2*normal_2
-    w5 = w2*normal_1
-    w6 = base1_31*w3 + base1_21*w4 + base1_11*w5
-    w7 = f.sin(phi1)
-    w8 = base1_33*w3 + base1_23*w4 + base1_13*w5
-    w9 = f.cos(phi1)
-    w10 = base1_32*w3 + base1_22*w4 + base1_12*w5
-    w11 = f.cos(theta1)
+    _, _, _, phi1, theta1, psi1, c2, = q
+    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = axle_1*w1 - axle_2*w2
+    w4 = f.cos(theta1)
+    w5 = axle_3*w0 + w3*w4
+    w6 = axle_1*w2 + w1*axle_2
+    w7 = f.cos(phi1)
+    w8 = axle_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
+    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
+    w14 = normal_1*w12 - normal_3*w13
+    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w16 = w13*normal_2 - normal_1*w15
+    w17 = normal_3*w15 - w12*normal_2
+    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
+    w19 = w2*center_1 + w1*center_2
+    w20 = w1*center_1 - w2*center_2
+    w21 = w4*center_3 - w0*w20
+    w22 = w9*w19 + w7*w21
+    w23 = w7*w19 - w9*w21
+    w24 = w7*w20 - w0*w9*w19
+    w25 = w9*w20 + w0*w7*w19
+    w26 = w0*center_3 + w4*w20
+    w27 = y1_t + phi1_t*(base1_23*w23 - base1_22*w22) + psi1_t*(base1_22*w24 + base1_23*w25 - w4*base1_21*w19) + theta1_t*(base1_21*w21 - w7*base1_23*w26 + w9*base1_22*w26)
+    w28 = z1_t + phi1_t*(base1_33*w23 - base1_32*w22) + psi1_t*(base1_32*w24 + base1_33*w25 - base1_31*w4*w19) + theta1_t*(base1_31*w21 - w7*base1_33*w26 + base1_32*w9*w26)
+    w29 = x1_t + phi1_t*(base1_13*w23 - base1_12*w22) + psi1_t*(base1_12*w24 + base1_13*w25 - w4*base1_11*w19) + theta1_t*(base1_11*w21 - w7*base1_13*w26 + w9*base1_12*w26)
+    w30 = aligning*c2/(peak*shape_factor)
+    w31 = shape_factor*f.atan(w30 - curvature_factor*(w30 - f.atan(w30)))
+    w32 = peak*f.sin(w31)/f.signum(w14*w27/w18 + w16*w28/w18 + w17*w29/w18)
+    w33 = normal_3*w32
+    w34 = normal_2*w32
+    w35 = normal_1*w32
+    w36 = base1_31*w33 + base1_21*w34 + base1_11*w35
+    w37 = base1_33*w33 + base1_23*w34 + base1_13*w35
+    w38 = base1_32*w33 + base1_22*w34 + base1_12*w35
     return (
-        -w6,
-        -(w7*w8 + w9*w10),
-        -(w8*w9*w11 - w10*w11*w7 + f.sin(theta1)*w6),
+        -w36,
+        -(w9*w37 + w7*w38),
+        -(w37*w4*w7 - w38*w4*w9 + w0*w36),
     )
 
 
@@ -29,40 +57,68 @@ DYNAMICS = {
 
 
 def linearize(f, q, u, p, s):
-    _, _, _, phi1, theta1, _, c2, = q
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, _, _, _, _, _, _, _, _, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
-    w0 = aligning/(peak*shape_factor)
-    w1 = aligning*c2/(peak*shape_factor)
-    w2 = w1 - curvature_factor*(w1 - f.atan(w1))
-    w3 = shape_factor*(w0 - curvature_factor*(w0 - w0/(1 + w1*w1)))/(1 + w2*w2)
-    w4 = shape_factor*f.atan(w2)
-    w5 = peak*w3*f.cos(w4)
-    w6 = normal_3*w5
-    w7 = normal_2*w5
-    w8 = normal_1*w5
-    w9 = base1_31*w6 + base1_21*w7 + base1_11*w8
-    w10 = f.cos(phi1)
-    w11 = peak*f.sin(w4)
-    w12 = w11*normal_3
-    w13 = w11*normal_2
-    w14 = w11*normal_1
-    w15 = base1_33*w12 + base1_23*w13 + base1_13*w14
-    w16 = f.sin(phi1)
-    w17 = base1_32*w12 + base1_22*w13 + base1_12*w14
-    w18 = base1_33*w6 + base1_23*w7 + base1_13*w8
-    w19 = base1_32*w6 + base1_22*w7 + base1_12*w8
-    w20 = f.cos(theta1)
-    w21 = w20*w16
-    w22 = w10*w20
-    w23 = f.sin(theta1)
-    w24 = w17*w23*w16 - w15*w23*w10 + w20*(base1_31*w12 + base1_21*w13 + base1_11*w14)
+    _, _, _, phi1, theta1, psi1, c2, = q
+    x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = axle_1*w1 - axle_2*w2
+    w4 = f.cos(theta1)
+    w5 = axle_3*w0 + w3*w4
+    w6 = axle_1*w2 + w1*axle_2
+    w7 = f.cos(phi1)
+    w8 = axle_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
+    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
+    w14 = normal_1*w12 - normal_3*w13
+    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w16 = w13*normal_2 - normal_1*w15
+    w17 = normal_3*w15 - w12*normal_2
+    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
+    w19 = w2*center_1 + w1*center_2
+    w20 = w1*center_1 - w2*center_2
+    w21 = w4*center_3 - w0*w20
+    w22 = w9*w19 + w7*w21
+    w23 = w7*w19 - w9*w21
+    w24 = w7*w20 - w0*w9*w19
+    w25 = w9*w20 + w0*w7*w19
+    w26 = w0*center_3 + w4*w20
+    w27 = y1_t + phi1_t*(base1_23*w23 - base1_22*w22) + psi1_t*(base1_22*w24 + base1_23*w25 - w4*base1_21*w19) + theta1_t*(base1_21*w21 - w7*base1_23*w26 + w9*base1_22*w26)
+    w28 = z1_t + phi1_t*(base1_33*w23 - base1_32*w22) + psi1_t*(base1_32*w24 + base1_33*w25 - base1_31*w4*w19) + theta1_t*(base1_31*w21 - w7*base1_33*w26 + base1_32*w9*w26)
+    w29 = x1_t + phi1_t*(base1_13*w23 - base1_12*w22) + psi1_t*(base1_12*w24 + base1_13*w25 - w4*base1_11*w19) + theta1_t*(base1_11*w21 - w7*base1_13*w26 + w9*base1_12*w26)
+    w30 = f.signum(w14*w27/w18 + w16*w28/w18 + w17*w29/w18)
+    w31 = aligning/(peak*shape_factor)
+    w32 = aligning*c2/(peak*shape_factor)
+    w33 = w32 - curvature_factor*(w32 - f.atan(w32))
+    w34 = (w31 - curvature_factor*(w31 - w31/(1 + w32*w32)))/(1 + w33*w33)
+    w35 = shape_factor*f.atan(w33)
+    w36 = peak*shape_factor*w34*f.cos(w35)/w30
+    w37 = normal_3*w36
+    w38 = normal_2*w36
+    w39 = normal_1*w36
+    w40 = base1_31*w37 + base1_21*w38 + base1_11*w39
+    w41 = peak*f.sin(w35)/w30
+    w42 = normal_3*w41
+    w43 = normal_2*w41
+    w44 = normal_1*w41
+    w45 = base1_33*w42 + base1_23*w43 + base1_13*w44
+    w46 = base1_32*w42 + base1_22*w43 + base1_12*w44
+    w47 = base1_33*w37 + base1_23*w38 + base1_13*w39
+    w48 = base1_32*w37 + base1_22*w38 + base1_12*w39
+    w49 = w4*w9
+    w50 = w4*w7
+    w51 = w46*w0*w9 - w45*w0*w7 + w4*(base1_31*w42 + base1_21*w43 + base1_11*w44)
     return (
-        -w9,
-        -(w10*w15 - w16*w17),
-        -(w16*w18 + w10*w19),
-        w15*w21 + w22*w17,
-        -w24,
-        -(w22*w18 - w21*w19 + w23*w9),
+        -w40,
+        -(w7*w45 - w9*w46),
+        -(w9*w47 + w7*w48),
+        w45*w49 + w50*w46,
+        -w51,
+        -(w50*w47 - w49*w48 + w0*w40),
     )
 
 
