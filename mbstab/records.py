@@ -12,7 +12,7 @@ import dataclasses
 from inspect import get_annotations
 from operator import attrgetter
 from reprlib import recursive_repr
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 
 class Answer:
@@ -22,6 +22,10 @@ class Answer:
         """Return the text."""
         write = self.__dict__.get("_text")
         return repr(self) if write is None else str(write(self))
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """Write the text where IPython or a notebook show an answer."""
+        printer.text(str(self))
 
     def __getstate__(self) -> dict[str, object]:
         """Return the fields: a copy in another process has no text, which needs the model."""

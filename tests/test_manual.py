@@ -150,12 +150,45 @@ def test_every_command_option_key_and_verdict_is_found():
     assert missing == []
 
 
+ENGINEERS = {
+    "control": (
+        "anti-windup, bandwidth, controllability, crossover frequency, feedforward, gain scheduling, lead filter, "
+        "LQG, LQR, MIMO, notch, observability, overshoot, PID tuning, pole placement, pole-zero map, rise time, "
+        "root locus, settling time, stability margin, time constant, logarithmic decrement"
+    ),
+    "robots, rotors and vehicles": (
+        "balancing, base excitation, Denavit, earthquake, flexible joint, harmonic drive, inverse dynamics, inverse "
+        "kinematics, Jeffcott rotor, noise, oil whip, payload, resonance, SCARA, trajectory, understeer"
+    ),
+    "mechanics": (
+        "backlash, Baumgarte, centre of gravity, center of mass, circulatory, Coriolis, Coulomb, eigenfrequency, "
+        "finite element, gimbal lock, Grübler, hysteresis, impact, Kelvin-Voigt, Lagrange multiplier, Maxwell "
+        "element, modal analysis, natural frequency, Newton-Euler, operating point, products of inertia, "
+        "quaternion, Rayleigh damping, stick-slip, Stribeck, virtual work"
+    ),
+    "nonlinear dynamics": (
+        "chaos, hunting, Hurwitz, limit cycle, Lyapunov exponent, Mathieu, parametric resonance, phase portrait, "
+        "Poincaré, poincare map, Routh"
+    ),
+    "numerical work": "CAD, Jupyter, Monte Carlo, notebook, optimization",
+}
+"""What engineers type, by the heading of the glossary under which it is explained."""
+
+
+@pytest.mark.parametrize(("field", "words"), [(f, word) for f, text in ENGINEERS.items() for word in text.split(", ")])
+def test_the_words_of_engineers_are_explained_first(field, words):
+    every = [place for topic, text in PAGES.items() for place in places(topic, text)]
+    explained = [place for place in found_places(every, words) if place.explains(words.split())]
+    assert f"From {field}" in {place.heading for place in explained}
+
+
 @pytest.mark.parametrize(
-    "words", ["LQR", "riccati", "observer", "saturation", "dead time", "pade", "Padé", "sampling", "delay"]
-)
-def test_the_words_of_control_are_found(words):
-    found = CliRunner().invoke(main, ["manual", "--search", words])
-    assert found.exit_code == 0
+    "words",
+    ["riccati", "observer", "saturation", "dead time", "pade", "Padé", "sampling", "delay", "Hopf", "Nyquist", "Bode",
+     "gyroscopic", "buckling", "Floquet", "transfer function", "Kalman filter", "singular values", "gears"],
+)  # fmt: skip
+def test_other_words_are_found(words):
+    assert said("--search", *words.split()).exit_code == 0
 
 
 def test_a_search_shows_what_explains_the_words_first():
@@ -165,6 +198,7 @@ def test_a_search_shows_what_explains_the_words_first():
     assert "largest real" in " ".join(first[1:4])
     assert all(len(line) <= 80 for line in said("--search", "eigenvalues").stdout.splitlines())
     assert "between" in said("--search", "torque between two bodies").stdout  # no piece holds all these words
+    assert re.search(r"^  LQR, .*: not offered: ", said("--search", "pole", "placement").stdout, flags=re.M)
     assert re.search(r"^and \d+ more places: add a word$", said("--search", "eigenvalues").stdout, flags=re.M)
 
 
@@ -174,6 +208,7 @@ def test_a_search_shows_what_explains_the_words_first():
         (["tutorail"], "there is no topic 'tutorail'\nhint: did you mean 'tutorial'?"),
         (["zzz"], "hint: mbstab manual lists the topics; mbstab manual --search zzz looks inside"),
         (["--search", "eigenvalus"], "the manual has nothing about 'eigenvalus'\nhint: did you mean 'eigenvalues'?"),
+        (["--search", "actuator", "saturation"], "hint: search for 'actuator' or 'saturation' alone"),
         (["--search", " "], "--search needs a word"),
         (["limits", "theory"], "one TOPIC at a time, not 'limits theory'\nhint: --search looks for words"),
     ],
@@ -225,6 +260,8 @@ def test_the_version_is_the_same_wherever_it_stands():
         ("linearise", "linearize"),
         ("traveling", "travelling"),
         ("dashpot", "damper"),
+        ("gears", "gear"),
+        ("nonlinear", "non-linear"),
     ],
 )
 def test_a_search_finds_the_other_spelling(query, word):
@@ -235,6 +272,6 @@ def test_a_search_finds_the_other_spelling(query, word):
 
 def test_a_search_does_not_find_other_words():
     every = list(places("x", "This is for one wheel of an entire car, which is at rest."))
-    for query in ("four", "tyre", "centre"):
+    for query in ("four", "tyre", "centre", "tire", "heel", "ar"):
         with pytest.raises(UsageError):
             found_places(every, query)

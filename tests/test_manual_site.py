@@ -80,11 +80,16 @@ def test_no_link_is_broken_and_nothing_comes_from_a_network(site):
 
 def test_the_page_of_a_model_has_what_was_computed_beside_what_is_published(site):
     text = (site / "models" / "top.html").read_text()
-    assert "$ mbstab eig top.yaml\n" in text
+    assert '<span class="typed">$ mbstab eig top.yaml\n</span>' in text
     assert "$ mbstab sweep top.yaml --param omega " in text
     assert "Verdict: marginally stable" in text
+    assert (
+        text.count('<td class="source">closed form; Table 6 prints 2.4512 and 2.5316</td>') == 1
+    )  # of two eigenvalues
     assert "5.567728" in text  # the critical spin, from the sweep
-    rows = re.findall(r'<tr><td>([^<]*)</td><td class="number">([^<]*)</td><td class="number">([^<]*)</td>', text)
+    rows = re.findall(
+        r'<tr><td class="number">([^<]*)</td><td class="number">([^<]*)</td><td class="number">([^<]*)</td>', text
+    )
     assert ("omega = 4", "2.451222599 ± 2.53164557i", "2.451222599 ± 2.53164557i") in rows
     assert len(rows) == sum(len(e.eigenvalues or ()) for e in mbstab.load("top.yaml").model.expect)
     assert (site / "models" / "top.yaml").read_bytes() == next(
@@ -102,6 +107,14 @@ def test_what_cannot_be_drawn_is_left_out_with_the_reason(site):
 def test_topics_and_models_are_linked_where_they_are_mentioned(site):
     assert '<a href="verdicts.html"><code>mbstab manual verdicts</code></a>' in (site / "tutorial.html").read_text()
     assert '<a href="models/top.html"><code>top.yaml</code></a>' in (site / "examples.html").read_text()
+
+
+def test_options_are_not_broken_at_their_hyphens(site):
+    for name in ("commands", "verdicts", "how-to"):
+        text = re.sub(r"<pre>.*?</pre>", "", (site / f"{name}.html").read_text(), flags=re.S)
+        whole = re.findall(r'<span class="option">(--[a-z-]+)</span>', text)
+        assert len(whole) == len(re.findall(r"(?<![\w-])--[a-z]", text)) > 4
+    assert ".option { white-space: nowrap; }" in (site / "style.css").read_text()
 
 
 def test_a_long_page_begins_with_links_to_its_headings(site):

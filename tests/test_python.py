@@ -43,6 +43,7 @@ QUESTIONS = {
     ("eig", "--verify"): lambda m: m.verify(),
     ("eig", "--sensitivity"): lambda m: m.sensitivities(),
     ("check",): lambda m: m.check(),
+    ("equilibrium",): lambda m: m.equilibria()[0],
     ("energy",): lambda m: m.energies(),
     ("linearize",): lambda m: m.state_space().linear,
     ("linearize", "--form", "state-space"): lambda m: m.state_space(),
@@ -64,6 +65,21 @@ def test_printed_results_are_the_text_of_the_command(arguments, tmp_path):
     found = QUESTIONS[arguments](mbstab.load(path))
     timeless = [re.sub(r"[\d.]+ s\b", "", text).split() for text in (str(found), command.stdout)]
     assert timeless[0] == timeless[1]
+
+
+class Notebook(list):
+    """What IPython gives to results: a list of the texts that it shows."""
+
+    text = list.append
+
+
+def test_a_notebook_shows_what_the_command_prints():
+    model = mbstab.loads(LOOP)
+    for found in (model.eig(), model.modes(1), *model.equilibria()):
+        shown = Notebook()
+        found._repr_pretty_(shown, False)
+        assert shown == [str(found)]
+        assert shown[0].startswith("A mass with a motor\n\n")
 
 
 def test_results_without_a_model_are_as_before():

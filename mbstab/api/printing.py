@@ -14,9 +14,10 @@ T = TypeVar("T")
 
 
 def printed(answer: T, model: Model) -> T:
-    """Return an answer about a model, which then prints as that of the command does."""
-    if isinstance(answer, Answer):
-        answer.__dict__.setdefault("_text", partial(text_of, model))
+    """Return an answer about a model, or several, which then print as that of the command does."""
+    for one in answer if isinstance(answer, list) else [answer]:
+        if isinstance(one, Answer):
+            one.__dict__.setdefault("_text", partial(text_of, model))
     return answer
 
 
@@ -69,6 +70,12 @@ def _unbalance(model: Model, answer: Any) -> str:
     return unbalance_text(answer, model.title, unit or "rad/s", factor)
 
 
+def _equilibrium(model: Model, answer: Any) -> str:
+    from mbstab.report.equilibria import equilibrium_text
+
+    return equilibrium_text([answer], model)
+
+
 def _verification(model: Model, answer: Any) -> str:
     from mbstab.report.eigenvalues import eigen_text
     from mbstab.report.verification import verification_text
@@ -110,6 +117,7 @@ _OTHERS: dict[str, Callable[[Model, Any], str]] = {
     "Sweep": _sweep,
     "Chart": _chart,
     "UnbalanceResponse": _unbalance,
+    "Equilibrium": _equilibrium,
     "Verification": _verification,
     "Sensitivities": _sensitivities,
     "Linearization": _linearization,

@@ -38,11 +38,11 @@ from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, NumericalError, UsageError
 from mbstab.model.schema import is_angle
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class Equilibrium(Answer):
     """An equilibrium or a steady motion.
 
     Attributes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import textwrap
 from pathlib import Path
@@ -90,8 +91,16 @@ def _answer(texts: dict[str, str], words: tuple[str, ...]) -> str:
     lines = []
     for place in found[:SHOWN]:
         lines.append(f"{place.topic}: {place.heading.replace('`', '')}")
-        short = textwrap.shorten(place.text, 4 * WIDTH, placeholder=" …")
+        short = textwrap.shorten(_without_lines(place.text), 4 * WIDTH, placeholder=" …")
         lines += textwrap.wrap(short, WIDTH, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
     if len(found) > SHOWN:
         lines.append(f"and {len(found) - SHOWN} more places: add a word")
     return "\n".join(lines) + "\n"
+
+
+def _without_lines(text: str) -> str:
+    """Return a row of a table as "first cell: second cell; third cell", and other text as it is."""
+    if not re.fullmatch(r"\|.*\|", text):
+        return text
+    first, *others = text.strip("| ").split(" | ")
+    return f"{first}: {'; '.join(others)}"

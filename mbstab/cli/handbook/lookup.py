@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from functools import cache
 from unicodedata import combining, normalize
 
 from mbstab.errors import UsageError, nearest
@@ -33,13 +34,11 @@ class Place:
         return _said(f"{self.heading} {self.text}", word)
 
     def explains(self, words: list[str]) -> bool:
-        """Whether it begins with the words, as a definition does."""
-        beginning = re.match(r"[*|\s]*(`[^`]*`|.*)", self.text)
-        assert beginning is not None
-        said = beginning[1]
-        if said[:1] == "`":
-            return all(_said(said, word) for word in words)
-        return respelled(said).startswith(respelled(" ".join(words)))
+        """Whether it begins with the words, as a definition does, or is a row of a table that is headed by them."""
+        told = re.match(r"\|([^|]*)\||\* `([^`]*)`|\* \*\*([^*]*)\*\*", self.text)
+        if told:
+            return all(_said(told[told.lastindex or 0], word) for word in words)
+        return respelled(self.text.lstrip("* ")).startswith(respelled(" ".join(words)))
 
 
 def plain(text: str) -> str:
@@ -48,27 +47,43 @@ def plain(text: str) -> str:
 
 
 SPELLINGS = (
-    (r"(?<=\w)-(?=\w)", ""),  # sub-critical, subcritical
     (r"(?<=\w{3})our", "or"),  # colour, color
     (r"(?<=\w{2}[bt])(ere|er|re)", "r"),  # centred, centered
     (r"ll(?=ed|er|ing)", "l"),  # modelling, modeling
     (r"\btire", "tyre"),
     ("sk", "sc"),  # disk, disc
+    (r"(?<=[a-z]{2}[^\Wisu])s\b", ""),  # gears, gear
     ("z", "s"),  # linearize, linearise
 )
 """Patterns that make one of two spellings, the same in a query and in a text, and what stands for them."""
 
 
 def respelled(text: str) -> str:
-    """Return plain text in which British and American spellings, with and without hyphens, are the same."""
+    """Return plain text in which British and American spellings, one and many, are the same."""
     text = plain(text)
     for pattern, common in SPELLINGS:
         text = re.sub(pattern, common, text)
     return text
 
 
+@cache
+def _forms(text: str) -> tuple[str, str, str]:
+    """Return plain text, respelled text, and that without hyphens in words: sub-critical is subcritical."""
+    common = respelled(text)
+    return plain(text), common, re.sub(r"(?<=\w)-(?=\w)", "", common)
+
+
 def _said(text: str, word: str) -> bool:
-    return word in plain(text) or respelled(word) in respelled(text)
+    """Whether a word of a text begins with a word, in one of the spellings of both."""
+    return any(map(_begins, _forms(text), _forms(word)))
+
+
+def _begins(text: str, word: str) -> bool:
+    """Whether a word of a text, or a part of it after an underscore, begins with a word."""
+    at = text.find(word)
+    while at > 0 and word[:1].isalnum() and text[at - 1].isalnum():
+        at = text.find(word, at + 1)
+    return at >= 0
 
 
 def places(topic: str, text: str) -> Iterator[Place]:
@@ -102,7 +117,10 @@ def found_places(every: Sequence[Place], query: str) -> list[Place]:
         known = sorted({word for place in every for word in re.findall(r"[\w-]{3,}", plain(place.text))})
         alone = [word for word in words if not any(_said(place.text, word) for place in every)]
         near = _nearest(alone[0], known) if alone else ""
-        hint = f"did you mean {near!r}?" if near else "use fewer or other words; mbstab manual lists the topics"
+        each = " or ".join(repr(word) for word in words if word not in alone)
+        hint = "use other words; mbstab manual lists the topics"
+        if near or each:
+            hint = f"did you mean {near!r}?" if near else f"search for {each} alone"
         raise UsageError(f"the manual has nothing about {query!r}\nhint: {hint}")
     return sorted(found, key=lambda place: not place.explains(words))
 

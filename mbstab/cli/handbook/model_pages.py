@@ -59,7 +59,7 @@ def model_page(path: Path, folder: Path, group: click.Group) -> ModelPage:
             maps += drawn.files
             parts += drawn.shown
     link = f'<a href="{quote(path.name)}" download>{html.escape(path.name)}</a>'
-    parts.append(f"<h2>The file</h2>\n<p>{link}</p>\n<pre>{html.escape(text)}</pre>")
+    parts.append(f"<h2>The file</h2>\n<p>{link}</p>\n<pre class='file'>{html.escape(text)}</pre>")
     return ModelPage(path, model.title, mechanism.eig().verdict, "\n".join(parts), pictures.files + maps)
 
 
@@ -81,11 +81,15 @@ def _drawn(group: click.Group, line: str, path: Path, folder: Path, file: str) -
         if not (folder / file).is_file():
             return _Drawn((), (f"<p><code>{html.escape(line)}</code>: {html.escape(printed)}</p>",))
     shown = f'<p><img src="{quote(file)}" alt="{html.escape(line)}"></p>'
-    return _Drawn((file,), (f"<pre>$ {html.escape(line)}\n{html.escape(printed)}</pre>", shown))
+    return _Drawn((file,), (_shown(line, printed), shown))
 
 
 def _session(group: click.Group, line: str, path: Path) -> str:
-    return f"<pre>$ {html.escape(line)}\n{html.escape(_printed(group, line, path))}</pre>"
+    return _shown(line, _printed(group, line, path))
+
+
+def _shown(line: str, printed: str) -> str:
+    return f'<pre><span class="typed">$ {html.escape(line)}\n</span>{html.escape(printed)}</pre>'
 
 
 def _printed(group: click.Group, line: str, path: Path, folder: Path | None = None) -> str:
@@ -114,23 +118,25 @@ def _compared(mechanism: Mechanism) -> list[str]:
         there = mechanism.at(**given)
         found = [e.value for e in there.eig(frozen=entry.frozen).eigenvalues if not e.exact]
         where = ", ".join(f"{name} = {text}" for name, text in given.items()) + (" frozen" if entry.frozen else "")
+        ends = (where, entry.source)  # of the first row only
         for expected in expected_eigenvalues(there.model, entry):
             nearest = min(found, key=lambda s: abs(s - expected))
             found.remove(nearest)
             if expected.imag >= 0.0:
-                error = f"{abs(nearest - expected) / abs(expected):.0e}" if expected else "zero"
-                rows.append([where, _number(expected), _number(nearest), error, entry.source])
-            where = ""
+                error = abs(nearest - expected) / abs(expected) if expected else None
+                told = "zero" if error is None else f"{error:.0e}" if error else "0"
+                rows.append([ends[0], _number(expected), _number(nearest), told, ends[1]])
+                ends = ("", "")
     if not rows:
         return []
     heads = ("at", "expected (1/s)", "found (1/s)", "relative difference", "source")
     cells = "".join(
-        f'<tr><td>{html.escape(row[0])}</td><td class="number">{row[1]}</td><td class="number">{row[2]}</td>'
-        f"<td>{row[3]}</td><td>{html.escape(row[4])}</td></tr>\n"
+        f'<tr><td class="number">{html.escape(row[0])}</td><td class="number">{row[1]}</td>'
+        f'<td class="number">{row[2]}</td><td>{row[3]}</td><td class="source">{html.escape(row[4])}</td></tr>\n'
         for row in rows
     )
     head = "".join(f"<th>{head}</th>" for head in heads)
-    return [f"<h2>Beside the expected values</h2>\n<table>\n<tr>{head}</tr>\n{cells}</table>"]
+    return [f"<h2>Beside the expected values</h2>\n<table>\n<thead><tr>{head}</tr></thead>\n{cells}</table>"]
 
 
 def _number(s: complex) -> str:

@@ -23,17 +23,19 @@ body { font: 17px/1.5 system-ui, sans-serif; max-width: 52em; margin: 0 auto; pa
 h1, h2 { line-height: 1.2; } h2 { margin-top: 2em; }
 a { color: #0b4f9c; } nav { margin: 1em 0; border-bottom: 1px solid #bbb; padding-bottom: .6em; }
 nav a { display: inline-block; margin-right: .9em; padding: .2em 0; }
-code, pre { font-family: ui-monospace, Menlo, Consolas, monospace; font-size: .87em; overflow-wrap: anywhere; }
+code, pre { font-family: ui-monospace, Menlo, Consolas, monospace; font-size: .87em; overflow-wrap: break-word; }
 pre { background: #f4f4f4; padding: .7em; overflow-x: auto; line-height: 1.3; overflow-wrap: normal; }
+pre code { font-size: 1em; } .typed { white-space: pre-wrap; } .option { white-space: nowrap; }
 table { display: block; overflow-x: auto; border-collapse: collapse; }
 th, td { border-bottom: 1px solid #ccc; padding: .25em .8em .25em 0; text-align: left; vertical-align: top; }
-td.number { font-family: ui-monospace, Menlo, Consolas, monospace; white-space: nowrap; }
+td.number { font-family: ui-monospace, Menlo, Consolas, monospace; white-space: nowrap; } td.source { min-width: 12em; }
 img { max-width: 100%; height: auto; }
 .gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(18em, 100%), 1fr)); gap: 1em; }
 .gallery a { display: block; border: 1px solid #ccc; padding: .5em; text-decoration: none; }
 .gallery img { display: block; margin: 0 auto .4em; max-height: 16em; }
 @media print { nav { display: none; } body { max-width: none; font-size: 10pt; } pre { white-space: pre-wrap; }
-  h1, h2 { break-after: avoid; } table, img, .gallery a { break-inside: avoid; } }
+  h1, h2 { break-after: avoid; } pre, tr, img, .gallery a { break-inside: avoid; } pre.file { break-inside: auto; }
+  img { max-height: 14cm; } table { display: table; } }
 """
 
 
@@ -73,7 +75,7 @@ def write_site(folder: Path, group: click.Group, models: Sequence[Path], progres
         for topic, title in titles().items():
             _put(
                 folder / f"{topic}.html",
-                _whole(title, _linked(_with_places(_markdown(indexed(page(topic, group)))), names)),
+                _whole(title, _unbroken(_linked(_with_places(_markdown(indexed(page(topic, group)))), names))),
             )
         _put(folder / "index.html", _whole("mbstab: the manual", _gallery(made)))
     except OSError as error:
@@ -123,6 +125,15 @@ def _linked(body: str, models: set[str]) -> str:
 
     body = re.sub(r"<code>mbstab manual ([a-z-]+)</code>", topic, body)
     return re.sub(r"<code>(\w+)\.yaml</code>", model, body)
+
+
+def _unbroken(body: str) -> str:
+    """Return a page in whose text and code options such as --output are not broken at their hyphens."""
+    pieces = re.split(r"(<pre>.*?</pre>|<[^>]*>)", body, flags=re.S)
+    option = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+    return "".join(
+        piece if piece.startswith("<") else option.sub(r'<span class="option">\g<0></span>', piece) for piece in pieces
+    )
 
 
 def _gallery(made: Sequence[ModelPage]) -> str:
