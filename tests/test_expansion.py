@@ -1,9 +1,12 @@
 """Counts, repetitions and included parts: what they write out, what is refused, and where messages point."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 from scipy.linalg import eigh
 
@@ -302,3 +305,103 @@ def test_a_parameter_of_a_part_with_a_reserved_name_is_refused_also_where_it_is_
     (tmp_path / "top.yaml").write_text(top)
     with pytest.raises(ModelFileError, match="'x' is a word of the file format"):
         mbstab.load(tmp_path / "top.yaml")
+
+
+CONTROLLED = """\
+mbstab: 1
+parameters: {m: 2, k: 18, c: 0.4, frame: 2*c}
+ground: {directions: {up: [3, 4]}}
+bodies: {mass: {type: planar, mass: m, inertia: 1, directions: {m: [1, 0]}}}
+definitions: {motion: k*displacement(slide)}
+joints:
+  slide: {type: prismatic, between: [mass, ground], axis: [m, up]}
+forces:
+  hold: {type: state_feedback, joint: slide, gains: {displacement(slide): k, rate(displacement(slide)): frame}}
+  filtered: {type: transfer_function, joint: slide, signal: displacement(slide), numerator: [0.1], denominator: [1, 3]}
+  act: {type: actuator, joint: slide, effort: 0.5*filtered_1 - motion}
+"""
+
+DECOYS = """\
+mbstab: 1
+parameters: {k: 1, c: 5, frame: 7}
+ground: {directions: {up: [0, 1]}}
+bodies: {mass: {type: planar, mass: 1, inertia: 1}}
+definitions: {motion: 3*displacement(slide)}
+joints:
+  slide: {type: prismatic, between: [mass, ground], axis: y}
+forces:
+  filtered: {type: transfer_function, joint: slide, signal: displacement(slide), numerator: [0.2], denominator: [1, 5]}
+"""
+
+
+def test_each_name_of_a_part_is_its_own_where_the_file_has_the_same_names(tmp_path):
+    (tmp_path / "controlled.yaml").write_text(CONTROLLED)
+    (tmp_path / "decoys.yaml").write_text(DECOYS + "include: {file: controlled.yaml, prefix: own_}\n")
+    m, k, c, both = 2.0, 18.0, 0.4, 0.6  # both: 0.1 as the effort of the filter, 0.5 in the actuator
+    part = np.array([[0, 1, 0], [-2 * k / m, -2 * c / m, both / m], [1, 0, -3]])
+    alone = np.array([[0, 1, 0], [0, 0, 0.2], [1, 0, -5]])
+    own = np.concatenate([np.linalg.eigvals(part), np.linalg.eigvals(alone)])
+    found = mbstab.load(tmp_path / "decoys.yaml").eig().values()
+    assert np.sort_complex(np.round(found, 9)) == pytest.approx(np.sort_complex(np.round(own, 9)), abs=1e-8)
+
+
+RESERVED = ("dc_motor_arm", "free_rigid_body", "rattleback", "roller_in_ring", "rolling_disk", "rolling_torus",
+            "turntable", "von_mises_truss")  # fmt: skip
+"""Models with a name that a part cannot have, such as ``body``."""
+MODELS = (*installed_models(), *sorted((Path(__file__).parent / "scenes").glob("*.yaml")))
+
+
+@pytest.mark.parametrize("path", [x for x in MODELS if x.stem not in RESERVED], ids=lambda path: path.stem)
+def test_every_name_in_a_part_gets_the_prefix(path, tmp_path):
+    """Each model becomes a part of a file without names, where only what got the prefix is found."""
+    text = path.read_text().replace("  x: {type: coordinate,", "  shift: {type: coordinate,")
+    sections = {x.partition(":")[0]: x for x in re.split(r"^(?=[a-z]+:)", text, flags=re.MULTILINE) if x[:1].isalpha()}
+    gravity = re.sub(r"-g\b", "-9.81", sections.get("gravity", ""))
+    only_once = ("mbstab", "title", "source", "gravity", "sweep", "expect")
+    part = "".join(x for section, x in sections.items() if section not in only_once)
+    (tmp_path / "part.yaml").write_text("mbstab: 1\n" + part)
+    (tmp_path / "main.yaml").write_text(f"mbstab: 1\n{gravity}include: {{file: part.yaml, prefix: the_parts_}}\n")
+    (tmp_path / "alone.yaml").write_text(f"mbstab: 1\n{gravity}{part}")
+    written, alone = (expanded_text(mbstab.load(tmp_path / x).model) for x in ("main.yaml", "alone.yaml"))
+    assert yaml.safe_load(written.replace("the_parts_", "")) == yaml.safe_load(alone)
+
+
+def test_a_need_that_is_the_ground_has_the_points_of_the_file(tmp_path):
+    (tmp_path / "leg.yaml").write_text(
+        "mbstab: 1\nneeds: {mount: a body}\nground: {points: {A: [5, 0]}}\nbodies: {p: {type: planar_point, mass: 1}}\n"
+        "forces: {s: {type: spring, between: [p, mount.A], stiffness: 4, length: 0}}\n"
+        "constraints: {flat: {holonomic: p.y}}\nreference: {coordinates: {p: {x: 1}}}\n"
+    )
+    text = "mbstab: 1\nground: {points: {A: [1, 0]}}\ninclude: {file: leg.yaml, prefix: a_, with: {mount: ground}}\n"
+    (tmp_path / "stand.yaml").write_text(text)
+    assert mbstab.load(tmp_path / "stand.yaml").eig().values().imag.max() == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ("force", "stiffness"), [("<i>**2", 1.0), ("3-<i>", 4.0), ("2*<i>**2*1", 2.0), ("<i-3>**2", 16.0)]
+)
+def test_a_negative_number_stands_in_brackets(force, stiffness):
+    text = (
+        "mbstab: 1\nbodies: {p: {type: planar_point, mass: 1}}\nconstraints: {flat: {holonomic: p.y}}\n"
+        "repeat: {for: {i: [-1, -1]}, forces: {f: {type: expression, on: {p.x: -(FORCE)*p.x}}}}\n"
+    )
+    found = mbstab.loads(text.replace("FORCE", force)).eig().values()
+    assert found.imag.max() == pytest.approx(np.sqrt(stiffness), rel=1e-14)
+
+
+def test_a_name_that_ends_in_a_negative_number_is_no_difference():
+    text = (
+        "mbstab: 1\nparameters: {k: 9}\nbodies: {p: {type: planar_point, mass: 1}}\n"
+        "repeat: {for: {i: [0, 0]}, forces: {f: {type: expression, on: {p.x: -k<i-1>*p.x}}}}\n"
+    )
+    with pytest.raises(ModelFileError, match=r"k\(-1\)|unknown function 'k'"):
+        mbstab.loads(text)
+
+
+def test_a_part_does_not_see_the_indices_of_the_file(tmp_path):
+    (tmp_path / "mass.yaml").write_text(
+        "mbstab: 1\ncounts: {M: 2*N, N: 1}\nbodies: {p: {type: planar_point, mass: <M>}}\n"
+    )
+    (tmp_path / "row.yaml").write_text("mbstab: 1\ncounts: {N: 5}\ninclude: {file: mass.yaml, prefix: a_}\n")
+    with pytest.raises(ModelFileError, match="there is no count or index 'N'"):
+        mbstab.load(tmp_path / "row.yaml")

@@ -24,6 +24,7 @@ from mbstab.mechanics.elements import KINDS
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.functions import CALLED
 from mbstab.model.nodes import NAME, NodeReader
+from mbstab.model.renaming import Renaming, states_of_force
 from mbstab.model.schema import INCLUDE_FIELDS, SECTIONS
 from mbstab.model.yamlfile import Document, Mapping, Scalar, Sequence, YamlNode, parse_part, read_beside
 
@@ -37,10 +38,7 @@ LEVELS = {"reference": 2, "initial": 2, "ground": 2}
 """How many levels of a section are merged, if not one."""
 NAMED = (*KINDS, "parameters", "tables", "definitions", "constraints", "states", "outputs", "modes")
 """Sections whose keys are names."""
-_NOT_NAMES = frozenset({"type", "unit", "sign", "description", "file", "find", "frame", "motion"})
 _TEXTS = frozenset({"title", "source", "description"})
-_TOKEN = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
-_GROUND = re.compile(r"(?<![\w.])ground\.([A-Za-z_]\w*)")
 _INDEX = re.compile(r"<([^<>]*)>")
 _OPERATIONS: dict[type, Callable[[int, int], int]] = {
     ast.Add: lambda a, b: a + b,
@@ -200,8 +198,13 @@ class _Expansion:
     def _scalar(self, node: Scalar, numbers: dict[str, int], path: str) -> Scalar:
         if "<" not in node.text or not numbers or path.rpartition(".")[2] in _TEXTS:
             return node
-        text = _INDEX.sub(lambda match: str(self._number(match[1], node, path, numbers)), node.text)
-        return Scalar(text, node.location, node.quoted)
+        whole = _INDEX.fullmatch(node.text.strip()) is not None
+
+        def put(match: re.Match[str]) -> str:
+            number = self._number(match[1], node, path, numbers)
+            return str(number) if whole or number >= 0 else f"({number})"  # <i>**2 and 1 - <i> of a negative number
+
+        return Scalar(_INDEX.sub(put, node.text), node.location, node.quoted)
 
     def _spend(self, node: YamlNode) -> None:
         self.left -= 1
@@ -246,7 +249,7 @@ class _Expansion:
         counts = set(self.nodes.optional_pairs(root.entries.get("counts"), "counts")) & set(values)
         whole = {name: self._whole(values[name], f"include.with.{name}", numbers) for name in sorted(counts)}
         own = _without(root, "mbstab", "title", "source", "needs")
-        part = self.of(own, numbers, (*chain, name), whole)
+        part = self.of(own, {}, (*chain, name), whole)
         rest = None if given is None else _without(given, *whole)
         return self._fitted(part, root.entries.get("needs"), rest, prefix or "", block)
 
@@ -254,7 +257,7 @@ class _Expansion:
         self, part: Mapping, needed: YamlNode | None, given: Mapping | None, prefix: str, block: Mapping
     ) -> Mapping:
         """Return a part with its own names prefixed, and what it needs replaced."""
-        own, points = self._own(part)
+        own = self._own(part)
         needs = self.nodes.optional(needed, "needs")
         wanted = set() if needs is None else set(needs.entries)
         parameters = part.entries.get("parameters")
@@ -267,11 +270,12 @@ class _Expansion:
                 self.nodes.complain(key, "include.with", f"the part has no parameter and no need {key.text!r}", hint)
         for name in sorted(wanted - set(values)):
             self.nodes.complain(block, "include", f"the part needs {name!r}", f"write with: {{{name}: …}}")
-        words = {name: prefix + name for name in own}
+        words = {name: prefix + name for name in (*own, *_made_states(part))}
         for name in wanted & set(values):
             word = self.nodes.word(values[name], f"include.with.{name}", "a name")
             words[name] = word or name
-        renamed = _as_mapping(_Renaming(words, {name: prefix + name for name in points}).of(part, ()))
+        points, directions = ({name: prefix + name for name in names} for names in self._of_ground(part))
+        renamed = Renaming(words, points, directions, _directions_of_bodies(part)).of(part)
         inside = renamed.entries.get("parameters")
         for name in settable & set(values) & set(own):
             assert isinstance(inside, Mapping)
@@ -284,8 +288,8 @@ class _Expansion:
                 inside.entries[prefix + name] = values[name]
         return renamed
 
-    def _own(self, part: Mapping) -> tuple[list[str], list[str]]:
-        """Return the names that a part gives, and those of its points and directions of the ground."""
+    def _own(self, part: Mapping) -> list[str]:
+        """Return the names that a part gives."""
         own: list[str] = []
         for section in NAMED:
             node = part.entries.get(section)
@@ -295,50 +299,30 @@ class _Expansion:
                     self.nodes.complain(key, section, message, "choose another name")
                 else:
                     own.append(key.text)
-        ground = part.entries.get("ground")
-        points: list[str] = []
-        for group in ground.entries.values() if isinstance(ground, Mapping) else ():
-            points += group.entries if isinstance(group, Mapping) else ()
-        return own, points
+        return own
+
+    def _of_ground(self, part: Mapping) -> tuple[list[str], list[str]]:
+        """Return the names of the points of the ground in a part, and of its directions."""
+        ground = self.nodes.optional(part.entries.get("ground"), "ground")
+        groups = [None if ground is None else ground.entries.get(key) for key in ("points", "directions")]
+        points, directions = (list(x.entries) if isinstance(x, Mapping) else [] for x in groups)
+        return points, directions
 
 
-class _Renaming:
-    """Names that are changed wherever they stand in a part."""
-
-    def __init__(self, words: dict[str, str], points: dict[str, str]) -> None:
-        self.words, self.points = words, points
-
-    def of(self, node: YamlNode, path: tuple[str, ...]) -> YamlNode:
-        """Return a copy of a node at a path with other names."""
-        if isinstance(node, Scalar):
-            return node if path and path[-1] in _NOT_NAMES else Scalar(self.text(node.text), node.location, node.quoted)
-        if isinstance(node, Sequence):
-            return Sequence([self.of(x, path) for x in node.items], node.location)
-        found = Mapping({}, {}, node.location)
-        for key, value in node.pairs():
-            own = key
-            if _name_keyed(path):
-                own = Scalar(self.text(key.text), key.location, key.quoted)
-            elif len(path) == 2 and path[0] == "ground":
-                own = Scalar(self.points.get(key.text, key.text), key.location, key.quoted)
-            found.entries[own.text], found.keys[own.text] = self.of(value, (*path, key.text)), own
-        return found
-
-    def text(self, text: str) -> str:
-        """Return an expression or a name with other names."""
-        text = _TOKEN.sub(lambda match: self.words.get(match[0], match[0]), text)
-        return _GROUND.sub(lambda match: f"ground.{self.points.get(match[1], match[1])}", text)
+def _directions_of_bodies(part: Mapping) -> set[str]:
+    """Return the names of the directions of the bodies of a part."""
+    bodies = part.entries.get("bodies")
+    nodes = bodies.entries.values() if isinstance(bodies, Mapping) else ()
+    groups = [body.entries.get("directions") for body in nodes if isinstance(body, Mapping)]
+    return {name for x in groups if isinstance(x, Mapping) for name in x.entries}
 
 
-def _name_keyed(path: tuple[str, ...]) -> bool:
-    """Whether the keys of a mapping are names or expressions, not words of the file format."""
-    if len(path) == 1:
-        return path[0] in NAMED
-    if path and path[0] in ("reference", "initial"):
-        return len(path) == 2
-    if path and path[0] == "modes":
-        return path[-1] in ("shape", "at")
-    return bool(path) and path[0] in ("forces", "inputs") and path[-1] == "on"
+def _made_states(part: Mapping) -> Iterator[str]:
+    """Yield the names of the states that the forces of a part have themselves."""
+    forces = part.entries.get("forces")
+    for key, node in forces.pairs() if isinstance(forces, Mapping) else ():
+        if isinstance(node, Mapping):
+            yield from states_of_force(key.text, node)
 
 
 def _integer(node: ast.AST, numbers: dict[str, int]) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Literal, Protocol
 
 from mbstab.mechanics.catalogue import Field, Kind, Marker, Number
 from mbstab.model.evaluator import Evaluator
@@ -92,11 +92,15 @@ class FieldKind:
         Whether its expressions may contain the time, coordinates or rates.
     explained : str
         What to ask ``mbstab schema`` for its keys, if it has any.
+    names : str
+        Where names of the file stand in it: in its ``values``, in its ``keys`` as well, nowhere (``none``), or as a
+        ``direction`` of a body, a ``ground direction``, or ``directions`` of both bodies that the entry joins.
     """
 
     name: ClassVar[str]
     moving: ClassVar[bool] = False
     explained: ClassVar[str] = ""
+    names: ClassVar[Literal["values", "keys", "none", "direction", "ground direction", "directions"]] = "values"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Any:
         """Return the value as it stands in the file; None after a problem."""

@@ -190,6 +190,7 @@ class LoadsField(FieldKind):
     """Generalized forces by coordinate, as expressions of coordinates, rates and time."""
 
     name = "loads"
+    names = "keys"
     moving = True
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> dict[str, Quantity] | None:

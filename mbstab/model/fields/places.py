@@ -119,6 +119,7 @@ class DirectionField(FieldKind):
     """A direction in the frame of the body whose point the entry names; its length does not matter."""
 
     name = "direction"
+    names = "direction"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
         """Return the direction; also None if the point of the entry has a problem."""
@@ -137,6 +138,7 @@ class GroundDirectionField(DirectionField):
     """A direction in ground axes; its length does not matter."""
 
     name = "ground direction"
+    names = "ground direction"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
         """Return the direction."""
@@ -163,6 +165,7 @@ class DirectionsField(FieldKind):
     """A direction in the frames of the two bodies that the entry joins, the same or a list of two."""
 
     name = "directions"
+    names = "directions"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> tuple[Components, Components] | None:
         """Return both directions; also None if the points of the entry have a problem."""

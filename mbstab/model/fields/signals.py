@@ -237,6 +237,7 @@ class GainsField(FieldKind):
     """Numbers by expression of the motion."""
 
     name = "gains"
+    names = "keys"
     moving = True
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> list[Quantity] | None:

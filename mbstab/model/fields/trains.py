@@ -124,6 +124,7 @@ class FlagField(FieldKind):
     """Yes or no."""
 
     name = "flag"
+    names = "none"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> bool | None:
         """Return whether it is true."""

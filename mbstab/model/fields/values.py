@@ -117,6 +117,7 @@ class ChoiceField(FieldKind):
     """One of the words that its field lists."""
 
     name = "choice"
+    names = "none"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> str | None:
         """Return the word."""
@@ -131,6 +132,7 @@ class UnitField(FieldKind):
     """A unit in which numbers in SI count."""
 
     name = "unit"
+    names = "none"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> str | None:
         """Return it as it is written."""
