@@ -13,6 +13,9 @@ from mbstab.model.yamlfile import Mapping as MappingNode
 from mbstab.model.yamlfile import Scalar, YamlNode
 
 
+NamesIn = Literal["values", "keys", "none", "direction", "ground direction", "directions"]
+
+
 class Reading:
     """One entry while it is read.
 
@@ -100,7 +103,7 @@ class FieldKind:
     name: ClassVar[str]
     moving: ClassVar[bool] = False
     explained: ClassVar[str] = ""
-    names: ClassVar[Literal["values", "keys", "none", "direction", "ground direction", "directions"]] = "values"
+    names: ClassVar[NamesIn] = "values"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Any:
         """Return the value as it stands in the file; None after a problem."""

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, ClassVar
 
 from mbstab.errors import suggestion
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import GROUND, Field, Marker, Number, Vector
 from mbstab.model.evaluator import Evaluator
-from mbstab.model.fields.base import DIRECTION, NUMBER, NUMBERS, TEXT, VECTOR, FieldKind, Owner, Reading, object_schema
+from mbstab.model.fields.base import (
+    DIRECTION,
+    NUMBER,
+    NUMBERS,
+    TEXT,
+    VECTOR,
+    FieldKind,
+    NamesIn,
+    Owner,
+    Reading,
+    object_schema,
+)
 from mbstab.model.numbers import all_of
 from mbstab.model.schema import MARKER_FIELDS, Components, MarkerValue, owner_of_point
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
@@ -119,7 +130,7 @@ class DirectionField(FieldKind):
     """A direction in the frame of the body whose point the entry names; its length does not matter."""
 
     name = "direction"
-    names = "direction"
+    names: ClassVar[NamesIn] = "direction"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
         """Return the direction; also None if the point of the entry has a problem."""
