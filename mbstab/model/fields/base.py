@@ -12,7 +12,6 @@ from mbstab.model.schema import Entry, is_angle, is_length
 from mbstab.model.yamlfile import Mapping as MappingNode
 from mbstab.model.yamlfile import Scalar, YamlNode
 
-
 NamesIn = Literal["values", "keys", "none", "direction", "ground direction", "directions"]
 
 
