@@ -55,14 +55,22 @@ class Evaluator:
     ----------
     poses : dict
         Where bodies stand at the reference, by number, as far as the file says, and the ground.
+    checked : bool
+        Whether the same values have passed in another arithmetic.
+    judges : bool
+        Whether numbers must be finite and have the signs that their fields ask for.
     """
 
-    def __init__(self, model: Model, parameters: dict[str, Number], arithmetic: Arithmetic) -> None:
+    def __init__(
+        self, model: Model, parameters: dict[str, Number], arithmetic: Arithmetic, checked: bool = False
+    ) -> None:
         self.model = model
         self.document = replace(model.document, problems=[])
         self.parameters = parameters
         self.f = arithmetic
         self.symbolic = arithmetic.name == "symbol"
+        self.checked = checked
+        self.judges = not (checked or self.symbolic)
         self.rationals = Rationals(model, parameters, arithmetic)
         self.lengths: list[float] = []
         self._known: dict[int, tuple[Node, Number]] = {}
@@ -84,7 +92,7 @@ class Evaluator:
         if value is None:
             return 1.0
         if field is not None and not self.symbolic:
-            if not self._has_sign(value, quantity, field):
+            if self.judges and not self._has_sign(value, quantity, field):
                 return 1.0
             if length and field.unit == "m" and not hasattr(value, "shape"):
                 self.lengths.append(abs(value))
@@ -98,7 +106,7 @@ class Evaluator:
             self.complain(quantity, error.message, error.hint)
             return None
         good = self.check_widths(quantity)
-        if not self.symbolic and not is_finite(value):
+        if self.judges and not is_finite(value):
             self.complain(quantity, f"the value of {quantity.text!r} is not finite")
             return None
         if good:
@@ -108,7 +116,7 @@ class Evaluator:
     def check_widths(self, quantity: Quantity) -> bool:
         """Whether functions are smoothed over positive widths; record a problem if not."""
         good = True
-        for function, width in () if self.symbolic else quantity.widths:
+        for function, width in quantity.widths if self.judges else ():
             try:
                 broken = broken_sign(Expression("", width).evaluate(self.parameters, self.f), "positive")
             except ExpressionError as error:

@@ -177,8 +177,9 @@ class Scene:
 
     @cached_property
     def written(self) -> list[Expression]:
-        """The expressions of all entries but bodies."""
-        return [expression for item in self.items for expression in expressions_in(item.entry.values)]
+        """The expressions of all entries but bodies; one of those that share their text."""
+        found = (expression for item in self.items for expression in expressions_in(item.entry.values))
+        return list({id(expression.root): expression for expression in found}.values())
 
     @cached_property
     def timed(self) -> bool:

@@ -56,7 +56,7 @@ def evaluate(
     if arithmetic is None:
         arithmetic = array_arithmetic() if any(hasattr(v, "shape") for v in overrides.values()) else FLOAT
     with _quiet(arithmetic):
-        return _Assembly(model, evaluate_parameters(model, overrides, arithmetic, added), arithmetic).scene(checked)
+        return _Assembly(model, evaluate_parameters(model, overrides, arithmetic, added), arithmetic, checked).scene()
 
 
 def _quiet(arithmetic: Arithmetic) -> contextlib.AbstractContextManager[Any]:
@@ -98,11 +98,11 @@ def _principal_moments(inertia: Vector) -> npt.NDArray[np.float64]:
 class _Assembly(Evaluator):
     """Puts a scene together."""
 
-    def scene(self, checked: bool) -> Scene:
+    def scene(self) -> Scene:
         model, reference = self.model, self.model.reference
         gravity = self.vector(model.gravity)
         time = self.number(reference.time)
-        bodies = tuple(self.body(entry, None if checked else time) for entry in model.bodies.values())
+        bodies = tuple(self.body(entry, time) for entry in model.bodies.values())
         coordinates, rates, guess = (
             {name: self.number(value) for name, value in values.items()}
             for values in (reference.coordinates, reference.rates, reference.guess)
@@ -117,7 +117,7 @@ class _Assembly(Evaluator):
             for entry in model.entries[section].values()
         ]
         inputs = tuple(ItemValues(entry, self, named) for entry in model.inputs.values())
-        for item in (*items, *inputs) if not checked else ():
+        for item in () if self.checked else (*items, *inputs):
             item.check(time)
         if reference.find is None:
             unsaid = (name for name in model.states if name not in coordinates and name not in guess)
@@ -169,13 +169,13 @@ class _Assembly(Evaluator):
 
     # --- bodies -----------------------------------------------------------------------------------------------------
 
-    def body(self, entry: Entry, time: Number | None) -> BodyValues:
-        """Return a body with its numbers; all of them are checked if there is a time."""
+    def body(self, entry: Entry, time: Number) -> BodyValues:
+        """Return a body with its numbers, after a check of all of them."""
         dimension = self.model.dimension
         coordinates = body_coordinates(entry)
         base: Vector = tuple(float(i == j) for i in range(3) for j in range(3)) if dimension == 3 else ()
         item = ItemValues(entry, self, {})
-        if time is not None:
+        if not self.checked:
             item.check(time)
         if len(coordinates) == dimension:
             inertia, center = (0.0,) * (1 if dimension == 2 else 6), (0.0,) * dimension
@@ -207,7 +207,7 @@ class _Assembly(Evaluator):
 
     def _check_inertia(self, entry: Entry, name: str, numbers: Vector, inertia: Vector) -> None:
         """Refuse principal moments that are negative, or one that exceeds the sum of the other two."""
-        if self.symbolic:
+        if not self.judges:
             return
 
         def complain(message: str, hint: str = "") -> None:
