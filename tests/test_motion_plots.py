@@ -15,8 +15,11 @@ import numpy as np
 import pytest
 from children import child, command_line, ended, until
 from click.testing import CliRunner
+from matplotlib.path import Path
+from matplotlib.text import Text
 from PIL import Image
 from sampling import sample
+from scipy.spatial import ConvexHull
 
 import mbstab
 from mbstab.analysis.simulate.mode_shape import swing
@@ -509,6 +512,21 @@ def test_limits_hold_the_whole_motion(disk):
         seen = stage.view.outline(0, k).strokes[0] @ stage.view.across[:2].T
         assert np.all(seen > stage.view.low)
         assert np.all(seen < stage.view.high)
+
+
+@pytest.mark.parametrize("name", ["drive_shafts", "bricard", "top", "rigid_rotor"])
+def test_no_body_meets_the_scale_bar_or_the_ground_axes(name):
+    model = mbstab.load(f"{name}.yaml")
+    stage = Stage(Sketch.of(model.system()), swing_frames(model.swing(1, 8), 1, 8.0))
+    stage.figure.draw_without_rendering()
+    (bar,) = stage.axes.lines[:1]
+    marks = [bar.get_window_extent(), *(Text.get_window_extent(x) for x in stage.axes.texts if x.get_text())]
+    for k in range(len(stage.view.frames.captions)):
+        for number in range(len(stage.view.sketch.pieces)):
+            outline = stage.view.outline(number, k)
+            points = np.concatenate([*outline.strokes, outline.skin]) @ stage.view.across[:2].T
+            shown = Path(stage.axes.transData.transform(points)[ConvexHull(points).vertices])
+            assert not any(shown.intersects_bbox(mark) for mark in marks)
 
 
 def test_what_is_followed_stays_in_place_and_the_ground_moves(disk):

@@ -150,3 +150,20 @@ def test_texts_are_inside_the_picture_and_legible(of, drawings):
             if text.get_text():
                 assert sheet.x0 - 1.0 <= box.x0 < box.x1 <= sheet.x1 + 1.0, (name, text.get_text())
                 assert sheet.y0 - 1.0 <= box.y0 < box.y1 <= sheet.y1 + 1.0, (name, text.get_text())
+
+
+@pytest.mark.parametrize("of", WIDTHS)
+def test_pictures_with_many_panels_fit_a_page(of):
+    model = mbstab.load("motorcycle.yaml")
+    upper = [e for e in model.eig().eigenvalues if not e.exact and e.value.imag >= 0.0]
+    for count in (2, len(upper), 3 * len(upper)):
+        modes = {n: upper[n % len(upper)] for n in range(count)}
+        swings = [model.swing(1 + n % len(upper), 4) for n in modes]
+        with sized(of):
+            figure = mode_stills(model.system(), modes, swings, TITLE)
+        assert len(figure.axes) == count
+        assert figure.get_figheight() < 240.0 / 25.4  # the text of a page
+    with sized(of):
+        figure = sensitivity_bars(model.sensitivities(), TITLE)
+    assert len(figure.axes) == (2 if of == "slide" else 5)
+    assert figure.get_figheight() < 240.0 / 25.4

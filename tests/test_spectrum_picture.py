@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 import mbstab
 from mbstab.cli import main
+from mbstab.report.pictures.drawing import house_style, titled_figure
+from mbstab.report.pictures.point_labels import PointLabels
 from mbstab.report.pictures.spectrum import spectrum
 
 
@@ -47,6 +50,30 @@ def test_damping_ratios_are_written_beside_eigenvalues(name):
     for text in written:
         box = text.get_window_extent().expanded(1.0, 1.0).padded(3.0)
         assert not any(box.contains(x, y) for x, y in places), text.get_text()
+
+
+@pytest.mark.parametrize("far", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize("angle", range(0, 360, 30))
+def test_a_label_stands_beside_its_own_marker(far, angle):
+    """Of two markers near each other, the one that is named is nearer to the name, or a line leads there."""
+    with house_style():
+        figure, (axes,) = titled_figure("", heights=(5.0,))
+        axes.set_xlim(-5.0, 5.0)
+        axes.set_ylim(-5.0, 5.0)
+        other = far * np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+        axes.plot([0.0, other[0]], [0.0, other[1]], "o", zorder=5)
+        labels = PointLabels(axes)
+        labels.add(0.0, 0.0, "sway")
+        labels.draw()
+        figure.draw_without_rendering()
+    (text,) = axes.texts
+    if text.arrow_patch is None:
+        box = Text.get_window_extent(text)
+        own, wrong = (
+            np.hypot(*np.maximum(0.0, np.maximum(box.min - place, place - box.max)))
+            for place in axes.transData.transform([(0.0, 0.0), other])
+        )
+        assert own < wrong
 
 
 def test_fast_eigenvalues_do_not_hide_slow_ones():

@@ -88,9 +88,29 @@ def test_the_picture_says_what_is_unstable_and_in_which_units():
         figure = unbalance_picture(replace(found, verdicts=verdicts, units=["m"] * 3), "", Axis("n"))
         legend = [text.get_text() for text in figure.legends[0].get_texts()]
         assert ("unstable range" in legend) == unstable
-    assert figure.axes[0].get_ylabel().split() == ["amplitude", "for", "1", "kg·m", "(m)"]
+        assert "u" in legend  # the unit, which all share, stands at the axis
+    assert figure.axes[0].get_ylabel().split() == ["amplitude", "per", "unbalance", "(m)"]
     axes = unbalance_picture(found, "", Axis("n")).axes[0]
-    assert " ".join(axes.get_ylabel().split()) == "amplitude for 1 kg·m (each in its own unit)"
+    assert " ".join(axes.get_ylabel().split()) == "amplitude per unbalance (each in its own unit)"
+
+
+@pytest.mark.parametrize(("c", "points"), [(8.0, 5), (0.8, 30), (0.02, 7)])
+@pytest.mark.parametrize("ends", [(10.0, 60.0), (60.0, 10.0), (40.0, 60.0)])
+def test_curves_are_smooth_however_coarse_the_speeds_are(c, points, ends):
+    """Between the points drawn amplitude and phase of the Jeffcott rotor are nearer to the line than its width."""
+    found = unbalance(mbstab.loads(JEFFCOTT).at(c=c).model, "disk", "n", np.linspace(*ends, points), ("u",))
+    panels = unbalance_picture(found, "", Axis("n")).axes
+    (amplitude,), (angle,) = (panel.get_lines() for panel in panels)
+    x, sizes = amplitude.get_data()
+    speeds = np.unique(np.concatenate([np.linspace(*sorted(ends), 2000), 30.0 + c * np.linspace(-0.3, 0.3, 999)]))
+    speeds = speeds[(speeds > min(ends)) & (speeds < max(ends))]
+    exact = speeds**2 / (4500 - 5 * speeds**2 + 1j * c * speeds)
+    drawn = np.interp(speeds, x, np.log(sizes))
+    assert np.max(np.abs(drawn - np.log(np.abs(exact)))) < 0.01 * np.ptp(np.log(sizes))
+    turns = np.interp(speeds, *angle.get_data()) - np.degrees(np.angle(exact))
+    # Where the phase falls within less than a pixel, it is a vertical line.
+    narrow = np.abs(speeds - 30.0) < 0.02
+    assert np.max(np.abs((turns + 180.0) % 360.0 - 180.0)[~narrow]) < 0.02 * max(np.ptp(angle.get_ydata()), 1.0)
 
 
 def test_speeds_count_in_the_unit_of_the_parameter_and_unstable_ones_are_marked(tmp_path):

@@ -17,6 +17,9 @@ FONT = 9.0
 MM = 1.0 / 25.4
 """Inches."""
 
+LONGEST = 225.0 * MM
+"""Height of the text of a page (inches): pictures with many panels are not higher."""
+
 
 @dataclass(frozen=True)
 class Size:

@@ -9,7 +9,7 @@ along e₁ and e₂ is then Re(z exp(iΩt)), z = m e Ω² (G₁(iΩ) - i G₂(i�
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import partial
 from itertools import pairwise
 
@@ -89,6 +89,8 @@ class UnbalanceResponse(Answer):
         The largest of each output, and …
     further : tuple of tuple of Peak
         … its other peaks that are at least `TOLERANCES.share_of_peak` of it, in the order of the speeds.
+    between : callable, optional
+        Returns the values of the outputs at any other speed (rad/s), for smooth curves.
     """
 
     point: str
@@ -100,6 +102,7 @@ class UnbalanceResponse(Answer):
     verdicts: tuple[str, ...]
     peaks: tuple[Peak, ...]
     further: tuple[tuple[Peak, ...], ...]
+    between: Callable[[float], list[complex]] | None = field(default=None, repr=False, compare=False)
 
     @property
     def unstable(self) -> Array:
@@ -147,8 +150,10 @@ def unbalance(
         number_of(own, points, f"point of {body!r}", "its points")
     outputs, units = goals or tuple(model.outputs), dict[str, str]()
 
+    forced_at = partial(_forced_at, model, number, own, parameter)
+
     def answer(speed: float, sure: bool = False) -> list[complex]:
-        forced = _forced(bound(model, settings_in_si({parameter: speed})), number, own, parameter, speed)
+        forced = forced_at(speed)
         units.update(zip(forced.outputs, forced.output_units, strict=True))
         return _amplitudes(forced, outputs, speed, sure)
 
@@ -166,6 +171,7 @@ def unbalance(
             speeds, values, _resonances(plain, parameter, speeds, spectra.values), partial(answer, sure=True),
             partial(_undamped, plain, parameter),
         ),
+        between=partial(_between, forced_at, outputs),
     )  # fmt: skip
 
 
@@ -293,6 +299,15 @@ def _axis(system: System, motion: Motion, body: int, parameter: str, speed: floa
             "ratio, let it be the speed of this one, and give that of the other as a multiple of it"
         )
     return np.asarray(spin / size)
+
+
+def _between(forced_at: Callable[[float], ControlModel], outputs: tuple[str, ...], speed: float) -> list[complex]:
+    return _amplitudes(forced_at(speed), outputs, speed, False)
+
+
+def _forced_at(model: Model, body: int, point: str, parameter: str, speed: float) -> ControlModel:
+    """Return what `_forced` does, with the spin set to a speed (rad/s)."""
+    return _forced(bound(model, settings_in_si({parameter: speed})), body, point, parameter, speed)
 
 
 def _forced(model: Model, body: int, point: str, parameter: str, speed: float) -> ControlModel:

@@ -13,6 +13,13 @@ from matplotlib.transforms import ScaledTranslation
 from mbstab.compiler.system import Array
 from mbstab.report.animation.sketch import Plane
 from mbstab.report.animation.view import View
+from mbstab.report.picture_sizes import FONT, scaled
+
+LONG, RIGHT, LIFT = 0.25, 0.97, 8.0
+"""The scale bar: its largest length and its right end as parts of the width, and its height (points)."""
+
+AXIS = 0.06
+"""Length of the ground axes as a part of the size of the picture."""
 
 
 def ground_lines(plane: Plane, view: View, shift: Array) -> list[Array]:
@@ -62,21 +69,38 @@ def _nice(length: float) -> float:
     return next(x * power for x in (5.0, 2.0, 1.0) if x * power <= length * (1.0 + 1e-9))
 
 
+def corner_marks(view: View, tall: float) -> list[tuple[Array, Array]]:
+    """Return the lower left and upper right corners (m) of the scale bar and of the ground axes.
+
+    Parameters
+    ----------
+    view : View
+    tall : float
+        Height of the axes (inches).
+    """
+    span = view.high - view.low
+    bar = RIGHT * span[0] - _nice(LONG * span[0]), (LIFT + 3.0 + 1.3 * scaled(FONT)) / 72.0 / tall * span[1]
+    marks = [(view.low + np.array([bar[0], 0.0]), view.low + np.array([RIGHT * span[0], bar[1]]))]
+    if view.sketch.dimension == 3:
+        marks.append((view.low, view.low + 3.0 * AXIS * float(np.max(span))))
+    return marks
+
+
 def draw_scale_bar(axes: Axes, low: Array, high: Array) -> None:
     """Draw a bar with its length into the lower right corner."""
-    length = _nice(0.25 * (high - low)[0])
-    right, part = 0.97, length / float((high - low)[0])
+    length = _nice(LONG * (high - low)[0])
+    part = length / float((high - low)[0])
     bar: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points"}
     figure = axes.get_figure()
     assert figure is not None
-    shift = axes.transAxes + ScaledTranslation(0.0, 8.0 / 72.0, figure.dpi_scale_trans)
-    axes.add_line(Line2D([right - part, right], [0.0, 0.0], transform=shift, color="k", linewidth=2.0))
-    axes.annotate(f"{length:g} m", (right - 0.5 * part, 0.0), (0, 11), **bar, ha="center", va="bottom")
+    shift = axes.transAxes + ScaledTranslation(0.0, LIFT / 72.0, figure.dpi_scale_trans)
+    axes.add_line(Line2D([RIGHT - part, RIGHT], [0.0, 0.0], transform=shift, color="k", linewidth=2.0))
+    axes.annotate(f"{length:g} m", (RIGHT - 0.5 * part, 0.0), (0, LIFT + 3.0), **bar, ha="center", va="bottom")
 
 
 def draw_ground_axes(axes: Axes, low: Array, high: Array, across: Array) -> None:
     """Draw the directions of the ground axes into the lower left corner."""
-    size = 0.06 * float(np.max(high - low))
+    size = AXIS * float(np.max(high - low))
     start = low + 1.5 * size
     arrow = {"arrowstyle": "-|>", "linewidth": 0.9, "color": "0.25", "shrinkA": 0, "shrinkB": 0}
     for name, direction in zip("xyz", np.eye(3), strict=True):

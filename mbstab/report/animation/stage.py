@@ -20,7 +20,7 @@ from PIL import Image
 
 from mbstab.compiler.system import Array
 from mbstab.mechanics.catalogue import Marker
-from mbstab.report.animation.backdrop import draw_ground_axes, draw_scale_bar, ground_lines
+from mbstab.report.animation.backdrop import corner_marks, draw_ground_axes, draw_scale_bar, ground_lines
 from mbstab.report.animation.frames import FINE, Frames
 from mbstab.report.animation.outlines import Outline, windings
 from mbstab.report.animation.sketch import Sketch
@@ -39,6 +39,9 @@ FILLS = ("0.93", "0.80", "0.67", "0.86", "0.73")
 
 WIDTH, TALLEST, FLATTEST = 7.2, 6.4, 2.2
 """Width of the picture, and limits of its height without margins (inches on a page)."""
+
+ROUNDS = 4
+"""Room below bodies makes these smaller, so that they need less: it is found in at most so many rounds."""
 
 WIDEST, SLENDER = 0.035, 0.3
 """Limits of half the width of a spring: as a fraction of the width of the mechanism, and of its length."""
@@ -109,9 +112,7 @@ class Stage:
         wide = width - left - right
         self.letters = int(72.0 * wide / text_width(" ", scaled(FONT + 1)))
         above += scaled(0.18) * max(len(wrap(caption, self.letters)) for caption in view.frames.captions)
-        tall = min(max(wide * (view.high - view.low)[1] / (view.high - view.low)[0], FLATTEST * part), TALLEST * part)
-        tall = (round((tall + above + below) * dpi / 2.0) * 2) / dpi - above - below
-        view.fit(wide, tall)
+        tall = self._fit(wide, above + below, dpi, marked=not ticks)
         total = tall + above + below
         self.figure = Figure(figsize=(width, total), dpi=dpi)
         self.canvas: Any = FigureCanvasAgg(self.figure)
@@ -133,6 +134,22 @@ class Stage:
         if view.traced:
             handles = [Line2D([], [], **_path_style(k), label=f"path of {name}") for k, name in enumerate(view.traced)]
             add_legend(self.figure, handles)
+
+    def _fit(self, wide: float, around: float, dpi: float, marked: bool) -> float:
+        """Fit the view to a width; return the height of the axes (inches), with room below for marks of the corners."""
+        view, part = self.view, size().width / SIZES["page"].width
+        low, high = view.low, view.high
+        for _ in range(ROUNDS):
+            ratio = float((high - low)[1] / (high - low)[0])
+            tall = min(max(wide * ratio, FLATTEST * part), TALLEST * part)
+            tall = (round((tall + around) * dpi / 2.0) * 2) / dpi - around
+            view.low, view.high = low, high
+            view.fit(wide, tall)
+            missing = view.missing(corner_marks(view, tall)) if marked else 0.0
+            if missing <= 0.0:
+                break
+            low = low - np.array([0.0, missing])
+        return tall
 
     def _add_surfaces(self) -> None:
         """Add the objects with lines and faces (ground, bodies, links, paths) and the caption."""

@@ -27,6 +27,7 @@ from mbstab.report.pictures.drawing import (
     draw_legend,
     draw_title,
     house_style,
+    longest,
     picture_height,
     picture_width,
     text_width,
@@ -73,24 +74,23 @@ def mode_stills(system: System, modes: Mapping[int, Eigenvalue], swings: Sequenc
         ratio = (view.high - view.low)[1] / (view.high - view.low)[0]
         lines = title_lines(title)[:3]
         above = 0.05 + LINE * len(lines)
-        columns, wide, tall = _panel(len(modes), ratio, above)
+        heads = [_heading(number, mode) for number, mode in modes.items()]
+        columns, wide, tall = _panel(len(modes), ratio, above, max(text_width(head, FONT - 0.5) for head in heads))
         rows = -(-len(modes) // columns)
         width, total = picture_width(), above + rows * (tall + HEAD) + BELOW
         figure = Figure(figsize=(scaled(width), scaled(total)))
         draw_title(figure, lines)
         view.fit(wide, tall)
-        for n, (number, mode) in enumerate(modes.items()):
+        for n, mode in enumerate(modes.values()):
             row, column = divmod(n, columns)
             # The panels of the last row stand in the middle.
             missing = rows * columns - len(modes) if row == rows - 1 else 0
             left, low = SIDE + (column + 0.5 * missing) * (wide + GAP), total - above - (row + 1) * (tall + HEAD)
             axes = figure.add_axes((left / width, low / total, wide / width, tall / total))
             _draw(axes, view, (0, 2 * n + 2, 2 * n + 1))
-            name = f"{mode.name}, " if mode.name else ""
-            said = f"{number}: {name}{value_text(mode)} 1/s".replace("-", "\N{MINUS SIGN}")
             motions = (motions_text(mode.motions[:told]) for told in range(TOLD, 0, -1))
             fitting = next((text for text in motions if text_width(text, FONT - 0.5) < 80.0 * (wide + GAP)), "")
-            axes.set_title(f"{said}\n{fitting}", fontsize=scaled(FONT - 0.5), pad=3.0)
+            axes.set_title(f"{heads[n]}\n{fitting}", fontsize=scaled(FONT - 0.5), pad=3.0)
         texts = ("reference", "other extreme", "extreme, exaggerated")
         handles = [
             Line2D([], [], color=ink, linewidth=1.4 * width, label=text)
@@ -100,23 +100,33 @@ def mode_stills(system: System, modes: Mapping[int, Eigenvalue], swings: Sequenc
         return figure
 
 
-def _panel(count: int, ratio: float, above: float) -> tuple[int, float, float]:
+def _heading(number: int, mode: Eigenvalue) -> str:
+    """Return number, name and eigenvalue of a mode."""
+    name = f"{mode.name}, " if mode.name else ""
+    return f"{number}: {name}{value_text(mode)} 1/s".replace("-", "\N{MINUS SIGN}")
+
+
+def _panel(count: int, ratio: float, above: float, head: float) -> tuple[int, float, float]:
     """Return the number of columns of so many panels, and the width and height of one (inches on a page).
 
-    In a size with a height, it is the number for which what has a height `ratio` times its width is largest.
+    In a size with a height, and where panels would be higher than a page, it is the number for which what has a height
+    `ratio` times its width is largest. Headings, `head` points wide, fit their panels.
     """
 
     def width(columns: int) -> float:
         return (picture_width() - 2.0 * SIDE - GAP * (columns - 1)) / columns
 
     def height(columns: int) -> float:
-        return (picture_height() - above - BELOW) / -(-count // columns) - HEAD
+        below = BELOW if picture_height() else 1.3 * BELOW  # a legend of two lines
+        return (longest() - above - below) / -(-count // columns) - HEAD
 
-    if not picture_height():
-        columns = 1 if picture_width() < NARROW else 2
-        return columns, width(columns), float(np.clip(width(columns) * ratio, FLATTEST, TALLEST))
-    best = max(range(1, count + 1), key=lambda columns: min(ratio * width(columns), height(columns)))
-    return best, width(best), max(height(best), 0.1)
+    columns = 1 if picture_width() < NARROW else 2
+    tall = float(np.clip(width(columns) * ratio, FLATTEST, TALLEST))
+    if not picture_height() and tall <= height(columns):
+        return columns, width(columns), tall
+    fitting = [n for n in range(1, count + 1) if n == 1 or head < 80.0 * (width(n) + GAP)]
+    best = max(fitting, key=lambda columns: min(ratio * width(columns), height(columns)))
+    return best, width(best), max(height(best) if picture_height() else min(height(best), tall), 0.1)
 
 
 def _draw(axes: Axes, view: View, frames: Sequence[int]) -> None:

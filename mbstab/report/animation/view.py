@@ -48,6 +48,8 @@ class View:
         Limits of the picture (m).
     width : float
         Width of the mechanism itself (m).
+    boxes : ndarray, shape (k, 2, n, 2)
+        Lower left and upper right corner of the box around each body, marker or path in each frame (m).
 
     Raises
     ------
@@ -130,6 +132,15 @@ class View:
         middle, half = 0.5 * (self.low + self.high), 0.5 * scale * np.array([wide, tall])
         self.low, self.high = middle - half, middle + half
 
+    def missing(self, marks: Sequence[tuple[Array, Array]]) -> float:
+        """Return how much lower (m) marks, given by their corners, must be so that no body ever meets one."""
+        found = 0.0
+        low, high = self.boxes[:, 0], self.boxes[:, 1]
+        for corner, other in marks:
+            met = np.all((low < other) & (high > corner), axis=-1)
+            found = max(found, float(np.max(other[1] - low[..., 1], where=met, initial=0.0)))
+        return found
+
     def _limit(self) -> None:
         """Set the limits of the view, and the width of the mechanism itself."""
         clouds = []
@@ -144,6 +155,7 @@ class View:
         clouds += [(self.path(m, True) @ self.across[:2].T)[:, None] for m in markers]
         if not self.follows:
             clouds += [path[::FINE][: len(self.shift), None] @ self.across[:2].T for path in self.traced.values()]
+        self.boxes = np.array([[f(cloud, axis=1) for f in (np.min, np.max)] for cloud in clouds if cloud.shape[1]])
         cloud = np.concatenate(clouds, axis=1)
         self.low, self.high = cloud.min(axis=(0, 1)), cloud.max(axis=(0, 1))
         self.width = float(np.max(cloud[0].max(axis=0) - cloud[0].min(axis=0))) or 1.0

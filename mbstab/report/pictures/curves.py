@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
 
 from mbstab.compiler.system import Array
 
@@ -17,7 +18,10 @@ INK = ("#000000", "#b03a2e", "#4f94d4")
 """Colours of curves, in turn; they differ in grey as well (0, 0.35, 0.54)."""
 
 BRANCH_INK = (*INK, "#2e7d32", "#e08a1e", "#6a3d9a", "#8b5a2b", "#d6569f")
-"""Colours of the families of branches, in turn; numbers or names beside the curves tell them apart in grey."""
+"""Colours of the first families of branches; numbers or names beside the curves tell them apart in grey."""
+
+WHITE = (0.0, 0.35, 0.6)
+"""Part of white in the colours of each turn, if there are more families."""
 
 BEYOND_INK = "0.62"
 """Grey of the paths beyond the turns of the first one."""
@@ -27,6 +31,14 @@ THIN, THICK = 1.5, 3.2
 
 BINS = 1500
 """Columns of the grid to which a curve is thinned: more than a page can show."""
+
+
+def branch_ink(number: int) -> str:
+    """Return the colour of a family of branches."""
+    turn, place = divmod(number, len(BRANCH_INK))
+    part = WHITE[turn % len(WHITE)]
+    red, green, blue = ((1.0 - part) * x + part for x in to_rgb(BRANCH_INK[place]))
+    return to_hex((red, green, blue))
 
 
 def draw_branch(axes: Axes, x: Array, y: Array, ink: str, thick: Mask, dashed: bool = False) -> None:

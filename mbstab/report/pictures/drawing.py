@@ -24,7 +24,7 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
 from mbstab.report.files import whole_file
-from mbstab.report.picture_sizes import FONT, SIZES, scaled, size
+from mbstab.report.picture_sizes import FONT, LONGEST, SIZES, scaled, size
 
 FORMATS = ("png", "svg", "pdf")
 """Formats of `save`, by suffix."""
@@ -144,6 +144,11 @@ def picture_width() -> float:
 def picture_height() -> float:
     """Return the height of a picture (inches on a page), 0 if it is what the content needs."""
     return size().height / scaled(1.0)
+
+
+def longest() -> float:
+    """Return the largest height of a picture with many panels (inches on a page)."""
+    return (size().height or LONGEST) / scaled(1.0)
 
 
 def panel_width() -> float:

@@ -11,6 +11,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.textpath import TextPath
 from matplotlib.transforms import ScaledTranslation
 
@@ -134,8 +135,8 @@ def _every(path: SweepCurves) -> Mask:
 
 
 def branch_entries(curves: SweepCurves) -> list[Artist]:
-    """Return the legend entries of branches with names."""
-    return [Line2D([], [], color=ink, linewidth=THIN, label=name) for name, ink in curves.named.items()]
+    """Return the legend entries of branches with names: their colours, as styles of lines say something else."""
+    return [Patch(facecolor=ink, edgecolor="none", label=name) for name, ink in curves.named.items()]
 
 
 def legend_entries(

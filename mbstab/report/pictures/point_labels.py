@@ -20,9 +20,12 @@ Box = tuple[float, float, float, float]
 LABELS = 60
 """Largest number of points that are labelled."""
 
-HIDDEN, FAR, CROSSED, OVERLAP, OUTSIDE = 5.0, 0.25, 40.0, 200.0, 600.0
-"""Cost of a piece of a curve that is hidden, of a point of distance, of a pointer across a label, of hitting one, of
-leaving the frame."""
+HIDDEN, FAR, CROSSED, ASTRAY, OVERLAP, OUTSIDE = 5.0, 0.25, 40.0, 60.0, 200.0, 600.0
+"""Cost of a piece of a curve that is hidden, of a point of distance, of a pointer across a label, of standing
+beside the marker of another point, of hitting a label, of leaving the frame."""
+
+BESIDE = 1.5
+"""A label belongs to the marker of another point if that is nearer than this many times the distance of its own."""
 
 GAP = 3.0
 """Room beside a label (points on a page)."""
@@ -68,13 +71,16 @@ class PointLabels:
         busy = drawn_points(self.axes)
         points = scale * self.axes.transData.transform([(x, y) for x, y, *_ in self.wanted])
         marks = [(px - 4.0, py - 4.0, px + 4.0, py + 4.0) for px, py in points]
+        others = _markers(self.axes)
         labels: list[Box] = []
         for (x, y, text, marked, ink), (px, py) in zip(self.wanted, points, strict=True):
             size = text_width(text, scaled(FONT)) + 2.0, scaled(FONT) + 3.0
             distances = (7.0, 18.0, 32.0, 50.0, 75.0, 100.0) if marked else (2.0, 5.0, 9.0, 18.0, 30.0, 50.0)
             boxes = _places(px, py, size, [scaled(far) for far in distances], frame)
             costs = [
-                _cost(box, far, busy, [*marks, *labels], frame) + CROSSED * _crossed(_pointer(box, px, py), labels)
+                _cost(box, far, busy, [*marks, *labels], frame)
+                + CROSSED * _crossed(_pointer(box, px, py), labels)
+                + ASTRAY * (marked and _astray(box, px, py, others))
                 for box, far in boxes
             ]
             place, _ = boxes[int(np.argmin(costs))]
@@ -87,6 +93,29 @@ class PointLabels:
                 bbox={"boxstyle": "square,pad=0.1", "facecolor": "w", "alpha": 0.8, "linewidth": 0},
                 arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": "0.3"} if len(pointer) else None,
             )  # fmt: skip
+
+
+def _markers(axes: Axes) -> Array:
+    """Return the places of markers (points)."""
+    scale = 72.0 / axes.figure.dpi
+    lines = [line for line in axes.get_lines() if line.get_linestyle() == "None" and line.get_zorder() > BACKGROUND]
+    found = [scale * x.get_transform().transform(np.asarray(x.get_xydata(), dtype=float)) for x in lines]
+    return np.concatenate([*found, np.zeros((0, 2))])
+
+
+def _astray(box: Box, x: float, y: float, others: Array) -> bool:
+    """Return whether a label without a pointer seems to belong to the marker of another point than its own."""
+    places = others[np.hypot(*(others - (x, y)).T) > 1.0]
+    if len(_pointer(box, x, y)) or not len(places):
+        return False
+    return bool(np.min(_distance(box, *places.T)) < BESIDE * float(_distance(box, np.array(x), np.array(y))))
+
+
+def _distance(box: Box, x: Array, y: Array) -> Array:
+    """Return the distances of points from a box."""
+    sideways, upwards = np.maximum(box[0] - x, x - box[2]), np.maximum(box[1] - y, y - box[3])
+    found: Array = np.hypot(np.maximum(sideways, 0.0), np.maximum(upwards, 0.0))
+    return found
 
 
 def drawn_points(axes: Axes) -> Array:
@@ -141,7 +170,7 @@ def _cost(box: Box, far: float, busy: Array, taken: Sequence[Box], frame: Sequen
 def _pointer(box: Box, x: float, y: float) -> Array:
     """Return points along the line from a label to its point, none where it is beside it."""
     middle = 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
-    if math.hypot(max(box[0] - x, x - box[2], 0.0), max(box[1] - y, y - box[3], 0.0)) <= scaled(12.0):
+    if _distance(box, np.array(x), np.array(y)) <= scaled(12.0):
         return np.zeros((0, 2))
     return np.linspace((x, y), middle, 2 + int(math.hypot(middle[0] - x, middle[1] - y) / PIECE))
 

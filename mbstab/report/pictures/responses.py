@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
+from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.response.response import Response
 from mbstab.analysis.response.transfer import Channel
 from mbstab.analysis.sweep.unbalance import UnbalanceResponse
@@ -46,6 +47,13 @@ PERIOD, MOST = 16.0, 4000
 
 RING = np.tan(np.linspace(-1.5, 1.5, 81))
 """Frequencies around a resonance, from the middle in half widths: equal steps along its circle."""
+
+
+BENT, ADDED = 2e-3, 300
+"""Curves over the spin get more points where they leave their chord by this part of a panel, so many at most."""
+
+WIDE = 2.2
+"""Width of a panel in heights."""
 
 
 def _style(k: int) -> dict[str, Any]:
@@ -136,16 +144,18 @@ def unbalance_picture(result: UnbalanceResponse, title: str, spin: Axis) -> Figu
 
     Speeds at which the motion without unbalance is unstable are shaded.
     """
-    speeds, upward = result.speeds / spin.factor, 1.0 if result.speeds[-1] >= result.speeds[0] else -1.0
+    shared = typeset(result.units[0] or "1") if len(set(result.units)) == 1 else ""
+    speeds = result.speeds / spin.factor
+    known, curves = _smooth(result)
     with house_style():
         figure, panels = titled_figure(title, heights=(2.6, 2.0))
         handles = list[Artist]()
         for k, (name, own, peak) in enumerate(zip(result.outputs, result.units, result.peaks, strict=True)):
-            # The peak belongs to the curve, however coarse the steps are; beyond all bounds, the curve has a gap there.
-            at = int(np.searchsorted(result.speeds * upward, peak.speed * upward))
-            x, values = np.insert(speeds, at, peak.speed / spin.factor), np.insert(result.values[k], at, peak.value)
+            # The peak belongs to the curve; beyond all bounds, the curve has a gap there.
+            at = int(np.searchsorted(known, peak.speed))
+            x, values = np.insert(known, at, peak.speed) / spin.factor, np.insert(curves[k], at, peak.value)
             style = _style(k)
-            handles.append(Line2D([], [], label=name + (f" ({typeset(own)})" if own else ""), **style))
+            handles.append(Line2D([], [], label=name + (f" ({typeset(own)})" if own and not shared else ""), **style))
             panels[0].semilogy(x, np.abs(values), **style)
             panels[1].plot(x, phase(values), **style)
         for axes in panels:
@@ -158,11 +168,46 @@ def unbalance_picture(result: UnbalanceResponse, title: str, spin: Axis) -> Figu
         if np.any(result.unstable):
             handles.append(unstable_patch())
         _finish(panels[0], panels[1], spin.text)
-        shared = set(result.units)
-        unit = typeset(shared.pop() or "1") if len(shared) == 1 else "each in its own unit"
-        panels[0].set_ylabel(f"amplitude for 1 kg·m ({unit})")
+        panels[0].set_ylabel(f"amplitude per unbalance ({shared or 'each in its own unit'})")
         draw_legend(figure, handles)
         return figure
+
+
+def _smooth(result: UnbalanceResponse) -> tuple[Array, Complex]:
+    """Return speeds in ascending order (rad/s) and values of the outputs, with more of them where curves bend."""
+    order = np.argsort(result.speeds)
+    x, values = result.speeds[order], result.values[:, order]
+    if result.between is None or len(x) < 2:
+        return x, values
+    tops = (p.speed for group in (result.peaks, *result.further) for p in group if p.bounded)
+    more = sorted({*tops} - {*x.tolist()})
+    limit = len(x) + ADDED
+    while True:
+        if more:
+            at, added = np.searchsorted(x, more), np.array([result.between(speed) for speed in more], dtype=complex)
+            x, values = np.insert(x, at, more), np.insert(values, at, added.T, axis=1)
+        bent = _bent(x, values)
+        worst = np.sort(np.argsort(-bent)[: min(limit - len(x), len(x) // 4 + 1)])
+        more = [0.5 * float(x[k] + x[k + 1]) for k in worst if bent[k] > BENT]
+        if not more or len(x) >= limit:
+            return x, values
+
+
+def _bent(x: Array, values: Complex) -> Array:
+    """Return how far curves bend away from their chords between neighbouring speeds (parts of a panel)."""
+    along = WIDE * (x - x[0]) / np.ptp(x)
+    far = np.zeros(len(x) - 1)
+    for z in values:
+        size = np.log(np.maximum(np.abs(z), 1e-300))
+        for height in (size, np.radians(phase(z))):
+            seen = np.isfinite(height)
+            whole = np.ptp(height[seen]) or 1.0
+            way = np.diff(along + 1j * np.where(seen, height, 0.0) / whole)
+            way[~(seen[1:] & seen[:-1])] = 0.0  # beside a value beyond all bounds
+            turn = np.abs(np.angle(way[1:] * np.conj(way[:-1])))
+            each = np.maximum(np.append(turn, 0.0), np.insert(turn, 0, 0.0))
+            far = np.maximum(far, np.abs(way) * np.minimum(each, 1.0) / 8.0)
+    return far
 
 
 def nyquist(result: Response, title: str) -> Figure:

@@ -10,17 +10,18 @@ from matplotlib.patches import Patch
 from mbstab.analysis.spectrum.sensitivity import Derivatives, Sensitivities
 from mbstab.report.modes import value_text
 from mbstab.report.picture_sizes import FONT, scaled
-from mbstab.report.pictures.drawing import draw_legend, house_style, picture_height, titled_figure
+from mbstab.report.pictures.drawing import draw_legend, house_style, longest, titled_figure
 from mbstab.report.pictures.scales import with_minus_sign
 
 PANELS, BARS, FEW = 6, 8, 4
-"""The largest number of eigenvalues that are drawn, those that decay least, and of parameters for each: `FEW` in a size
-with a height, and then as many eigenvalues as fit."""
+"""The largest number of eigenvalues that are drawn, those that decay least, and of parameters for each; `FEW` at least,
+and then as many eigenvalues as fit."""
 
-HEAD, BAR, GAP = 0.3, 0.22, 0.35
-"""Room for the name of an eigenvalue, for a parameter, and between panels (inches on a page)."""
+EDGE, BAR, GAP = 0.08, 0.22, 0.48
+"""Room at the edges of a panel, for a parameter, and between panels, where eigenvalues have their names (inches on a
+page)."""
 
-BESIDE = 1.4
+BESIDE = 1.45
 """Room for title and legend (inches on a page)."""
 
 NAME = 13
@@ -33,16 +34,14 @@ def sensitivity_bars(found: Sensitivities, title: str) -> Figure:
     Parameters that are zero have no percent and no bar; neither have those that do not move the eigenvalue.
     """
     panels: list[tuple[Derivatives, list[int]]] = []
-    most, bars = PANELS, BARS
-    if picture_height():
-        most, bars = int((picture_height() - BESIDE + GAP) / (HEAD + BAR * FEW + GAP)), FEW
     for item in found.derivatives:
         order = [k for k in found.order(item) if abs(item.slopes[k]) > item.errors[k] and found.values[k]]
-        if order and len(panels) < most:
-            panels.append((item, order[:bars]))
+        if order:
+            panels.append((item, order))
+    panels = _fitting(panels[:PANELS])
     with house_style():
-        heights = [HEAD + BAR * len(order) for _, order in panels] or [1.0]
-        figure, axes = titled_figure(title, heights, gap=GAP, stretched=False)
+        heights = [2.0 * EDGE + BAR * len(order) for _, order in panels] or [1.0]
+        figure, axes = titled_figure(title, heights, above=0.2, gap=GAP, stretched=False)
         for panel, (item, order) in zip(axes, panels, strict=False):
             e = found.eigenvalue(item)
             change = 0.01 * item.slopes[order] * found.values[order]
@@ -53,7 +52,7 @@ def sensitivity_bars(found: Sensitivities, title: str) -> Figure:
                 panel.barh(rows + 0.19, change.imag, 0.36, facecolor="w", edgecolor="0.15", hatch="/////", zorder=3)
             names = [found.parameters[k] for k in order]
             panel.set_yticks(rows, [x if len(x) <= NAME else f"{x[: NAME - 1]}…" for x in names], parse_math=False)
-            panel.set_ylim(len(order) - 0.4, -1.5)
+            panel.set_ylim(len(order) - 0.5 + EDGE / BAR, -0.5 - EDGE / BAR)
             reach = 1.08 * max(np.max(np.abs(change.real)), np.max(np.abs(change.imag)))
             panel.set_xlim(-reach, reach)
             panel.locator_params(axis="x", nbins=5)
@@ -61,7 +60,7 @@ def sensitivity_bars(found: Sensitivities, title: str) -> Figure:
             panel.grid(axis="x", color="0.85", linewidth=0.6)
             panel.tick_params(axis="y", length=0)
             text = f"{e.name}{': ' if e.name else ''}{with_minus_sign(value_text(e))} 1/s"
-            panel.text(0.01, 0.97, text, transform=panel.transAxes, va="top", fontsize=scaled(FONT), parse_math=False)
+            panel.set_title(text, loc="left", fontsize=scaled(FONT), pad=scaled(3.0), parse_math=False)
         if not panels:
             axes[0].text(0.5, 0.5, "no eigenvalue has derivatives", transform=axes[0].transAxes, ha="center")
             axes[0].set_yticks([])
@@ -72,3 +71,15 @@ def sensitivity_bars(found: Sensitivities, title: str) -> Figure:
         ]
         draw_legend(figure, handles)
         return figure
+
+
+def _fitting(panels: list[tuple[Derivatives, list[int]]]) -> list[tuple[Derivatives, list[int]]]:
+    """Return the first eigenvalues with the first of their parameters, as many as fit a page."""
+
+    def high(count: int, bars: int) -> float:
+        return sum(GAP + 2.0 * EDGE + BAR * min(len(order), bars) for _, order in panels[:count])
+
+    room = longest() - BESIDE + GAP
+    shapes = [(len(panels), bars) for bars in range(BARS, FEW, -1)] + [(n, FEW) for n in range(len(panels), 1, -1)]
+    count, bars = next((shape for shape in shapes if high(*shape) <= room), (1, FEW))
+    return [(item, order[:bars]) for item, order in panels[:count]]

@@ -14,7 +14,7 @@ from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
-from mbstab.report.pictures.curves import BRANCH_INK, Mask
+from mbstab.report.pictures.curves import Mask, branch_ink
 from mbstab.report.pictures.dense_curves import dense
 from mbstab.report.pictures.scales import Axis, number_text
 
@@ -210,4 +210,4 @@ def _inks(branches: Complex) -> list[str]:
             if np.any((apart <= 1e-9 * size) & (np.abs(some[:, i].imag) > 1e-6 * size)):
                 group = [group[j] if g == group[i] else g for g in group]
     order = list(dict.fromkeys(group))
-    return [BRANCH_INK[order.index(g) % len(BRANCH_INK)] for g in group]
+    return [branch_ink(order.index(g)) for g in group]
