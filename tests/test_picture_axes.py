@@ -4,6 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 import mbstab
 from mbstab.analysis.sweep.critical import Critical
@@ -11,6 +14,7 @@ from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.report.picture_sizes import SIZES, sized
 from mbstab.report.pictures.bifurcation import bifurcation
 from mbstab.report.pictures.campbell import campbell
+from mbstab.report.pictures.curves import branch_ink
 from mbstab.report.pictures.drawing import title_lines
 from mbstab.report.pictures.over_parameter import panels_over_parameter
 from mbstab.report.pictures.scales import Axis
@@ -126,3 +130,19 @@ def test_lines_of_a_title_are_about_equally_long():
     assert min(map(len, lines)) > 0.6 * max(map(len, lines))
     assert title_lines("Short") == ["Short"]
     assert title_lines("") == []
+
+
+def test_the_legend_tells_colours_from_styles_of_lines():
+    figure = stability_map(mbstab.load("car_trailer.yaml").sweep("u", np.linspace(10.0, 45.0, 8)), "u", "")
+    legend = figure.legends[0]
+    entries = dict(zip([x.get_text() for x in legend.get_texts()], legend.legend_handles, strict=True))
+    assert isinstance(entries["real part"], Line2D)
+    assert isinstance(entries["snaking"], Patch)
+
+
+def test_many_branches_have_unlike_colours():
+    """Colours of any two differ visibly, and are darker than the shade of unstable ranges."""
+    inks = np.array([to_rgb(branch_ink(k)) for k in range(24)])
+    apart = np.linalg.norm(inks[:, None] - inks, axis=2) + 9.0 * np.eye(len(inks))
+    assert apart.min() > 0.07
+    assert np.max(inks.mean(axis=1)) < 0.88

@@ -6,9 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.text import Text
 
 import mbstab
@@ -17,7 +14,7 @@ from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep, sweep
 from mbstab.errors import UsageError
 from mbstab.model.units import is_angular_velocity
 from mbstab.report.pictures.campbell import WHIRL_INK, campbell
-from mbstab.report.pictures.curves import INK, THICK, THIN, branch_ink
+from mbstab.report.pictures.curves import INK, THICK, THIN
 from mbstab.report.pictures.drawing import save
 from mbstab.report.pictures.regions import regions
 from mbstab.report.pictures.root_locus import root_locus
@@ -398,24 +395,6 @@ def test_branches_have_their_names_or_numbers_in_their_colours():
         assert [shown[text].get_color() for text in expected] == SweepCurves(swept, Axis("p")).ink[::2][:2]
         for text, middle in zip(expected, (4.0, 10.0), strict=True):
             assert abs(shown[text].xy[1] * 2.0 * math.pi - middle) <= 1.0
-
-
-def test_the_legend_tells_colours_from_styles_of_lines():
-    x = np.linspace(0.0, 2.0, 41)
-    branches = np.column_stack([sign * 1j * (k + x) - 0.1 for k in (3.0, 9.0) for sign in (1, -1)])
-    figure = stability_map(replace(made(x, branches), names=("sway", "", "bounce", "")), "p", "")
-    legend = figure.legends[0]
-    entries = dict(zip([x.get_text() for x in legend.get_texts()], legend.legend_handles, strict=True))
-    assert isinstance(entries["real part"], Line2D)
-    assert all(isinstance(entries[name], Patch) for name in ("sway", "bounce"))
-
-
-def test_many_branches_have_unlike_colours():
-    """Colours of any two differ by more than rounding, and stay darker than the shade of unstable ranges."""
-    inks = np.array([to_rgb(branch_ink(k)) for k in range(24)])
-    apart = np.linalg.norm(inks[:, None] - inks, axis=2) + 9.0 * np.eye(len(inks))
-    assert apart.min() > 0.07
-    assert np.max(inks.mean(axis=1)) < 0.88
 
 
 def test_campbell_diagrams_name_every_sense_of_whirl_and_coincident_crossings_once():
