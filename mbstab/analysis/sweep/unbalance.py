@@ -167,10 +167,8 @@ def unbalance(
     return UnbalanceResponse(
         point, parameter, speeds, outputs, tuple(f"{units[x]}/(kg*m)" if units[x] else "" for x in outputs), values,
         _verdicts(plain, parameter, speeds, spectra),
-        *_peaks(
-            speeds, values, _resonances(plain, parameter, speeds, spectra.values), partial(answer, sure=True),
-            partial(_undamped, plain, parameter),
-        ),
+        *_peaks(speeds, values, _resonances(plain, parameter, speeds, spectra.values), partial(answer, sure=True),
+                partial(_undamped, plain, parameter)),
         between=partial(_between, forced_at, outputs),
     )  # fmt: skip
 

@@ -11,7 +11,6 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.textpath import TextPath
 from matplotlib.transforms import ScaledTranslation
 
@@ -136,7 +135,10 @@ def _every(path: SweepCurves) -> Mask:
 
 def branch_entries(curves: SweepCurves) -> list[Artist]:
     """Return the legend entries of branches with names: their colours, as styles of lines say something else."""
-    return [Patch(facecolor=ink, edgecolor="none", label=name) for name, ink in curves.named.items()]
+    return [
+        Line2D([], [], linestyle="", marker="o", markersize=6.5, color=ink, label=name)
+        for name, ink in curves.named.items()
+    ]
 
 
 def legend_entries(
