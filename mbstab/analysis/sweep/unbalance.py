@@ -162,8 +162,7 @@ def unbalance(
         progress(len(found) / len(speeds))
         found.append(answer(speed))
     plain = replace(model, inputs={}, outputs={})  # each speed is solved by itself, here as above
-    spectra = merged([compute(task) for task in tasks(plain, {parameter: speeds})])
-    values = np.array(found, dtype=complex).T
+    spectra, values = merged([compute(x) for x in tasks(plain, {parameter: speeds})]), np.array(found, dtype=complex).T
     return UnbalanceResponse(
         point, parameter, speeds, outputs, tuple(f"{units[x]}/(kg*m)" if units[x] else "" for x in outputs), values,
         _verdicts(plain, parameter, speeds, spectra),
