@@ -281,6 +281,28 @@ def test_coordinates_that_the_file_leaves_out():
     assert np.all(_agree(mbstab.loads(text).eig(), _of_sparse(text)) < 3.0)
 
 
+@pytest.mark.parametrize("links", [50, 90])
+def test_places_that_the_joints_determine(links):
+    """The angles of a chain are given, and all places follow from joint to joint."""
+    data = yaml.safe_load(hanging_chain(np.random.default_rng(links), links, stiffness=1.0, damping=0.1))
+    given = mbstab.loads(json.dumps(data)).linearize()
+    for place in data["reference"]["coordinates"].values():
+        del place["x"], place["y"]
+    found = mbstab.loads(json.dumps(data)).linearize()
+    assert found.motion.q == pytest.approx(given.motion.q, abs=1e-11)
+
+
+def test_modes_of_a_chain_whose_places_are_left_out():
+    """Dense matrices of so many coordinates would be refused."""
+    data = json.loads(string_of_points(800))
+    given = mbstab.loads(json.dumps(data)).modes(4)
+    for place in data["reference"]["coordinates"].values():
+        del place["x"]
+    found = mbstab.loads(json.dumps(data)).modes(4)
+    assert [e.value for e in found.eigenvalues] == pytest.approx([e.value for e in given.eigenvalues], rel=1e-13)
+    assert (found.verdict, found.counts.unstable_proven) == ("stable", 0)
+
+
 def test_errors_of_sparse_matrices_cover_those_of_their_entries():
     system = mbstab.loads(hanging_chain(np.random.default_rng(4), 10, damping=0.2, stiffness=1.0)).system()
     sparse = in_sparse(system)

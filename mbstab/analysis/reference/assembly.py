@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.rank import inverse_of_part
-from mbstab.analysis.algebra.sparse import dense
+from mbstab.analysis.algebra.sparse import dense, is_sparse, large, row_norms, scaled
+from mbstab.analysis.algebra.sparse_rank import Rows
 from mbstab.analysis.reference.refusals import vanishing_rows
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Row, System
@@ -37,21 +37,22 @@ def assembled(system: System, sizes: Array, q: Array, missing: Flags, kept: list
     zero, rows = np.zeros(system.n_q), slice(system.n_h) if kept is None else kept
     columns = np.flatnonzero(missing)
 
-    def state(x: Array) -> tuple[Array, Array]:
+    def state(x: Array) -> tuple[Array, Any]:
         found = system.closing.dynamics(x, zero, system.scene.time)
-        J = dense(found.J[rows]) * sizes
-        lengths = norms(J)
-        return found.E[rows] / lengths, J / lengths[:, None]
+        J = found.J[rows] if large(system) else dense(found.J[rows])
+        lengths = row_norms(scaled(J, sizes))
+        return found.E[rows] / lengths, scaled(J, sizes, 1.0 / lengths)
 
     E, J = state(q)
     for _ in range(TOLERANCES.newton_steps_onto_constraints):
         step = np.zeros(len(q))
-        scaled = -inverse_of_part(J[:, columns]) @ E
-        step[columns] = scaled * sizes[columns]
+        part = J[:, columns]
+        change = Rows(part, TOLERANCES.assembly_shift).shortest(-E) if is_sparse(J) else -inverse_of_part(part) @ E
+        step[columns] = change * sizes[columns]
         fraction, before = 1.0, float(np.linalg.norm(E))
         least = 1e-4 if float(np.linalg.norm(step / sizes)) > TOLERANCES.assembly_rounding else 1.0
         # Where linear rows promise nothing, no state is near.
-        promised = float(np.linalg.norm(E + J[:, columns] @ scaled))
+        promised = float(np.linalg.norm(E + part @ change))
         if not np.any(step) or promised > (1.0 - TOLERANCES.assembly_gain) * before:
             break
         while True:

@@ -95,7 +95,7 @@ def at_rest(system: System) -> Rest | None:
         return None
     system = in_sparse(system)
     finder = Finder(system)
-    if any(scene.rates.values()) or (system.n_h and any(name not in scene.coordinates for name in system.names)):
+    if any(scene.rates.values()):
         return None
     q, still, time = finder.coordinates(), np.zeros(system.n_q), float(scene.time)
     state = system.dynamics(q, still, time)

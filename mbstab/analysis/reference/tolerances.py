@@ -32,6 +32,8 @@ class Tolerances:
     """Newton steps for coordinates and speeds that the file leaves out."""
     assembly_gain: Final = 1e-3
     """Coordinates are given up where a step would reduce the residuals of linear rows by less than this part."""
+    assembly_shift: Final = 1e-7
+    """Shift δ for steps in large scenes: directions whose singular values are smaller hardly change."""
     contradictions_sought: Final = 6
     """Of more entries that are not satisfied, those that contradict each other are not sought."""
     assembly_rounding: Final = 1e-13
