@@ -615,6 +615,22 @@ def test_a_range_of_many_magnitudes(largest):
     assert abs(found[0].value - TOP) < 1e-11 * TOP
 
 
+def test_a_window_between_points_may_be_missed_and_the_text_says_on_how_many_they_rest():
+    """Damping 1 − 2 exp(−((k − 0.53)/0.003)²) is negative within 0.0025 of 0.53: the grid decides what is seen."""
+    damping = "(1 - 2*exp(-((k - 0.53)/0.003)**2))"
+    model = mbstab.loads(
+        "mbstab: 1\nparameters: {k: 0}\nbodies: {p: {type: planar_point, mass: 1}}\n"
+        f"forces: {{f: {{type: expression, on: {{p.x: -p.x - {damping}*rate(p.x), p.y: -p.y - rate(p.y)}}}}}}\n"
+        "reference: {coordinates: {p: {x: 0, y: 0}}}\n"
+    )
+    seen, missed = (sweep_text(model.sweep("k", np.linspace(a, 1.0, 11)), "", 1.0, "") for a in (0.06, 0.0))
+    assert "0.527502 to 0.532498: unstable (2)" in seen
+    assert "  0 to 1: asymptotically stable\n(as 11 points show: what is narrower than their distance" in missed
+    alone = sweep_text(model.sweep("k", np.array([0.53])), "", 1.0, "")
+    assert "at 0.53: unstable (2)" in alone
+    assert "show" not in alone
+
+
 def test_points_without_an_answer_are_not_called_stable():
     result = run("pendulum.yaml", "--param", "m", "--from", -1, "--to", 1, "--points", 5, "--plot", "none")
     assert "0.5 to 1: stable" in result.stdout

@@ -197,13 +197,16 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
     """Return the verdicts between the critical values, one line for each range of the same word."""
     begin = [] if result.start is None else [result.start]
     ends = [float(end([*result.values, *begin], default=0.0)) for end in (min, max)]
-    lines = []
-    for run in _in_order(result, _verdict_runs(result, *ends)):
+    lines, runs = [], _in_order(result, _verdict_runs(result, *ends))
+    for run in runs:
         low, high = ((x if x in ends else _rounded(x, result)) / factor for x in (run.low, run.high))
         many = f" ({', '.join(map(str, sorted(run.counts)))})" if run.word == UNSTABLE and any(run.counts) else ""
         first, last = (number(x, 6) for x in _in_order(result, (low, high)))
         place = f"{first} to {last}" if high > low else f"at {first}"
         lines.append(f"  {place}: {run.word}{many}")
+    if any(run.high > run.low for run in runs):
+        points = counted(len(result.values) - len(result.problems), "point")
+        lines.append(f"(as {points} show: what is narrower than their distance may be missed)")
     if set(result.words.tolist()) == {WORDS.index(UNDECIDED)} and not result.problems:
         middle = number(float(result.values[len(result.values) // 2]) / factor, 6)
         hint = f"hint: mbstab eig with --set {result.parameter}={middle} says what is open there"
