@@ -120,3 +120,20 @@ def test_a_wheelset_runs_either_way_alike(V, load):
     text = WHEELSET.replace("drives:", FRAME + "drives:").replace("half_gauge", "rails: -x, along: -x, half_gauge")
     text += "constraints: {straight: {holonomic: frame.theta}}\n"
     np.testing.assert_allclose(upper(mbstab.loads(text).eig(V=-V, load=load, **SPIN)), upper(ahead), rtol=1e-9)
+
+
+def test_a_joint_that_does_not_close_is_told_where_creep_has_no_value_at_rest():
+    text = """\
+mbstab: 1
+bodies:
+  set: {type: planar, mass: 1000, inertia: 500, points: {a: [0.5, 0]}}
+  frame: {type: planar, mass: 2000, inertia: 900, points: {a: [0.7, 0]}}
+joints: {pin: {type: revolute, between: [set.a, frame.a]}}
+forces:
+  creep: {type: creep, at: set, half_gauge: 0.75, conicity: 0.1, radius: 0.45, f11: 1e6, f22: 1e6}
+reference:
+  coordinates: {set: {x: 0, y: 0, theta: 0}, frame: {x: 0, y: 0, theta: 0}}
+  rates: {set: {x: 20}, frame: {x: 20}}
+"""
+    with pytest.raises(ModelFileError, match=r"<text>:5:15: joints.pin: .* \(coincident x\): the residual is -0\.2 m"):
+        mbstab.loads(text).eig()

@@ -72,8 +72,9 @@ def assembled(system: System, sizes: Array, q: Array, missing: Flags, kept: list
 def unclosed(system: System, sizes: Array, q: Array, missing: Flags) -> list[Problem]:
     """Return a problem for each row that a position does not satisfy, with the entries that it contradicts."""
     bad, E = _open_rows(system, sizes, q)
-    still = np.zeros(system.n_q), system.scene.time
-    if bad and (squares := vanishing_rows(system, (q, *still), system.dynamics(q, *still).J, sizes)):
+    # Forces may have no value without speeds, as creep and the slip of tyres.
+    at, closing = (q, np.zeros(system.n_q), system.scene.time), system.closing
+    if bad and (squares := vanishing_rows(closing, at, closing.dynamics(*at).J, sizes)):
         return squares
     if not missing.any():
         hint = "correct the values, or leave out those that the constraints determine"
