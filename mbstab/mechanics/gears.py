@@ -233,15 +233,48 @@ def _use(item: Item, name: str, motions: tuple[str, ...], factors: Vector, scale
 
 
 def _gear(item: Item) -> Iterable[ElementUse]:
-    one, other = _ratio(item)
-    same = item.value("internal") if item.kind.name == "gear" else not item.value("crossed")
+    motions, factors, scale = _terms(item)
     radius = item.value("radii")[0] if item.given("radii") else 1.0
-    yield _use(item, "gear", ANGLES, (one, -other if same else other), one, one / radius)
+    yield _use(item, "gear", motions, factors, scale, scale / radius)
 
 
 def _rack(item: Item) -> Iterable[ElementUse]:
-    scale = 1 / item.number("radius")
-    yield _use(item, "rack", TRAVEL_AND_ANGLE, (scale, -1.0), scale, scale)
+    motions, factors, scale = _terms(item)
+    yield _use(item, "rack", motions, factors, scale, scale)
+
+
+def _terms(item: Item) -> tuple[tuple[str, ...], Vector, Number]:
+    """Return the motions in the sum of a gear, a belt or a rack, their factors, and that of the offset."""
+    if item.kind.name == "rack":
+        scale = 1 / item.number("radius")
+        return TRAVEL_AND_ANGLE, (scale, -1.0), scale
+    one, other = _ratio(item)
+    same = item.value("internal") if item.kind.name == "gear" else not item.value("crossed")
+    return ANGLES, (one, -other if same else other), one
+
+
+def is_elastic(item: Item) -> bool:
+    """Whether an entry is a gear, a belt or a rack with a stiffness."""
+    return item.kind.name in ("gear", "belt", "rack") and item.given("stiffness")
+
+
+def stretched(item: Item) -> tuple[list[tuple[Any, str, Number]], Number]:
+    """Return the sum over which an elastic train pulls: joints, motions and factors, and the value without force."""
+    motions, factors, scale = _terms(item)
+    joints = item.value("joints")
+    terms = [
+        (joint, motion, factor * sense)
+        for joint, motion, factor, sense in zip(joints, motions, factors, _senses(joints), strict=True)
+    ]
+    if item.given("offset"):
+        return terms, scale * item.number("offset")
+    rest: Number = 0.0
+    for joint, motion, factor in terms:
+        formula = MEASURES[motion].formula
+        assert formula is not None
+        poses = [item.at_reference(marker.body) for marker in joint.markers("between")]
+        rest = rest + factor * formula(poses, motion_parameters(joint, motion), lambda x: x)
+    return terms, rest
 
 
 def _differential(item: Item) -> Iterable[ElementUse]:

@@ -22,6 +22,7 @@ import numpy as np
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name, moving_joints
 from mbstab.analysis.simulate.accuracy import Work
+from mbstab.analysis.simulate.half_turns import beyond_half_turn
 from mbstab.analysis.simulate.recording import Record, Track
 from mbstab.analysis.simulate.result import Simulation
 from mbstab.analysis.simulate.run import Follower, Run
@@ -118,13 +119,13 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: Si
     samples = run.samples[: len(record.q)]
     run.interrupted = run.interrupted or len(samples) < len(run.samples)
     track, labels, driving = Track.of(samples), tuple(record.loads), tuple(record.efforts)
-    moving = moving_joints(system.scene)
+    moving, times = moving_joints(system.scene), np.array([s.t for s in samples])
     return Simulation(
         names=tuple(system.names),
         units=system.units,
         bodies=tuple(body.name for body in system.scene.bodies),
         rows=tuple(str(row) for row in system.rows),
-        times=np.array([s.t for s in samples]),
+        times=times,
         q=record.q,
         u=record.u,
         a=record.a,
@@ -157,7 +158,7 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: Si
         peak=run.peak,
         sizes=follower.motion.sizes.copy(),
         conservative=follower.energy.conservative,
-        warnings=(*begin.warnings, *work.warnings, *work.notes),
+        warnings=(*begin.warnings, *work.warnings, *work.notes, *beyond_half_turn(system.scene, times, record.motions)),
         complete=run.complete,
         failure=run.failure,
     )
