@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 from mechanisms import SLIDER_CRANK
 from sampling import sample
+from scipy.linalg import expm
 
 import mbstab
 from mbstab.analysis.algebra import budget
@@ -371,3 +372,42 @@ def test_a_failure_is_told_before_the_part_that_is_kept(tmp_path):
     assert result.exit_code == 1
     assert result.output.index("the motion runs away") < result.output.index("ended early")
     assert result.output.count("the motion runs away") == 1
+
+
+TWISTED = """\
+mbstab: 1
+bodies:
+  one: {type: KIND, mass: 1, inertia: INERTIA}
+  two: {type: KIND, mass: 1, inertia: INERTIA}
+joints:
+  a: {type: revolute, between: [one, ground]AXIS}
+  b: {type: revolute, between: [two, ground]AXIS}
+  belt: {type: belt, joints: [a, b], radii: [0.3, 0.2], stiffness: 4}
+forces:
+  spring: {type: joint_spring, joint: a, stiffness: 0.1}
+reference: {rates: {one: {ANGLE: RATE}}}
+"""
+
+
+def twisted(dimension, rate):
+    words = (("KIND", "planar", "spatial"), ("INERTIA", "0.5", "[0.3, 0.3, 0.5]"), ("AXIS", "", ", axis: z"))
+    text = TWISTED.replace("RATE", str(rate)).replace("ANGLE", "theta" if dimension == 2 else "psi")
+    for word, plane, space in words:
+        text = text.replace(word, plane if dimension == 2 else space)
+    return mbstab.loads(text).simulate(4.0, points=41, tol=1e-6)
+
+
+@pytest.mark.parametrize(("rate", "told"), [(0.9, []), (1.7, ["belt"]), (8.0, ["belt", "spring"])])
+def test_springs_in_space_that_a_motion_takes_beyond_half_a_turn_are_told(rate, told):
+    """In the plane, where angles count turns, they hold; in space the motion is the same until what is told."""
+    K = 8.0 * np.array([[0.09, -0.06], [-0.06, 0.04]]) + np.diag([0.1, 0.0])
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-K / 0.5, np.zeros((2, 2))]])
+    plane, space = twisted(2, rate), twisted(3, rate)
+    own = np.array([expm(A * t) @ [0.0, 0.0, rate, 0.0] for t in plane.times])
+    assert plane.warnings == ()
+    assert plane.motions == pytest.approx(own[:, :2], abs=1e-5 * rate)
+    beyond = np.abs(own[:, 0] - own[:, 1] * 2 / 3) > np.pi / 3  # the wheels stand as before after 2 and 3 turns
+    until = int(np.argmax(beyond)) if beyond.any() else len(own)
+    assert space.motions[:until] == pytest.approx(own[:until, :2], abs=1e-5 * rate)
+    assert [name for name in ("belt", "spring") if any(f"'{name}' turned beyond" in x for x in space.warnings)] == told
+    assert beyond.any() == ("belt" in told)
