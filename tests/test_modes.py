@@ -413,3 +413,50 @@ def test_the_nearest_eigenvalue_is_not_left_out_because_it_is_defective(law, nea
     assert lost or min(abs(e.value + 1) for e in result.eigenvalues) < 1e-2
     for e in result.eigenvalues:
         assert min(abs(e.value - s) for s in (-1, -0.5 + 0.5j * 11**0.5, -0.5 - 0.5j * 11**0.5)) <= e.error_bound
+
+
+def scattered_chain(rng):
+    """Return the text of a chain along x with numbers of all sizes, and the determinant of its equations."""
+    count = int(rng.integers(3, 5))
+    m, k, c = ([float(f"{10.0**x:.3g}") for x in rng.uniform(*ends, count)] for ends in ((-16, 28), (-10, 7), (-7, 14)))
+    c = [x if rng.random() < 0.6 else 0.0 for x in c]
+    bodies = {f"b{i}": {"type": "planar_point", "mass": x} for i, x in enumerate(m)}
+    loads = {f"b{i}.x": "0" for i in range(count)}
+    for i in range(count):
+        back, rate = (f"b{i - 1}.x", f"rate(b{i - 1}.x)") if i else ("0", "0")
+        force = f"({k[i]!r}*(b{i}.x - {back}) + {c[i]!r}*(rate(b{i}.x) - {rate}))"
+        loads[f"b{i}.x"] += f" - {force}"
+        if i:
+            loads[f"b{i - 1}.x"] += f" + {force}"
+    data = {
+        "mbstab": 1,
+        "bodies": bodies,
+        "constraints": {f"h{i}": {"holonomic": f"b{i}.y"} for i in range(count)},
+        "forces": {"f": {"type": "expression", "on": loads}},
+    }
+
+    def determinant(s):
+        links = [mpmath.mpf(repr(a)) + mpmath.mpf(repr(b)) * s for a, b in zip(k, c, strict=True)] + [mpmath.mpf(0)]
+        before, now = mpmath.mpf(0), mpmath.mpf(1)
+        for i, mass in enumerate(m):
+            whole = links[i] + links[i + 1] + mpmath.mpf(repr(mass)) * s**2
+            before, now = now, whole * now - links[i] ** 2 * before
+        return now
+
+    return json.dumps(data), determinant
+
+
+@pytest.mark.parametrize("seed", sample(range(36), 4))
+def test_bounds_hold_beside_eigenvalues_that_are_lost(seed):
+    rng = np.random.default_rng(seed)
+    text, determinant = scattered_chain(rng)
+    model = mbstab.loads(text)
+    shifts = [1j * 10.0 ** rng.uniform(-10, 20), 10.0 ** rng.uniform(-12, 10), 1e4j]
+    for asked in ({}, *({"near": shift} for shift in shifts), {"rightmost": True}):
+        for e in model.modes(2, **asked).eigenvalues:
+            if not e.error_bound < 0.1 * abs(e.value):
+                continue
+            with mpmath.workdps(400):
+                s = mpmath.mpc(e.value)
+                true = mpmath.findroot(determinant, (s, s * (1 + mpmath.mpf(10) ** -20)), verify=False, maxsteps=60)
+                assert abs(true - s) <= e.error_bound, (asked, e)

@@ -7,9 +7,12 @@ Approximate vectors x and y of shift-invert iterations give, with the whole prob
 whose error is the product of those of x and y (Lancaster 1961, Numer. Math. 3; Schwetlick, Schreiber 2012, Linear
 Algebra Appl. 436). The remaining error is bounded by the errors of the entries, and by the residuals of both vectors:
 
-    first  = 4ε |y|ᵀ δQ(|s|) |x| / |yᴴQ'x|,     second = |Q(s)x| |Q(s)ᴴy| / |yᴴQ'x| · max κ / gap,
+    first  = 4ε |y|ᵀ δQ(|s|) |x| / |yᴴQ'x|,     second = 2 |Q(s)ᴴy|ᵀ |z| / |yᴴQ'x|,
 
-the first with the curvature yᴴMx / |yᴴQ'x| where errors of the entries may carry s onto its mirror image.
+the first with the curvature yᴴMx / |yᴴQ'x| where errors of the entries may carry s onto its mirror image. In the
+second, z is the part of x that belongs to all other eigenvalues, whether they were found or not: the solution of
+
+    [Q(s)  Q'x; yᴴQ'  0] [z; w] = [Q(s)x; 0].
 
 Values whose vectors cannot be separated are treated together, with bases of their subspaces in place of x and y.
 """
@@ -87,26 +90,24 @@ def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool)
         If the iteration does not converge.
     """
     values, vectors, reach = _found(equations, shift, count)
-    pairs: list[tuple[complex, Array, Complex, int]] = []
-    for number, group in enumerate(_groups(values)):
-        pairs += _corrected(equations, values[group], vectors[:, group], symmetric, number)
+    pairs: list[tuple[complex, Array, Complex]] = []
+    for group in _groups(values):
+        pairs += _corrected(equations, values[group], vectors[:, group], symmetric)
     # Beside very slow eigenvalues very fast ones are lost, and infinite ones appear. A defective one has no correction.
     pairs = [
         p
         for p in pairs
         if np.any(p[2])
-        and not p[1][4]
+        and np.isfinite(p[0])
+        and not p[1][3]
         >= max(TOLERANCES.correction_of_eigenvalue * abs(p[0]), TOLERANCES.correction_beyond_rounding * p[1][0])
     ]
-    first, residual = (np.array([p[1][k] for p in pairs]) for k in (0, 1))
+    first, second = (np.array([p[1][k] for p in pairs]) for k in (0, 1))
     s = np.array([_real_if_alone(p[0], p[1][0], p[2]) for p in pairs])
-    strength = np.array([p[1][2] for p in pairs])
-    gaps = _gaps(s, np.array([p[3] for p in pairs]))
     with np.errstate(all="ignore"):
-        second = residual * np.max(strength[np.isfinite(strength)], initial=0.0) / gaps
         bounds = np.where(np.isfinite(first + second), first + second, np.inf)
         condition = bounds / (EPS * np.abs(s))
-    backward = np.array([p[1][3] for p in pairs])
+    backward = np.array([p[1][2] for p in pairs])
     X = np.stack([p[2] for p in pairs], axis=1) if pairs else np.zeros((equations.n_q, 0), dtype=complex)
     order = np.argsort(np.abs(s - shift), kind="stable")
     return _once(Few(s, bounds, condition, backward, X, reach).only(order))
@@ -225,25 +226,25 @@ def _groups(values: Complex) -> list[Array]:
 
 
 def _corrected(
-    equations: SparseEquations, values: Complex, vectors: Complex, symmetric: bool, number: int
-) -> list[tuple[complex, Array, Complex, int]]:
+    equations: SparseEquations, values: Complex, vectors: Complex, symmetric: bool
+) -> list[tuple[complex, Array, Complex]]:
     """Return for values that are treated together what `_projected` does; again where the correction is large."""
-    found = _projected(equations, values, vectors, symmetric, number)
+    found = _projected(equations, values, vectors, symmetric)
     there = np.array([x[0] for x in found])
-    if not found[0][1][4] > TOLERANCES.correction_again * np.max(np.abs(there)) or not np.all(np.isfinite(there)):
+    if not found[0][1][3] > TOLERANCES.correction_again * np.max(np.abs(there)) or not np.all(np.isfinite(there)):
         return found
-    again = _iterated(equations, complex(np.mean(there)), vectors, "N")
-    closer = _projected(equations, there, again, symmetric, number) if np.all(np.isfinite(again)) else found
-    return closer if closer[0][1][4] < found[0][1][4] else found
+    with np.errstate(all="ignore"):  # where the correction led nowhere, the equations may have no value
+        again = _iterated(equations, complex(np.mean(there)), vectors, "N")
+        closer = _projected(equations, there, again, symmetric) if np.all(np.isfinite(again)) else found
+    return closer if closer[0][1][3] < found[0][1][3] else found
 
 
 def _projected(
-    equations: SparseEquations, values: Complex, vectors: Complex, symmetric: bool, number: int
-) -> list[tuple[complex, Array, Complex, int]]:
+    equations: SparseEquations, values: Complex, vectors: Complex, symmetric: bool
+) -> list[tuple[complex, Array, Complex]]:
     """Return for values that are treated together the corrected values, their measures, and Δq.
 
-    The measures are the first bound, the product of the residuals divided by |yᴴQ'x|, the strength κ of the pair, the
-    residual relative to the sizes of terms, and the correction; last comes the number of the group.
+    The measures are the first and the second bound, the residual relative to the sizes of terms, and the correction.
     """
     problem, n, s0 = equations.problem, equations.n_q, complex(np.mean(values))
     X = _orthonormal(vectors, n)
@@ -278,12 +279,36 @@ def _projected(
         right = right + (problem.at(s0, slope=True) @ X) @ step + bent @ step @ step
         back = left_step.conj().T
         left = left + (problem.at(s0, slope=True).conj().T @ Y) @ back + (problem.part(2).conj().T @ Y) @ back @ back
-        product = float(np.linalg.norm(right) * np.linalg.norm(left)) * strength
+        off = _off(equations, complex(np.mean(corrected)), X, Y, right)
+        second = 2.0 * strength * float(np.linalg.norm(np.abs(left).T @ np.abs(off)))
         backward = float(np.linalg.norm(right) / np.linalg.norm(sizes @ np.abs(X)))
-    numbers = np.array([first, product, strength, backward, np.linalg.norm(step)])
+        numbers = np.array([first, second, backward, np.linalg.norm(step)])
     shapes = X[:n] @ turn if np.all(np.isfinite(step)) else vectors[:n]
     corrected = np.where(np.abs(corrected.imag) <= TOLERANCES.real_value * np.abs(corrected), corrected.real, corrected)
-    return [(complex(s), numbers, shapes[:, k], number) for k, s in enumerate(corrected)]
+    return [(complex(s), numbers, shapes[:, k]) for k, s in enumerate(corrected)]
+
+
+def _off(equations: SparseEquations, s: complex, X: Complex, Y: Complex, right: Complex) -> Complex:
+    """Return the parts of vectors that belong to other eigenvalues, from the residuals; inf if they are large."""
+    from scipy.sparse import block_array
+    from scipy.sparse.linalg import splu
+
+    problem, n = equations.problem, equations.n_q
+    unknown = np.full_like(X, np.inf)
+    if not np.isfinite(s):
+        return unknown
+    slope = problem.at(s, slope=True)
+    border, rows = slope @ X, Y.conj().T @ slope
+    sizes = np.linalg.norm(border, axis=0), np.linalg.norm(rows, axis=1)
+    if not all(np.all(np.isfinite(x) & (x > 0.0)) for x in sizes):
+        return unknown
+    try:
+        lu = splu(block_array([[problem.at(s), border / sizes[0]], [rows / sizes[1][:, None], None]], format="csc"))
+    except RuntimeError:
+        return unknown
+    found = lu.solve(np.vstack([right, np.zeros((len(rows), right.shape[1]))]))[: len(X)]
+    small = np.linalg.norm(found[:n]) <= TOLERANCES.vector_error * np.linalg.norm(X[:n])
+    return np.asarray(found, dtype=complex) if small else unknown
 
 
 def _solvent(first: Complex, second: Complex) -> Complex:
@@ -322,7 +347,7 @@ def _iterated(equations: SparseEquations, s: complex, start: Complex, of: str) -
     """Return a basis of the right ("N") or left ("H") vectors of an eigenvalue, by inverse iteration."""
     problem = equations.problem
     shift = s * (1.0 + LINEAR.vector_shift) + LINEAR.vector_shift**2 * equations.rate * (1.0 + 1.0j)
-    lu = problem.factors(shift)
+    lu = problem.factors(shift) if np.all(np.isfinite(problem.at(shift).data)) else None
     if lu is None:
         return np.full_like(start, np.nan)
     slope, matrix = problem.at(s, slope=True), problem.at(complex(shift))
@@ -350,14 +375,4 @@ def _orthonormal(vectors: Complex, n: int) -> Complex:
             result: Complex = vectors @ np.linalg.inv(R)
         except np.linalg.LinAlgError:
             return np.full_like(vectors, np.nan)
-    return result
-
-
-def _gaps(values: Complex, group: Array) -> Array:
-    """Return the distance of each value from the nearest one that is not treated together with it."""
-    every = np.concatenate([values, values.conj()])
-    groups = np.concatenate([group, np.where(values.imag == 0.0, group, -1 - group)])
-    distance = np.abs(values[:, None] - every)
-    distance[group[:, None] == groups] = np.inf
-    result: Array = np.min(distance, axis=1, initial=np.inf)
     return result

@@ -40,6 +40,8 @@ class Tolerances:
     """Values closer than this, relatively, are treated together."""
     vector_steps: Final = 3
     """… left ones with this many steps of inverse iteration."""
+    vector_error: Final = 0.1
+    """Bounds of second order hold for vectors that are wrong by at most this part."""
     real_value: Final = 1e-9
     """Values are real if their imaginary part is smaller than this, relatively."""
     search_start_nearest: Final = 1e-7
