@@ -22,6 +22,19 @@ def norms(vectors: npt.NDArray[np.float64], axis: int = -1, keepdims: bool = Fal
     return np.where(found > 0.0, found, 1.0)
 
 
+def least_squares(matrix: Any, right: Any, rcond: float | None = None) -> Any:
+    """Return the shortest x with the least |matrix x − right|; singular values below rcond times the largest are zero.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is not finite; LAPACK would print a message of its own.
+    """
+    if not np.all(np.isfinite(matrix)):
+        raise np.linalg.LinAlgError("the matrix of a least-squares problem is not finite")
+    return np.linalg.lstsq(matrix, right, rcond=rcond)[0]
+
+
 def others(count: int, chosen: Any) -> Index:
     """Return the numbers below a count that are not among the chosen ones.
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.sparse import bordered, difference
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
@@ -124,7 +125,7 @@ def least_multipliers(J: Array, force: Array, singular: float = 1e-12) -> Array:
     if not J.shape[-2]:
         return np.zeros((*force.shape[:-1], 0))
     if J.ndim == 2:
-        return np.asarray(np.linalg.lstsq(J.T, force, rcond=singular)[0], dtype=np.float64)
+        return np.asarray(least_squares(J.T, force, rcond=singular), dtype=np.float64)
     idle = ~np.any(J, axis=-1)
     inverse = np.linalg.inv(J @ np.swapaxes(J, -1, -2) + idle[..., None] * np.eye(J.shape[-2]))
     x: Array = np.zeros((*np.broadcast_shapes(J.shape[:-2], force.shape[:-1]), J.shape[-2]))

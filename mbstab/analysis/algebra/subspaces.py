@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Flags, Index
+from mbstab.analysis.algebra.arrays import Flags, Index, least_squares
 from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import dense, is_sparse, row_norms, scaled
 from mbstab.analysis.algebra.tolerances import TOLERANCES
@@ -284,6 +284,6 @@ def redundancies(J: Any, spaces: Subspaces, n_h: int, rows: Sequence[Row]) -> li
             basis = np.vstack([basis, rest / length])
             kept.append(i)
             continue
-        weights = np.linalg.lstsq(unit[kept].T, row, rcond=None)[0] if kept else np.zeros(0)
+        weights = least_squares(unit[kept].T, row, rcond=None) if kept else np.zeros(0)
         found.append(Redundancy(rows[i], tuple(rows[k] for k, w in zip(kept, weights, strict=True) if abs(w) > 1e-7)))
     return found

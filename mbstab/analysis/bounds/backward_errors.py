@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, at_block
+from mbstab.analysis.algebra.arrays import Complex, at_block, least_squares
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.bounds.tolerances import TOLERANCES
@@ -309,7 +309,7 @@ class BackwardErrors:
             if np.isfinite(s) and np.isfinite(c[:, j]).all():
                 part = solved(complex(s), j) if solved is not None else None
                 if part is None:
-                    part = np.asarray(np.linalg.lstsq(s * np.eye(len(inner)) - inner, c[:, j], rcond=1e-12)[0])
+                    part = np.asarray(least_squares(s * np.eye(len(inner)) - inner, c[:, j], rcond=1e-12))
                 result[:, j] += self.N @ (self.T[: self.n_xi] @ part)
         return result
 

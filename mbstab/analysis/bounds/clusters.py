@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, at_block
+from mbstab.analysis.algebra.arrays import Complex, at_block, least_squares
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.bounds.backward_errors import BackwardErrors, Motions, Weights
 from mbstab.analysis.bounds.discs import Disc, Group, Placed, relative
@@ -125,7 +125,7 @@ class Clusters:
             basis = np.linalg.svd(np.hstack([V.real, V.imag]), full_matrices=False)[0][:, : len(members)]
         else:
             basis = np.linalg.qr(V)[0]
-        turn = np.linalg.lstsq(V, basis.astype(complex), rcond=None)[0] / lengths[:, None]
+        turn = least_squares(V, basis.astype(complex), rcond=None) / lengths[:, None]
         columns, block = columns @ turn, np.linalg.solve(turn, block @ turn)
         if real:
             columns, block = columns.real, block.real

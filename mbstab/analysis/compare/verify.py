@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, norms
+from mbstab.analysis.algebra.arrays import Complex, least_squares, norms
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.compare import neutral_drift
 from mbstab.analysis.compare.neutral_drift import Drift
@@ -517,7 +517,7 @@ def _undecided(last: Observation, found: list[Observation], failure: str) -> Obs
 def _line(times: Array, values: Complex, weights: Array) -> tuple[complex, float]:
     """Return the slope of a line fitted to complex values by weighted least squares, and the distance from it (rms)."""
     X = np.stack([np.ones(len(times)), times - times[0]], axis=1)
-    found: Any = np.linalg.lstsq(X * weights[:, None], values * weights, rcond=None)[0]
+    found: Any = least_squares(X * weights[:, None], values * weights, rcond=None)
     away = (values - X @ found) * weights
     return complex(found[1]), float(np.sqrt(np.mean(np.abs(away) ** 2)))
 

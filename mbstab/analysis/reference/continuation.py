@@ -20,6 +20,7 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.roots import root
@@ -170,7 +171,7 @@ class _Curve:
         s = np.linalg.svd(A, compute_uv=False)
         self.rank = int(np.sum(s > TOLERANCES.path_singular_value * max(float(s[0]), 1e-300))) if len(s) else 0
         # The minimum-norm change with the parameter: it has no component along symmetries.
-        by_p = np.append(np.linalg.lstsq(A[:, :-1], -A[:, -1], rcond=TOLERANCES.path_singular_value)[0], 1.0)
+        by_p = np.append(least_squares(A[:, :-1], -A[:, -1], rcond=TOLERANCES.path_singular_value), 1.0)
         self.first = self._point(at.q, at.c, start, A, by_p, None)
         self.folds: list[Point] = []
         self.branchings: list[Point] = []
@@ -273,7 +274,7 @@ class _Curve:
             with np.errstate(all="ignore"):
                 for _ in range(TOLERANCES.path_newton_steps):
                     residual, A = self._equations(q, c, p)
-                    step = np.linalg.lstsq(np.vstack([A, hold]), -np.append(residual, 0.0), rcond=1e-11)[0]
+                    step = least_squares(np.vstack([A, hold]), -np.append(residual, 0.0), rcond=1e-11)
                     q, c, p = self._stepped(q, c, p, step)
                     missed += step
                     if not np.max(np.abs(missed)) < 1.0:

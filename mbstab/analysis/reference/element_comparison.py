@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import RandomNumbers
+from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.algebra.sparse import is_sparse, largest, own_part, put, row_norms, rows_of, scaled
 from mbstab.analysis.algebra.tolerances import EPS
@@ -302,7 +302,7 @@ class ElementComparison:
         kept = [i for i, row in enumerate(self.system.rows[: len(lengths)]) if id(row) not in redundant]
         unit = unit[kept] if redundant else unit
         if not is_sparse(J):
-            return lambda b: np.asarray(np.linalg.lstsq(unit, (b / lengths)[kept], rcond=1e-10)[0])
+            return lambda b: np.asarray(least_squares(unit, (b / lengths)[kept], rcond=1e-10))
         from mbstab.analysis.algebra.sparse_rank import Rows
 
         rows = Rows(unit)

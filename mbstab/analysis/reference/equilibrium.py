@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.arrays import Flags, least_squares
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.reference.attitude import Attitudes
@@ -335,7 +335,7 @@ class Problem:
             rates = np.array([self.scene.rates[self.system.names[i]] for i in given], dtype=float)
             state = self.system.bodily.dynamics(q, basis @ c)
             left = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
-            c[free] = np.linalg.lstsq(left, -np.concatenate([state.V, (basis @ c)[given] - rates]), rcond=1e-9)[0]
+            c[free] = least_squares(left, -np.concatenate([state.V, (basis @ c)[given] - rates]), rcond=1e-9)
             turns = self.family.axis is not None and 0 in free
             if turns and not np.any(c):
                 # At rate zero the derivative vanishes: the forces grow with the square of the rate.
@@ -399,7 +399,7 @@ def _fewest_spins(balance: Balance, q: Array, c: Array) -> Array:
     spins = [n for n, k in enumerate(free) if k >= balance.family.size - columns]
     if null.shape[1] and spins:
         moved = c.copy()
-        moved[free] -= null @ np.linalg.lstsq(null[spins], c[free][spins], rcond=1e-9)[0]
+        moved[free] -= null @ least_squares(null[spins], c[free][spins], rcond=1e-9)
         return moved
     return c
 

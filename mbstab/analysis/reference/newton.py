@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.imbalance import force_change
@@ -233,7 +234,7 @@ def newton_step(G: Array, residual: Array, moving: int, damping: float) -> Array
         G, residual = np.vstack([G, extra]), np.concatenate([residual, np.zeros(moving)])
     if not (np.all(np.isfinite(G)) and np.all(np.isfinite(residual))):
         return np.full(G.shape[1], np.nan)  # LAPACK would print a message
-    return np.asarray(np.linalg.lstsq(G, -residual, rcond=1e-11)[0], dtype=np.float64)
+    return np.asarray(least_squares(G, -residual, rcond=1e-11), dtype=np.float64)
 
 
 def _bounded(step: Array, moving: int, reach: float) -> Array:

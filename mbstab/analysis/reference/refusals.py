@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
@@ -41,7 +42,7 @@ def vanishing_rows(system: System, at: tuple[Array, Array, float], J: Any, sizes
         bent = dense(system.linearize(q, u, zero, np.eye(1, system.n_c, i)[0], time)[0])
         bent = bent - dense(system.linearize(q, u, zero, np.zeros(system.n_c), time)[0])
         H, gradient = bent * sizes * sizes[:, None], dense(J[[i]])[0] * sizes
-        way = np.linalg.lstsq(H, -gradient, rcond=1e-9)[0]
+        way = least_squares(H, -gradient, rcond=1e-9)
         left = float(np.linalg.norm(gradient + H @ way))
         if np.linalg.norm(way) <= TOLERANCES.vanishing_derivative and left <= 1e-3 * np.linalg.norm(gradient):
             row = system.rows[i]

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.arrays import Flags, least_squares
 from mbstab.analysis.reference.rotation import (
     cross_matrix,
     euler_angles,
@@ -355,7 +355,7 @@ def detected(system: System, q: Array, u: Array, sizes: Array) -> list[Generator
         for columns, directions in itertools.product(((), spinning) if spinning else ((),), (0, d)):
             family = Family(system, axis, zero, np.eye(3)[:directions], columns)
             basis = family.basis(q) / sizes[:, None]
-            c = np.asarray(np.linalg.lstsq(basis, u / sizes, rcond=1e-12)[0], dtype=np.float64)
+            c = np.asarray(least_squares(basis, u / sizes, rcond=1e-12), dtype=np.float64)
             fast = float(np.max(np.abs(u / sizes)))
             if (
                 np.max(np.abs(basis @ c - u / sizes)) <= TOLERANCES.generator_misfit * fast

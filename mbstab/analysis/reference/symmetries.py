@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.sparse import is_sparse, put, unchanged
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.element_comparison import Digits, State, numbers, steps_are_exact, with_errors
@@ -327,7 +328,7 @@ class Invariance(SymmetryCandidates):
         for _ in range(TOLERANCES.newton_steps_onto_rows):
             V = system.dynamics(q, u, motion.time).V[rows]
             D_q = system.linearize(q, u, 0.0 * q, np.zeros(system.n_c), motion.time)[2]
-            step = np.linalg.lstsq(D_q[rows - system.n_h][:, states], -V, rcond=None)[0]
+            step = least_squares(D_q[rows - system.n_h][:, states], -V, rcond=None)
             q[states] += step
             if np.all(np.abs(step) <= EPS * np.abs(q[states])):
                 break

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Flags, others
+from mbstab.analysis.algebra.arrays import Flags, least_squares, others
 from mbstab.analysis.algebra.augmented import augmented_matrix, least_multipliers
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.simulate.tolerances import TOLERANCES
@@ -345,7 +345,7 @@ class Constrained:
             # Rows may contain held coordinates only; then the least change of the others in the Euclidean metric.
             moved = np.zeros(self.n)
             if len(free):
-                moved[free] = np.linalg.lstsq(J[:, free], goal, rcond=1e-12)[0]
+                moved[free] = least_squares(J[:, free], goal, rcond=1e-12)
             return moved * self.scale
         A, b = augmented_matrix(state.M * self._weights, J), np.zeros(self.n + len(J))
         if rows == self.n_h:

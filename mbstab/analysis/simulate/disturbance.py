@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.arrays import least_squares, norms
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import MOTION_UNITS, Placement, motion_name, moving_joints
 from mbstab.analysis.simulate.constrained import Constrained
@@ -186,7 +186,7 @@ def reached(
             missing = [(x.value(at, goal) - goal) / x.size for (x, _), goal in zip(goals, wanted, strict=True)]
             residual = np.concatenate([E / lengths, missing])
             rows = [x.gradient(at) * sizes / x.size for x, _ in goals]
-            step = np.linalg.lstsq(np.vstack([J / lengths[:, None], *rows]), -residual, rcond=1e-12)[0]
+            step = least_squares(np.vstack([J / lengths[:, None], *rows]), -residual, rcond=1e-12)
             left = float(np.max(np.abs(residual), initial=0.0))
             q = q + step * sizes
             if np.linalg.norm(step) < 1e-14:
@@ -210,7 +210,7 @@ def speeds(
         J = state.J * sizes
         lengths = norms(J)
         residual = np.concatenate([state.V / lengths, rows @ (u / sizes) - wanted])
-        step = np.linalg.lstsq(np.vstack([J / lengths[:, None], rows]), -residual, rcond=1e-12)[0]
+        step = least_squares(np.vstack([J / lengths[:, None], rows]), -residual, rcond=1e-12)
         fast = max(equations.fastest(u), float(np.max(np.abs(wanted), initial=0.0)), equations.slowest)
         left = float(np.max(np.abs(residual), initial=0.0)) / fast
         if np.linalg.norm(step) <= 1e-15 * fast:

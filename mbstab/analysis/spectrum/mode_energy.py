@@ -24,7 +24,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.arrays import Complex, least_squares
 from mbstab.analysis.algebra.sparse import in_sparse, large
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
@@ -217,6 +217,6 @@ class _Energies:
         A[:n, :n], A[:n, n:-1], A[:n, -1] = N.T @ Q @ N, (D_u @ N).T, N.T @ (slope @ x)
         A[n:-1, :n], A[n:-1, -1], A[-1, :n] = rows @ N, D_u @ x, (x / spaces.scale).conj() @ spaces.N
         right = np.concatenate([N.T @ (Q @ x), rows @ x, [0.0]])
-        step = np.linalg.lstsq(A, right, rcond=EPS * len(A))[0]
+        step = least_squares(A, right, rcond=EPS * len(A))
         change = complex(step[-1])
         return value - (change if value.imag else change.real), x - N @ step[:n]

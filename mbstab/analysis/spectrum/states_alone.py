@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.arrays import Complex, Flags, Index, least_squares
 from mbstab.analysis.algebra.shift_invert import SparseQuadratic
 from mbstab.analysis.algebra.sparse_rank import Rows
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
@@ -74,7 +74,7 @@ def _corrected(equations: SparseEquations, s: Complex, bounds: Array, x: Complex
         repeated = np.full(len(free), s[k]), np.zeros(len(free))
         weight = np.max(known[:, k])
         effects = _residuals(equations, *repeated, units)[0] / weight
-        change = np.linalg.lstsq(effects, -left[:, k] / weight, rcond=None)[0]
+        change = least_squares(effects, -left[:, k] / weight, rcond=None)
         if np.max(np.abs(change)) <= TOLERANCES.amplitude_change:
             found[:, k] += units @ change
     changed = np.flatnonzero(np.any(found != x, axis=0))

@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.motion import Motion
@@ -248,7 +249,7 @@ def _balanced(
             return q, nu, r
         before = off
         matrix, rows, columns = line.bordered(K, state.J, n_h, sizes)
-        step = -np.linalg.lstsq(matrix, residual / rows, rcond=1e-13)[0] / columns
+        step = -least_squares(matrix, residual / rows, rcond=1e-13) / columns
         q, nu, r = q + sizes * step[:n], nu + step[n : n + c], r + float(step[-1])
     return None
 

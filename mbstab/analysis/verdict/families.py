@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import RandomNumbers, norms
+from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares, norms
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.verdict.constants import LinearFunctions, linear_functions
@@ -140,7 +140,7 @@ class _Search:
             h = TOLERANCES.acceleration_difference
             slopes = np.array([(self._left(y + h * x) - self._left(y - h * x)) / (2.0 * h) for x in self.free.T]).T
             columns = np.maximum(norms(slopes, 0), 1e-300)  # a first-order state may be in any unit
-            y = y - self.free @ (np.linalg.lstsq(slopes / columns, left, rcond=1e-10)[0] / columns)
+            y = y - self.free @ (least_squares(slopes / columns, left, rcond=1e-10) / columns)
         return False
 
     def _vanishes(self, y: Array, left: Array) -> bool:

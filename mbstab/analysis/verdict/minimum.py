@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.rank import Rank
 from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.algebra.tolerances import EPS
@@ -271,7 +272,7 @@ class SecondVariation:
             if not isinstance(field, Turn) or not field.generator.turns or not spins:
                 continue
             Y, columns = field.field(motion.q), np.array(spins).T
-            c = np.linalg.lstsq(columns, Y, rcond=1e-12)[0]
+            c = least_squares(columns, Y, rcond=1e-12)
             undone = columns @ c
             if np.max(np.abs(Y - undone) / motion.sizes) < 1e-9 and np.any(undone) and invariance.conserves(field):
                 found.append(replace(field.generator, spins=field.generator.spins - undone))

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import RandomNumbers
+from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares
 from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.algebra.tolerances import EPS
@@ -468,7 +468,7 @@ def settled(S: Array, T: Array, L: Array, B: Array) -> tuple[Array, Array]:
         return T, B
     matrix = np.kron(B.T @ S @ B, np.eye(d)) - np.kron(np.eye(r), inner.T)
     try:
-        step = np.linalg.lstsq(matrix, -left.ravel(), rcond=TOLERANCES.direction_closure)[0].reshape(r, d)
+        step = least_squares(matrix, -left.ravel(), rcond=TOLERANCES.direction_closure).reshape(r, d)
     except np.linalg.LinAlgError:
         return T, B
     if not float(np.max(np.abs(step))) < TOLERANCES.direction_closure:
