@@ -150,3 +150,19 @@ def test_the_path_ends_where_branches_cannot_be_told_apart(monkeypatch):
     assert set(result.unstable[7:]) == {-1}
     assert all(PathEnd.UNSURE in message for message in result.problems.values())
     assert [c.kind for c in result.critical] == ["unresolved"]
+
+
+def test_a_path_ends_where_the_equations_do():
+    """Beyond p = 1/3 the load has no value."""
+    text = """
+mbstab: 1
+parameters: {p: 0}
+bodies: {a: {type: planar_point, mass: 1}}
+constraints: {rail: {holonomic: a.y}}
+forces: {load: {type: expression, on: {a.x: -a.x - 0.1*rate(a.x) + (1/3 - p)**1.5}}}
+reference: {find: equilibrium, guess: {a: {x: 0}}}
+"""
+    for values in (np.linspace(0.0, 1.0, 11), np.linspace(0.3, 1.0, 4)):
+        (end,) = mbstab.loads(text).sweep("p", values).critical
+        assert end.kind == "loss of equilibrium"
+        assert end.value == pytest.approx(1 / 3, abs=3e-12)

@@ -225,16 +225,20 @@ class _Curve:
 
     def _equations(self, q: Array, c: Array, p: float) -> tuple[Array, Array]:
         """Return the residuals that multipliers cannot balance, and their derivative by the scaled unknowns."""
-        self.work[0] -= 1
         step = TOLERANCES.parameter_difference * self.width
-        # Central, or at an end of the range one-sided with two points: of second order everywhere.
-        one, two = (step, -step) if self.low + step <= p <= self.high - step else (step, 2.0 * step)
-        sign = -1.0 if p > self.high - step else 1.0
-        around = p + sign * np.array([0.0, one, two])
-        system = System(evaluate(self.model, {self.parameter: around}))
-        balance = self.balance.over(system)
-        at = balance.state(balance.completed(np.tile(q, (3, 1))), np.tile(c, (3, 1)))
-        if not np.all(np.isfinite(at.residual)):
+        # Central, or at an end of the range or of the solutions one-sided with two points: of second order everywhere.
+        inward = -step if p > self.high - step else step
+        central = [(step, -step)] if self.low + step <= p <= self.high - step else []
+        for sides in (*central, (inward, 2.0 * inward), (-inward, -2.0 * inward)):
+            self.work[0] -= 1
+            around = p + np.array([0.0, *sides])
+            with contextlib.suppress(*FAILURES):
+                system = System(evaluate(self.model, {self.parameter: around}))
+                balance = self.balance.over(system)
+                at = balance.state(balance.completed(np.tile(q, (3, 1))), np.tile(c, (3, 1)))
+                if np.all(np.isfinite(at.residual)):
+                    break
+        else:
             raise NumericalError("the equations are not finite")
         G, moving = balance.jacobian(at)[0], balance.moving
         (one, two), changes = around[1:] - around[0], at.residual[1:] - at.residual[0]
