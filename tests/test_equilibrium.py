@@ -956,3 +956,25 @@ def test_why_a_declared_motion_cannot_be_followed_is_told():
         ModelFileError, match=r"cannot be followed along it, as the forces do not keep b.x on the steady"
     ):
         mbstab.loads(declared).eig()
+
+
+@pytest.mark.parametrize(("stiffness", "found"), [(4e3, True), (1e16, False)])
+def test_what_a_very_stiff_spring_leaves_undetermined_is_no_equilibrium(stiffness, found):
+    # Where the gear is rigid, 800 (30° − θ) = 3·9.81·0.5 cos θ holds the arm.
+    model = mbstab.loads(
+        "mbstab: 1\ngravity: [0, -9.81]\nbodies:\n"
+        "  motor: {type: planar, mass: 2, inertia: 0.3}\n"
+        "  arm: {type: planar, mass: 3, inertia: 0.1, points: {a: [-0.5, 0]}}\n"
+        "joints:\n  shoulder: {type: revolute, between: [motor, ground]}\n"
+        "  gear: {type: revolute, between: [arm.a, motor]}\n"
+        f"forces:\n  flex: {{type: joint_spring, joint: gear, stiffness: {stiffness:g}}}\n"
+        "  hold: {type: joint_spring, joint: shoulder, stiffness: 800, rest: 30*deg}\n"
+        "reference: {find: equilibrium, guess: {motor: {theta: 1.0}, arm: {theta: 1.0}}}\n"
+    )
+    if found:
+        angle = brentq(lambda x: 800.0 * (math.pi / 6.0 - x) - 3.0 * 9.81 * 0.5 * math.cos(x), 0.0, 1.0)
+        (got,) = model.equilibria(1)
+        assert got.motion.q[2] == pytest.approx(angle, abs=1e-3)
+    else:
+        with pytest.raises(MbstabError, match="stiffness of forces.flex .* leaves no digits"):
+            model.equilibria(1)

@@ -24,7 +24,7 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.efforts import Acted, Placement, efforts
 from mbstab.analysis.reference.equations import Balance, State
-from mbstab.analysis.reference.failure import STRATEGIES, Failure, excess
+from mbstab.analysis.reference.failure import STRATEGIES, Failure, excess, undetermined
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.guard import coefficients, require_steady
 from mbstab.analysis.reference.imbalance import carrying, state_rounding
@@ -240,7 +240,7 @@ class Problem:
         finder = Finder(self.system, self.massless)
         finder.solved = [name for name, held in zip(self.system.names, self.held, strict=True) if not held]
         small = np.all(np.abs(at.residual) <= TOLERANCES.residual) and np.all(excess(search, at) <= 1.0)
-        if not (small and self._closed(at)):
+        if not (small and self._closed(at)) or undetermined(search, at)[1]:
             raise Failure(self, search).error(at)
         self._require_rates(search, at)
         try:

@@ -42,6 +42,38 @@ def excess(search: Search, at: State) -> Array:
     return found
 
 
+def undetermined(search: Search, at: State) -> tuple[Array, float]:
+    """Return a motion along which forces do not balance although no step leads along it, and the work left there.
+
+    Beside stiffness that is very much larger the steps leave out what holds a soft motion. The stiff springs do not
+    change along it, so the rounding of their forces is no excuse there: what is left must be rounding of the loads.
+
+    Returns
+    -------
+    motion : ndarray, shape (n_q,)
+        Of unit length, relative to the sizes of the coordinates; zero: there is none.
+    work : float (J)
+        The imbalance along it.
+    """
+    system, energy, sizes, n = search.system, search.balance.energy, search.sizes, search.system.n_q
+    G = search.balance.jacobian(at)
+    left, values, _ = np.linalg.svd(G)
+    values = np.append(values, np.zeros(left.shape[0] - len(values)))
+    loose = left[:, values <= TOLERANCES.newton_left_out * values[0]]
+    forces, rows = np.abs(loose[:n]).T, np.abs(loose[n:]).T
+    work = (loose[:n].T @ at.residual[:n]) * energy
+    transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
+    loads = TOLERANCES.residual * (system.loads(at.q, at.u, at.a) + transmitted) * sizes + 1e-14 * energy
+    K, R, _ = system.linearize(at.q, at.u, at.a, at.nu)
+    change = np.abs((loose[:n].T * sizes) @ K) @ sizes + np.abs((loose[:n].T * sizes) @ R) @ np.abs(at.u)
+    allowed = forces @ loads + rows @ np.abs(at.residual[n:]) * energy + TOLERANCES.coordinate_rounding * change
+    beyond = np.abs(work) - allowed
+    if not np.any(beyond > 0.0):
+        return np.zeros(n), 0.0
+    worst = int(np.argmax(beyond))
+    return loose[:n, worst], float(work[worst])
+
+
 class Asked(Protocol):
     """What was looked for: `mbstab.analysis.reference.equilibrium.Problem`."""
 
@@ -112,6 +144,8 @@ class Failure:
         if balanced:
             load = excess(self.search, state)
             balanced = bool(np.all(load <= 1.0))
+            if balanced and (found := self._beside_stiffness(state)):
+                return found
         found = self._broken_row(state, balanced) or self._without_effect(state) or self._wrong_rate(state, balanced)
         if found:
             return found
@@ -126,6 +160,24 @@ class Failure:
             "forces balance, but " + (str(cause) if cause else "the search did not settle"),
             "other starting values under reference.guess, or --starts 20",
         )
+
+    def _beside_stiffness(self, state: State) -> tuple[str, str] | None:
+        """Return what to say where a stiffness leaves no digits for the forces along softer motions, and a hint."""
+        motion, work = undetermined(self.search, state)
+        if not work:
+            return None
+        sizes, still = self.search.sizes, np.zeros(self.system.n_c)
+        slopes = {
+            path: float(np.max(np.abs(part.linearize(state.q, state.u, state.a, still)[0]) * np.outer(sizes, sizes)))
+            for path, part in self.system.parts()
+        }
+        stiffest = max(slopes, key=lambda path: slopes[path])
+        along = [self.system.names[i] for i in np.argsort(-np.abs(motion))[:4]]
+        said = (
+            f"the stiffness of {stiffest} ({slopes[stiffest]:.3g} J over the size of the scene) leaves no digits for "
+            f"softer motions: forces are out of balance by {abs(work):.4g} J along {', '.join(along)}"
+        )
+        return said, "put a joint in place of what is that stiff, or give it a stiffness nearer to the others"
 
     def _unbalanced(self, state: State, worst: int) -> tuple[str, str]:
         """Return what to say of forces that do not balance along a coordinate, and a hint."""

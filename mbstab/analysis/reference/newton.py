@@ -234,7 +234,7 @@ def newton_step(G: Array, residual: Array, moving: int, damping: float) -> Array
         G, residual = np.vstack([G, extra]), np.concatenate([residual, np.zeros(moving)])
     if not (np.all(np.isfinite(G)) and np.all(np.isfinite(residual))):
         return np.full(G.shape[1], np.nan)  # LAPACK would print a message
-    return np.asarray(least_squares(G, -residual, rcond=1e-11), dtype=np.float64)
+    return np.asarray(least_squares(G, -residual, rcond=TOLERANCES.newton_left_out), dtype=np.float64)
 
 
 def _bounded(step: Array, moving: int, reach: float) -> Array:
