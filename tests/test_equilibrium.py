@@ -976,5 +976,5 @@ def test_what_a_very_stiff_spring_leaves_undetermined_is_no_equilibrium(stiffnes
         (got,) = model.equilibria(1)
         assert got.motion.q[2] == pytest.approx(angle, abs=1e-3)
     else:
-        with pytest.raises(MbstabError, match="stiffness of forces.flex .* leaves no digits"):
+        with pytest.raises(MbstabError, match=r"stiffness of forces\.flex .* leaves no digits"):
             model.equilibria(1)
