@@ -39,9 +39,10 @@ def assembled(system: System, sizes: Array, q: Array, missing: Flags, kept: list
 
     def state(x: Array) -> tuple[Array, Any]:
         found = system.closing.dynamics(x, zero, system.scene.time)
-        J = found.J[rows] if large(system) else dense(found.J[rows])
-        lengths = row_norms(scaled(J, sizes))
-        return found.E[rows] / lengths, scaled(J, sizes, 1.0 / lengths)
+        J = scaled(found.J[rows] if large(system) else dense(found.J[rows]), sizes)
+        lengths = row_norms(J)
+        unit = scaled(J, np.ones(len(q)), 1.0 / lengths) if is_sparse(J) else J / lengths[:, None]
+        return found.E[rows] / lengths, unit
 
     E, J = state(q)
     for _ in range(TOLERANCES.newton_steps_onto_constraints):
