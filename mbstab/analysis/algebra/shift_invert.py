@@ -70,11 +70,14 @@ class SparseQuadratic:
         return sparse.csc_array((entries, self.rows, self._starts), shape=(self.size, self.size))
 
     def factors(self, s: complex) -> Any:
-        """Return the LU factors of Q(s); None if it is singular."""
+        """Return the LU factors of Q(s); None if it is singular or not finite."""
         from scipy.sparse.linalg import splu
 
+        matrix = self.at(s)
+        if not np.all(np.isfinite(matrix.data)):
+            return None
         try:
-            lu = splu(self.at(s))
+            lu = splu(matrix)
         except RuntimeError:
             return None
         return lu if np.all(np.isfinite(lu.solve(np.ones(self.size, dtype=lu.U.dtype)))) else None

@@ -60,6 +60,8 @@ def undetermined(search: Search, at: State) -> tuple[Array, float]:
     left, values, _ = np.linalg.svd(G)
     values = np.append(values, np.zeros(left.shape[0] - len(values)))
     loose = left[:, values <= TOLERANCES.newton_left_out * values[0]]
+    if not loose.size:
+        return np.zeros(n), 0.0
     forces, rows = np.abs(loose[:n]).T, np.abs(loose[n:]).T
     work = (loose[:n].T @ at.residual[:n]) * energy
     transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])

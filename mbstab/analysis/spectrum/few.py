@@ -347,7 +347,7 @@ def _iterated(equations: SparseEquations, s: complex, start: Complex, of: str) -
     """Return a basis of the right ("N") or left ("H") vectors of an eigenvalue, by inverse iteration."""
     problem = equations.problem
     shift = s * (1.0 + LINEAR.vector_shift) + LINEAR.vector_shift**2 * equations.rate * (1.0 + 1.0j)
-    lu = problem.factors(shift) if np.all(np.isfinite(problem.at(shift).data)) else None
+    lu = problem.factors(shift)
     if lu is None:
         return np.full_like(start, np.nan)
     slope, matrix = problem.at(s, slope=True), problem.at(complex(shift))
