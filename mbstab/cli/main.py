@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import click
@@ -195,6 +196,18 @@ def main() -> None:
     one_thread_by_default()
 
 
+ROOM = 2**16
+"""Words that the first function of a command asks for in CPython's stack of frames, so that all others fit behind it.
+
+The stack consists of pieces of 16 KiB, or larger where a frame needs it, each taken from the system and given back with
+its first frame: calls across the end of a piece, such as imports within imports, do so thousands of times.
+"""
+
+
+def _command() -> None:
+    main(prog_name="mbstab")
+
+
 def program() -> None:
     """Run the command as a process of its own, which ends without taking itself apart object by object.
 
@@ -202,8 +215,9 @@ def program() -> None:
     before; where other threads run, or the process is traced or profiled, it ends as others do.
     """
     gc.set_threshold(YOUNG, *gc.get_threshold()[1:])
+    command = FunctionType(_command.__code__.replace(co_stacksize=ROOM), globals())
     try:
-        main(prog_name="mbstab")
+        command()
     except SystemExit as stop:
         if threading.active_count() > 1 or sys.gettrace() is not None or sys.getprofile() is not None:
             raise
