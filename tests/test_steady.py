@@ -501,6 +501,40 @@ reference:
     assert sum(e.kind == "neutral" for e in result.eigenvalues) == 2
 
 
+HANGING = """
+mbstab: 1
+parameters: {Omega: 4}
+gravity: [0, 0, -9.81]
+bodies:
+  bob: {type: point, mass: 0.3}
+joints:
+  string: {type: distance, between: [bob, ground], length: 1.2}
+reference:
+  find: steady
+  steady: {axis: z, rate: Omega}
+  coordinates: {bob: {y: 0}}
+  guess: {bob: {x: 0.6, z: -1.2}}
+"""
+
+
+def test_a_steady_motion_that_moves_nothing_is_judged_as_a_rest():
+    model = mbstab.loads(HANGING)
+    result = model.eig()
+    # Turned at any rate, it is the pendulum of the ground: its energy has a minimum where it hangs.
+    w = math.sqrt(G / 1.2)
+    found = sorted(abs(e.value.imag) for e in result.eigenvalues)
+    np.testing.assert_allclose(found, [4 - w, 4 - w, 4 + w, 4 + w], rtol=1e-12)
+    assert result.verdict == "stable"
+    assert result.in_place
+    assert not any("gyroscopic" in text for text in result.warnings)
+    (text,) = (text for text in result.warnings if "does not move anything" in text)
+    assert "bob.z = -1.2 m" in text
+    assert "mbstab equilibrium --starts" in text
+    assert model.eig(Omega=2).verdict == "stable"
+    swept = model.sweep("Omega", np.linspace(2.0, 8.0, 13))
+    assert set(swept.verdicts) == {"stable"}
+
+
 def top_on_its_tip(theta, Omega, A, C, m, H):
     """Return ψ̇ and the nutation frequency of a heavy top, from its energy with one degree of freedom θ.
 

@@ -82,6 +82,10 @@ class Generator:
         """Whether the ground does not rotate, but its rate has a slope: it would with another value of a parameter."""
         return self.turns and not float(self.rate)
 
+    def turns_in_place(self, q: Array) -> bool:
+        """Whether it turns the ground, and moves nothing: all that is at q lies on the axis and looks the same."""
+        return self.turns and bool(np.all(self.rate)) and not np.any(self.field(q))
+
     def __str__(self) -> str:
         """Return it in words, such as ``rotation about z at 10 rad/s``."""
         words = []

@@ -507,6 +507,8 @@ class _Work:
                 return None
         known = self.found[-1].known if judged else Known(grounds)
         linear, family = grounds.linear, None
+        if grounds.idle_frame and (not grounds.structure.work.conserved or len(linear.D_q)):
+            return None  # damping takes energy from motions in one frame, not in the other
         if grounds.lost or (linear.massless is not None and not linear.massless.exact):
             return None
         if linear.generator is not None and linear.generator.turns:

@@ -364,12 +364,15 @@ class Known:
         n = points.n_xi
         rates = beside(points.P, points.gamma[:, None, None] * points.Z)
         H = transposed(rates) @ (transposed(points.N) @ points.M @ points.N) @ rates
-        stiffness = transposed(points.N) @ points.K @ points.N
+        K, terms = points.K, np.maximum(points.spread[:, None, None] * np.abs(points.K), points.terms)
+        if self.grounds.idle_frame:
+            K, added = points.stiffness_on_ground()
+            terms = terms + points.spread[:, None, None] * added
+        stiffness = transposed(points.N) @ K @ points.N
         N, moved = np.abs(points.N), np.abs(rates)
         size = transposed(moved) @ (transposed(N) @ np.abs(points.M) @ N) @ moved
-        spread = points.spread[:, None, None]
-        known = transposed(N) @ np.maximum(spread * np.abs(points.K), points.terms) @ N
-        size = spread * size
+        known = transposed(N) @ terms @ N
+        size = points.spread[:, None, None] * size
         shape = points.S.shape
         H, size = (np.broadcast_to(x, np.broadcast_shapes(x.shape, shape)).copy() for x in (H, size))
         H[:, :n, :n] += 0.5 * (stiffness + transposed(stiffness))

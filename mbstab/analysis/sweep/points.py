@@ -89,6 +89,14 @@ class Points:
         result: Array = self.steady.frame(self.q)[0] * self.scale[:, None, :] / self.scale[:, :, None]
         return result
 
+    def stiffness_on_ground(self) -> tuple[Array, Array]:
+        """Return K in the frame of the ground, and the sizes of the terms by which it differs from that here."""
+        assert self.steady is not None
+        first, second = (x * self.scale[:, None, :] / self.scale[:, :, None] for x in self.steady.frame(self.q))
+        R = self.R - 2.0 * self.M @ first
+        terms = np.abs(R) @ np.abs(first) + np.abs(self.M) @ np.abs(second)
+        return self.K - R @ first - self.M @ second, terms
+
     def at(self, index: Any) -> Points:
         """Return some of the points."""
         steady = self.steady

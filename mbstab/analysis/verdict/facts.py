@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import RandomNumbers, norms
 from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
+from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.element_comparison import OnRows
 from mbstab.analysis.reference.motion import balanced as forces_balance
 from mbstab.analysis.reference.steady import Generator, spun
@@ -99,8 +101,24 @@ class Grounds:
         return self.reversor.widened(self.structure, found, self.structure.symmetric(len(self.S)))
 
     @cached_property
+    def idle_frame(self) -> bool:
+        """Whether the frame turns although nothing moves: the energy is then that of the frame of the ground."""
+        linear, scene = self.linear, self.system.scene
+        turns = linear.generator is not None and linear.generator.turns_in_place(self.motion.q)
+        return turns and linear.massless is None and not scene.timed
+
+    @cached_property
     def second_variation(self) -> SecondVariation:
-        """The energy near the reference."""
+        """The energy near the reference, in the frame of the ground where nothing moves."""
+        if not self.idle_frame:
+            return self._co_moving
+        matrices = matrices_in(self.system, self.motion, None)
+        ground = Grounds(replace(self.linear, **matrices._asdict(), generator=None))
+        return SecondVariation(ground.structure, ground.plain)
+
+    @cached_property
+    def _co_moving(self) -> SecondVariation:
+        """The energy in the frame of the eigenvalues."""
         return SecondVariation(self.structure, self.plain)
 
     @cached_property
@@ -261,7 +279,7 @@ class Grounds:
 
     def _regular_energy(self) -> bool:
         """Whether the second variation of a conserved energy is a regular form on the directions left to judge."""
-        energy, B = self.second_variation, self.separated.B
+        energy, B = self._co_moving, self.separated.B
         if not energy.applies or not B.shape[1]:
             return False
         h, known = B.T @ energy.H @ B, np.abs(B).T @ energy.known_to @ np.abs(B)
