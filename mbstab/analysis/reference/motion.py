@@ -390,8 +390,8 @@ class Finder:
                     f"{ALGEBRA.singular_value_zero:g}, this is taken for rounding in the file, not for a constraint"
                 )
         motion = Motion(
-            q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant,
-            tuple(self.solved), (*self.warnings, *misread(system, q, u), *doubts(system.scene.model)),
+            q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant, tuple(self.solved),
+            (*self.warnings, *misread(system, q, u), *self._resting(q, declared, steady), *doubts(system.scene.model)),
             massless=massless,
         )  # fmt: skip
         if massless is not None:
@@ -402,18 +402,18 @@ class Finder:
             # The accelerations are known exactly; only the reactions are asked for.
             nu = augmented.multipliers(force - M @ (expected / scale), TOLERANCES.balance_refinements)
             motion = replace(motion, a=expected, nu=nu * row_scale, generators=(steady,), declared=declared)
-            if declared and steady.turns_in_place(q):
-                motion = replace(motion, warnings=(*motion.warnings, self._resting(q, steady)))
         return motion
 
-    def _resting(self, q: Array, steady: Generator) -> str:
-        """Return a warning that a steady motion is a rest, with its place."""
+    def _resting(self, q: Array, declared: bool, steady: Generator | None) -> list[str]:
+        """Return a warning with its place if a steady motion that the file declares is a rest."""
+        if not declared or steady is None or not steady.turns_in_place(q):
+            return []
         names, solved = self.system.names, [n for n, name in enumerate(self.system.names) if name in self.solved]
         places = [f"{names[n]} = {q[n] + 0.0:.6g} {self.system.units[n]}" for n in solved if self.is_length[n]]
         where = f" ({', '.join(places[:3])}{', …' if len(places) > 3 else ''})" if places else ""
         other = "another guess, or mbstab equilibrium --starts, may find one that moves"
         hint = other if self.scene.model.reference.find else "a place off the axis moves"
-        return f"the steady motion ({steady}) does not move anything here{where}: it is judged as a rest\nhint: {hint}"
+        return [f"the steady motion ({steady}) does not move anything here{where}: it is judged as a rest\nhint: {hint}"]
 
     def _mobility(self, mass: Any, M: Any, spaces: Subspaces) -> tuple[Any, Array | None]:
         """Return what gives the allowed accelerations from forces, in scaled coordinates, and motions without mass."""
