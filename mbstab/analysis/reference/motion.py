@@ -413,7 +413,9 @@ class Finder:
         where = f" ({', '.join(places[:3])}{', …' if len(places) > 3 else ''})" if places else ""
         other = "another guess, or mbstab equilibrium --starts, may find one that moves"
         hint = other if self.scene.model.reference.find else "a place off the axis moves"
-        return [f"the steady motion ({steady}) does not move anything here{where}: it is judged as a rest\nhint: {hint}"]
+        return [
+            f"the steady motion ({steady}) does not move anything here{where}: it is judged as a rest\nhint: {hint}"
+        ]
 
     def _mobility(self, mass: Any, M: Any, spaces: Subspaces) -> tuple[Any, Array | None]:
         """Return what gives the allowed accelerations from forces, in scaled coordinates, and motions without mass."""
