@@ -535,6 +535,41 @@ def test_a_steady_motion_that_moves_nothing_is_judged_as_a_rest():
     assert set(swept.verdicts) == {"stable"}
 
 
+BOWL = """
+mbstab: 1
+parameters: {Omega: 4, c: 0, inner: 0}
+gravity: [0, 0, -9.81]
+bodies:
+  ball: {type: point, mass: 0.3}
+constraints:
+  bowl: {holonomic: "ball.z - (ball.x**2 + ball.y**2)"}
+forces:
+  still: {type: expression, on: {ball.x: -c*rate(ball.x), ball.y: -c*rate(ball.y)}}
+  turning:
+    type: expression
+    on: {ball.x: -inner*(rate(ball.x) + Omega*ball.y), ball.y: -inner*(rate(ball.y) - Omega*ball.x)}
+reference:
+  steady: {axis: z, rate: Omega}
+  coordinates: {ball: {x: 0, y: 0, z: 0}}
+"""
+
+
+@pytest.mark.parametrize(("c", "inner"), [(0, 0), (0.1, 0), (0, 0.1), (0.1, 0.3), (-0.05, 0)])
+def test_damping_in_either_frame_decides_about_a_ball_on_the_axis_of_a_turning_bowl(c, inner):
+    model = mbstab.loads(BOWL).at(c=c, inner=inner)
+    rates = np.array([1.0, 4.0, 6.0, 20.0])
+    # z = x + iy on the ground: m z'' + (c + c_i) z' + (k - i c_i Ω) z = 0, seen from the frame as z e^(-iΩt).
+    roots = [np.roots([0.3, c + inner, 0.6 * G - 1j * inner * rate]) for rate in rates]
+    growth = np.array([np.max(x.real) for x in roots])
+    words = ["stable" if not (c or inner) else "unstable" if x > 0.0 else "asymptotically stable" for x in growth]
+    assert [model.eig(Omega=rate).verdict for rate in rates] == words
+    assert list(model.sweep("Omega", rates[2:]).verdicts) == words[2:]
+    result = model.eig(Omega=rates[2])
+    found = np.array([e.value for e in result.eigenvalues])
+    for root in roots[2] - 1j * rates[2]:
+        assert np.min(np.abs(found - root)) < 1e-12 * abs(root)
+
+
 def top_on_its_tip(theta, Omega, A, C, m, H):
     """Return ψ̇ and the nutation frequency of a heavy top, from its energy with one degree of freedom θ.
 
