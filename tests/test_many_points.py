@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from sampling import sample
+from scipy.optimize import root
 from test_sweep import CUBIC, optimal
 
 import mbstab
@@ -149,6 +150,47 @@ def test_few_points_start_from_polynomials_that_are_just_good_enough_to_be_known
     for own, value in zip(found.values, x.tolist(), strict=True):
         exact = mechanism.eig(omega=value).values()
         assert optimal(own, exact) <= 1e-13 * np.max(np.abs(exact))
+
+
+CAR = """
+mbstab: 1
+parameters: {delta: 0.05, u: 12, m: 1400, I: 2200, a: 1.2, b: 1.4, Cf: 6e4, Cr: 8e4}
+bodies: {car: {type: planar, mass: m, inertia: I, points: {front: [a, 0], rear: [-b, 0]}}}
+constraints: {cruise: {nonholonomic: vx(car) - u}}
+forces:
+  front: {type: tyre, at: car.front, along: [cos(delta), sin(delta)], cornering_stiffness: Cf}
+  rear: {type: tyre, at: car.rear, cornering_stiffness: Cr}
+reference:
+  find: steady
+  steady: {axis: z}
+  coordinates: {car: {theta: 0}}
+  guess: {car: {x: 0, y: -(a + b)/delta}}
+"""
+
+
+def turn(delta, u, m=1400.0, a=1.2, b=1.4, front=6e4, rear=8e4):
+    """Return the speed across and the yaw rate of a car in a steady turn, from its equations."""
+
+    def equations(x):
+        v, r = x
+        slip = np.arctan2(v + a * r, u) - delta, np.arctan2(v - b * r, u)
+        forces = -front * slip[0] * np.cos(delta), -rear * slip[1]
+        return sum(forces) / (m * u) - r, (a * forces[0] - b * forces[1]) / (m * u)
+
+    return root(equations, [0.0, u * delta / (a + b)], tol=1e-13).x
+
+
+def test_the_places_of_wide_turns_may_change_by_more_than_the_car_is_long():
+    model = mbstab.loads(CAR).model
+    path = follow(model, "delta", 0.005, 0.1)
+    assert path.surface is not None
+    deltas = np.array([0.005, 0.0123, 0.05, 0.0877])
+    q, c = path.predicted({"delta": deltas})
+    for delta, place, rate in zip(deltas.tolist(), q, c[:, 0], strict=True):
+        v, r = turn(delta, 12.0)
+        assert np.allclose([*place[:2], rate], [v / r, -12.0 / r, r], rtol=1e-9)
+    axes = np.linspace(0.02, 0.1, 4), np.linspace(5.0, 15.0, 4)
+    assert isinstance(follow_all(model, ("delta", "u"), *axes), Surface)
 
 
 def test_from_a_start_that_is_far_points_take_their_own_derivatives():

@@ -25,6 +25,7 @@ from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.reference.steady import Family, Generator, declared_family
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.model.schema import is_length
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -218,6 +219,20 @@ class Balance:
     def moving(self) -> int:
         """Number of unknowns before the multipliers."""
         return len(self.open) + len(self.free)
+
+    def distances(self, q: Array) -> Array:
+        """Return how far from the axis of a motion each unknown but multipliers is, scaled, at least 1, (…, moving).
+
+        Equations there change over lengths of that size: on a wide turn a place may change by more than the scene.
+        """
+        far = np.ones((*q.shape[:-1], self.moving))
+        if self.family.size:
+            far[..., : len(self.open)] = np.where(
+                [is_length(self.system.names[i]) for i in self.open],
+                np.maximum(np.abs(q[..., self.open]) / self.sizes[self.open], 1.0),
+                1.0,
+            )
+        return far
 
     def jacobian(self, at: State) -> Array:
         """Return the derivative of the residuals by [Δq; Δc; Δν], scaled."""

@@ -61,9 +61,12 @@ def all_solved(balance: Balance, q: Array, c: Array, last: float) -> State | Non
         if derivative is None:
             derivative, before = _normal(balance.jacobian(at)), math.inf
         step = _solved(derivative, at.residual)
-        longest = float(np.max(_length(balance, step)))
-        if not longest <= TOLERANCES.newton_reach:
+        if (
+            not np.max(_length(balance, step[..., : balance.moving] / balance.distances(at.q)))
+            <= TOLERANCES.newton_reach
+        ):
             return None
+        longest = float(np.max(_length(balance, step)))
         at = balance.state(*balance.moved(at, step))
         # Steps with the same derivative become smaller by the same factor each time.
         left = longest * min(longest / before if before < math.inf else longest, 1.0)

@@ -200,7 +200,7 @@ class Tolerances:
     """… in the end they must be smaller than this."""
     smooth_steps_behind: Final = 3
     """Each solution is extrapolated by a polynomial through so many of the last ones, …"""
-    smooth_least_step: Final = 0.05
+    smooth_least_step: Final = 0.01
     """… and where that does not lead to it, by way of others no closer than this part of the range."""
     smooth_determinant_points: Final = 200
     """At so many points of a range the sign of the determinant is looked at."""
