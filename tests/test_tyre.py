@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import mbstab
@@ -345,3 +346,58 @@ def test_an_aligning_moment_has_no_value_where_its_wheel_moves_straight_sideways
     text = SHIMMY.replace(", relaxation_length: sigma", f", aligning_stiffness: 300{relaxed}, along: y")
     with pytest.raises(NumericalError, match=r"<text>:11:9: forces.tyre .*\n.*moves straight sideways"):
         mbstab.loads(text).eig()
+
+
+SIDEWAYS = """
+mbstab: 1
+parameters: {V: 10, d: 0.001, e: 0.1, C: 100, I: 0.5}
+bodies: {wheel: {type: planar, mass: 1, inertia: I, points: {contact: [-e, 0]}}}
+drives:
+  along: {type: point, at: wheel, direction: x, position: V*t*sin(d)}
+  across: {type: point, at: wheel, direction: y, position: V*t*cos(d)}
+forces:
+  tyre: {type: tyre, at: wheel.contact, cornering_stiffness: C}
+  hold: {type: torque, body: wheel, value: -C*e*(pi/2 - d)}
+reference:
+  coordinates: {wheel: {x: 0, y: 0, theta: 0}}
+  rates: {wheel: {x: V*sin(d), y: V*cos(d), theta: 0}}
+"""
+
+
+@pytest.mark.parametrize("d", [0.1, 1e-4, 1e-8])
+def test_a_wheel_that_moves_nearly_sideways_keeps_all_digits(d):
+    # I θ'' + C e (θ + e sin d θ'/V) = 0: the slip is π/2 − d − θ − e sin d θ'/V, and more of second order
+    exact = np.roots([0.5, 100 * 0.1**2 * np.sin(d) / 10, 100 * 0.1])
+    found = mbstab.loads(SIDEWAYS).eig(d=d).values()
+    assert np.max(np.abs(np.sort_complex(found) - np.sort_complex(exact))) <= 1e-13
+    assert np.max(np.abs(np.sort_complex(found).real / np.sort_complex(exact).real - 1.0)) <= 1e-6
+
+
+@pytest.mark.parametrize("relaxed", [False, True])
+def test_a_car_spins_past_the_directions_across_its_wheels(relaxed):
+    sigma = ", relaxation_length: 0.6" if relaxed else ""
+    text = (
+        "mbstab: 1\nbodies: {car: {type: planar, mass: 1400, inertia: 2200, points: {f: [1.2, 0], r: [-1.4, 0]}}}\n"
+        f"forces: {{f: {{type: tyre, at: car.f, cornering_stiffness: 9000{sigma}}}, "
+        f"r: {{type: tyre, at: car.r, cornering_stiffness: 8000{sigma}}}}}\n"
+        "reference: {coordinates: {car: {x: 0, y: 0, theta: 0}}, rates: {car: {x: 12, y: 0, theta: 3}}}\n"
+    )
+    sim = mbstab.loads(text).simulate(2.0, points=21, tol=1e-9)
+
+    def rate(t, y):
+        (x, v, turn), slips = y[3:6], y[6:]
+        c, s = np.cos(y[2]), np.sin(y[2])
+        force, moment, change = np.zeros(2), 0.0, []
+        for k, (arm, stiffness) in enumerate([(1.2, 9000.0), (-1.4, 8000.0)]):
+            along, across = c * x + s * v, -s * x + c * v + arm * turn
+            slip = np.arctan2(across, abs(along))
+            change.append(np.hypot(along, across) / 0.6 * (slip - slips[k]))
+            side = -stiffness * (slips[k] if relaxed else slip)
+            force, moment = force + side * np.array([-s, c]), moment + arm * side
+        return [*y[3:6], *force / 1400.0, moment / 2200.0, *change]
+
+    exact = solve_ivp(
+        rate, (0.0, 2.0), [0, 0, 0, 12, 0, 3, 0, 0], t_eval=sim.times, max_step=1e-3, rtol=1e-11, atol=1e-11
+    )
+    assert np.ptp(exact.y[2]) > 2.0
+    assert np.max(np.abs(sim.q[:, :3] - exact.y[:3].T)) < 1e-6

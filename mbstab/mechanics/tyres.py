@@ -1,6 +1,6 @@
 """Tyres: side force and aligning moment of a wheel that rolls with a slip angle.
 
-The slip angle α is that of the speed of the contact against the plane of the wheel, sin α = v_y/|v| with v_x of the
+The slip angle α is that of the speed of the contact against the plane of the wheel, tan α = v_y/|v_x| with v_x of the
 centre and v_y of the contact, positive to the left of the heading; the lean γ is positive to the right. Of the
 slip z = α + γ C_γ/C comes the side force −C z, with a peak D that of the Magic Formula,
 −D sin(S atan(x − E (x − atan x))) with x = C z/(S D), the shape factor S and the curvature factor E: it has the same
@@ -68,7 +68,7 @@ def _settled(at: _Rolling, p: Any) -> Any:
     """Return the slip without relaxation."""
     import sympy
 
-    slip = sympy.asin(at.across / at.speed)
+    slip = sympy.atan2(at.across, sympy.Function("abs")(at.along))
     return slip + p.camber[0] / p.cornering[0] * at.lean if at.lean != 0 else slip
 
 

@@ -12,9 +12,8 @@ def dynamics(f, q, u, p, s):
     w4 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
     w5 = w0*along_1 + w1*along_2
     w6 = w2*w3 + w4*w5
-    w7 = w3*w4 - w2*w5
     return (
-        -aligning*f.asin(w7/f.sqrt(w6*w6 + w7*w7))/f.signum(w6),
+        -aligning*f.atan2(w3*w4 - w2*w5, f.abs(w6))/f.signum(w6),
     )
 
 
@@ -40,22 +39,20 @@ def linearize(f, q, u, p, s):
     w10 = w0*along_1 + w1*along_2
     w11 = w9*w10
     w12 = w6 + w11
-    w13 = w4*w10
-    w14 = w5*w9
-    w15 = w14 - w13
-    w16 = f.sqrt(w12*w12 + w15*w15)
-    w17 = w6 - w8*w10 + w11 + w3*w5
-    w18 = w15/(w16*w16)
-    w19 = w17/w16 + (w12*(w14 - w3*w10 - (w13 + w5*w8)) - w15*w17)*w18/w16
-    w20 = w15/w16
-    w21 = f.sqrt(1 - w20*w20)
-    w22 = aligning/f.signum(w12)
-    w23 = w2*w10 + w5*w7
+    w13 = f.signum(w12)
+    w14 = f.abs(w12)
+    w15 = w4*w10
+    w16 = w5*w9
+    w17 = w16 - w15
+    w18 = w17*w17 + w14*w14
+    w19 = f.abs_slope(w12)
+    w20 = w14*(w6 - w8*w10 + w11 + w3*w5)/w18 + w17*(w16 - w3*w10 - (w15 + w5*w8))*w19/w18
+    w21 = aligning*(w14*(w2*w10 + w5*w7)/w18 - w17*w19*(w7*w10 - w2*w5)/w18)/w13
     return (
-        w19*w22/w21,
-        w22*(w10/w16 + w18*(w5*w12 - w10*w15)/w16)/w21,
-        -w22*(w5/w16 - w18*(w10*w12 + w5*w15)/w16)/w21,
-        -w22*(w23/w16 - w18*(w12*(w7*w10 - w2*w5) + w15*w23)/w16)/w21,
+        aligning*w20/w13,
+        aligning*(w10*w14/w18 + w5*w17*w19/w18)/w13,
+        -aligning*(w5*w14/w18 - w10*w17*w19/w18)/w13,
+        -w21,
     )
 
 

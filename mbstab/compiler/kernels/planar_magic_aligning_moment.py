@@ -12,11 +12,10 @@ def dynamics(f, q, u, p, s):
     w4 = y1_t + theta1_t*(point_1*w1 - w0*point_2)
     w5 = w0*along_1 + w1*along_2
     w6 = w2*w3 + w4*w5
-    w7 = w3*w4 - w2*w5
-    w8 = aligning*f.asin(w7/f.sqrt(w6*w6 + w7*w7))/(peak*shape_factor)
-    w9 = f.sin(shape_factor*f.atan(w8 - curvature_factor*(w8 - f.atan(w8))))
+    w7 = aligning*f.atan2(w3*w4 - w2*w5, f.abs(w6))/(peak*shape_factor)
+    w8 = f.sin(shape_factor*f.atan(w7 - curvature_factor*(w7 - f.atan(w7))))
     return (
-        -peak*w9/f.signum(w6),
+        -peak*w8/f.signum(w6),
     )
 
 
@@ -42,36 +41,37 @@ def linearize(f, q, u, p, s):
     w10 = w0*along_1 + w1*along_2
     w11 = w9*w10
     w12 = w6 + w11
-    w13 = w4*w10
-    w14 = w5*w9
-    w15 = w14 - w13
-    w16 = f.sqrt(w12*w12 + w15*w15)
-    w17 = w6 - w8*w10 + w11 + w3*w5
-    w18 = w15/(w16*w16)
-    w19 = w17/w16 + (w12*(w14 - w3*w10 - (w13 + w5*w8)) - w15*w17)*w18/w16
-    w20 = w15/w16
-    w21 = f.sqrt(1 - w20*w20)
-    w22 = aligning/(peak*shape_factor)
-    w23 = w19*w22/w21
-    w24 = aligning*f.asin(w20)/(peak*shape_factor)
-    w25 = 1 + w24*w24
-    w26 = w24 - curvature_factor*(w24 - f.atan(w24))
-    w27 = 1 + w26*w26
-    w28 = f.cos(shape_factor*f.atan(w26))
-    w29 = shape_factor*(w23 + curvature_factor*(w23/w25 - w23))*w28/w27
-    w30 = peak/f.signum(w12)
-    w31 = w22*(w10/w16 + w18*(w5*w12 - w10*w15)/w16)/w21
-    w32 = w28*shape_factor*(w31 + curvature_factor*(w31/w25 - w31))/w27
-    w33 = w22*(w5/w16 - w18*(w10*w12 + w5*w15)/w16)/w21
-    w34 = w28*shape_factor*(w33 - curvature_factor*(w33 - w33/w25))/w27
-    w35 = w2*w10 + w5*w7
-    w36 = w22*(w35/w16 - w18*(w12*(w7*w10 - w2*w5) + w15*w35)/w16)/w21
-    w37 = w28*shape_factor*(w36 - curvature_factor*(w36 - w36/w25))/w27
+    w13 = f.signum(w12)
+    w14 = f.abs(w12)
+    w15 = w4*w10
+    w16 = w5*w9
+    w17 = w16 - w15
+    w18 = w17*w17 + w14*w14
+    w19 = f.abs_slope(w12)
+    w20 = w14*(w6 - w8*w10 + w11 + w3*w5)/w18 + w17*(w16 - w3*w10 - (w15 + w5*w8))*w19/w18
+    w21 = aligning*w20/(peak*shape_factor)
+    w22 = f.atan2(w17, w14)
+    w23 = aligning*aligning*w22*w22/(peak*peak*shape_factor*shape_factor)
+    w24 = 1 + w23
+    w25 = curvature_factor*(aligning*w20/(peak*shape_factor*w24) - w21)
+    w26 = aligning*w22/(peak*shape_factor)
+    w27 = w26 - curvature_factor*(w26 - f.atan(w26))
+    w28 = 1 + w27*w27
+    w29 = f.cos(shape_factor*f.atan(w27))
+    w30 = w10*w14/w18 + w5*w17*w19/w18
+    w31 = aligning*w30/(peak*shape_factor)
+    w32 = curvature_factor*(aligning*w30/(peak*shape_factor*w24) - w31)
+    w33 = w5*w14/w18 - w10*w17*w19/w18
+    w34 = aligning*w33/(peak*shape_factor)
+    w35 = curvature_factor*(w34 - aligning*w33/(peak*shape_factor*w24))
+    w36 = w14*(w2*w10 + w5*w7)/w18 - w17*w19*(w7*w10 - w2*w5)/w18
+    w37 = aligning*w36/(peak*shape_factor)
+    w38 = curvature_factor*(w37 - aligning*w36/(peak*shape_factor*w24))
     return (
-        w29*w30,
-        w30*w32,
-        -w30*w34,
-        -w30*w37,
+        peak*shape_factor*(w21 + w25)*w29/(w13*w28),
+        peak*shape_factor*w29*(w31 + w32)/(w13*w28),
+        -peak*shape_factor*w29*(w34 - w35)/(w13*w28),
+        -peak*shape_factor*w29*(w37 - w38)/(w13*w28),
     )
 
 

@@ -10,22 +10,21 @@ def dynamics(f, q, u, p, s):
     w2 = w0*along_1 + w1*along_2
     w3 = point_1*w0 + point_2*w1
     w4 = x1_t - theta1_t*w3
-    w5 = w1*along_1 - w0*along_2
-    w6 = point_1*w1 - w0*point_2
-    w7 = y1_t + theta1_t*w6
-    w8 = w5*w7 - w4*w2
-    w9 = w4*w5 + w7*w2
-    w10 = f.sqrt(w9*w9 + w8*w8)
-    w11 = cornering*f.asin(w8/w10)/(peak*shape_factor)
-    w12 = shape_factor*f.atan(w11 - curvature_factor*(w11 - f.atan(w11)))
-    w13 = f.sin(w12)
-    w14 = peak*w13
-    w15 = w2*w14
-    w16 = w5*w14
+    w5 = point_1*w1 - w0*point_2
+    w6 = y1_t + theta1_t*w5
+    w7 = w1*along_1 - w0*along_2
+    w8 = w6*w7 - w4*w2
+    w9 = w4*w7 + w2*w6
+    w10 = cornering*f.atan2(w8, f.abs(w9))/(peak*shape_factor)
+    w11 = shape_factor*f.atan(w10 - curvature_factor*(w10 - f.atan(w10)))
+    w12 = f.sin(w11)
+    w13 = peak*w12
+    w14 = w2*w13
+    w15 = w7*w13
     return (
-        -w15,
-        w16,
-        w6*w16 - peak*w9*w13*trail/w10 + w3*w15,
+        -w14,
+        w15,
+        w5*w15 - peak*w9*w12*trail/f.sqrt(w9*w9 + w8*w8) + w3*w14,
     )
 
 
@@ -49,71 +48,68 @@ def linearize(f, q, u, p, s):
     w8 = point_1*w0 - w1*point_2
     w9 = theta1_t*w8
     w10 = y1_t + w9
-    w11 = w2*w10
+    w11 = w10*w2
     w12 = w11 - w7
     w13 = w5*w2
-    w14 = w10*w6
+    w14 = w6*w10
     w15 = w13 + w14
-    w16 = f.sqrt(w15*w15 + w12*w12)
-    w17 = w12/w16
-    w18 = cornering*f.asin(w17)/(peak*shape_factor)
+    w16 = f.abs(w15)
+    w17 = f.atan2(w12, w16)
+    w18 = cornering*w17/(peak*shape_factor)
     w19 = w18 - curvature_factor*(w18 - f.atan(w18))
     w20 = shape_factor*f.atan(w19)
     w21 = f.sin(w20)
     w22 = peak*w21
-    w23 = w2*w22
-    w24 = w13 - w9*w6 + w14 + w4*w2
-    w25 = w11 - w4*w6 - (w7 + w2*w9)
-    w26 = (w15*w25 - w12*w24)/w16
-    w27 = w12/(w16*w16)
-    w28 = f.sqrt(1 - w17*w17)
-    w29 = cornering/(peak*shape_factor)
-    w30 = (w24/w16 + w26*w27)*w29/w28
-    w31 = 1 + w18*w18
-    w32 = 1 + w19*w19
-    w33 = f.cos(w20)
-    w34 = shape_factor*(w30 + curvature_factor*(w30/w31 - w30))*w33/w32
-    w35 = peak*w34
-    w36 = w23 - w6*w35
-    w37 = w6*w22
-    w38 = w37 + w2*w35
-    w39 = peak*w21*trail/w16
-    w40 = peak*w15*w21*trail/(w16*w16)
-    w41 = peak*w15*trail/w16
-    w42 = w26*w40 - w25*w39 + w34*w41 - (w3*w23 + w8*w38) + w8*w37 + w3*w36
-    w43 = (w2*w15 - w6*w12)/w16
-    w44 = w29*(w6/w16 + w27*w43)/w28
-    w45 = w33*shape_factor*(w44 + curvature_factor*(w44/w31 - w44))/w32
-    w46 = peak*w45
-    w47 = w6*w46
-    w48 = (w6*w15 + w2*w12)/w16
-    w49 = w29*(w2/w16 - w27*w48)/w28
-    w50 = w33*shape_factor*(w49 - curvature_factor*(w49 - w49/w31))/w32
-    w51 = peak*w50
-    w52 = w6*w51
-    w53 = w3*w6 + w2*w8
-    w54 = w8*w6 - w3*w2
-    w55 = (w15*w54 + w12*w53)/w16
-    w56 = w29*(w53/w16 - w27*w55)/w28
-    w57 = w33*shape_factor*(w56 - curvature_factor*(w56 - w56/w31))/w32
-    w58 = peak*w57
-    w59 = w6*w58
-    w60 = w2*w46
-    w61 = w2*w51
-    w62 = w2*w58
+    w23 = w13 - w6*w9 + w14 + w4*w2
+    w24 = w12*w12
+    w25 = w24 + w16*w16
+    w26 = w11 - w4*w6 - (w7 + w9*w2)
+    w27 = f.abs_slope(w15)
+    w28 = w16*w23/w25 + w12*w26*w27/w25
+    w29 = cornering*w28/(peak*shape_factor)
+    w30 = cornering*cornering*w17*w17/(peak*peak*shape_factor*shape_factor)
+    w31 = 1 + w30
+    w32 = curvature_factor*(cornering*w28/(peak*shape_factor*w31) - w29)
+    w33 = w29 + w32
+    w34 = 1 + w19*w19
+    w35 = f.cos(w20)
+    w36 = w2*w22 - peak*shape_factor*w6*w33*w35/w34
+    w37 = w6*w22 + peak*shape_factor*w2*w33*w35/w34
+    w38 = f.sqrt(w15*w15 + w24)
+    w39 = peak*shape_factor*w15*trail*w33*w35/(w38*w34) - peak*w21*trail*w26/w38 + peak*w15*w21*trail*(w15*w26 - w12*w23)/(w38*w38*w38)
+    w40 = w6*w16/w25 + w2*w12*w27/w25
+    w41 = cornering*w40/(peak*shape_factor)
+    w42 = curvature_factor*(cornering*w40/(peak*shape_factor*w31) - w41)
+    w43 = w41 + w42
+    w44 = w2*w16/w25 - w6*w12*w27/w25
+    w45 = cornering*w44/(peak*shape_factor)
+    w46 = curvature_factor*(w45 - cornering*w44/(peak*shape_factor*w31))
+    w47 = w45 - w46
+    w48 = w3*w6 + w8*w2
+    w49 = w6*w8 - w3*w2
+    w50 = w16*w48/w25 - w12*w27*w49/w25
+    w51 = cornering*w50/(peak*shape_factor)
+    w52 = curvature_factor*(w51 - cornering*w50/(peak*shape_factor*w31))
+    w53 = w51 - w52
+    w54 = peak*shape_factor*w15*trail*w35*w43/(w38*w34) - peak*w2*w21*trail/w38 + peak*w15*w21*trail*(w2*w15 - w6*w12)/(w38*w38*w38)
+    w55 = peak*shape_factor*w8*w2*w35*w43/w34 - w54 + peak*shape_factor*w3*w6*w35*w43/w34
+    w56 = peak*w6*w21*trail/w38 + peak*shape_factor*w15*trail*w35*w47/(w38*w34) - peak*w15*w21*trail*(w6*w15 + w2*w12)/(w38*w38*w38)
+    w57 = peak*shape_factor*w8*w2*w35*w47/w34 - w56 + peak*shape_factor*w3*w6*w35*w47/w34
+    w58 = peak*w21*trail*w49/w38 + peak*shape_factor*w15*trail*w35*w53/(w38*w34) - peak*w15*w21*trail*(w15*w49 + w12*w48)/(w38*w38*w38)
+    w59 = peak*shape_factor*w8*w2*w35*w53/w34 - w58 + peak*shape_factor*w3*w6*w35*w53/w34
     return (
         -w36,
-        -w38,
-        w42,
-        w47,
-        -w52,
-        -w59,
-        -w60,
-        w61,
-        w62,
-        -(w8*w60 - (w40*w43 - w2*w39 + w41*w45) + w3*w47),
-        w8*w61 - (w6*w39 - w40*w48 + w41*w50) + w3*w52,
-        w8*w62 - (w39*w54 - w40*w55 + w41*w57) + w3*w59,
+        -w37,
+        w39 - (peak*w3*w2*w21 + w8*w37) + peak*w6*w8*w21 + w3*w36,
+        peak*shape_factor*w6*w35*w43/w34,
+        -peak*shape_factor*w6*w35*w47/w34,
+        -peak*shape_factor*w6*w35*w53/w34,
+        -peak*shape_factor*w2*w35*w43/w34,
+        peak*shape_factor*w2*w35*w47/w34,
+        peak*shape_factor*w2*w35*w53/w34,
+        -w55,
+        w57,
+        w59,
     )
 
 

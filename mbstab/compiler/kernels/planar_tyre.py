@@ -10,20 +10,20 @@ def dynamics(f, q, u, p, s):
     w2 = w0*along_1 + w1*along_2
     w3 = point_1*w0 + point_2*w1
     w4 = x1_t - theta1_t*w3
-    w5 = w1*along_1 - w0*along_2
-    w6 = point_1*w1 - w0*point_2
-    w7 = y1_t + theta1_t*w6
-    w8 = w5*w7 - w4*w2
-    w9 = w4*w5 + w7*w2
-    w10 = f.sqrt(w9*w9 + w8*w8)
-    w11 = f.asin(w8/w10)
-    w12 = cornering*w11
-    w13 = w2*w12
-    w14 = w5*w12
+    w5 = point_1*w1 - w0*point_2
+    w6 = y1_t + theta1_t*w5
+    w7 = w1*along_1 - w0*along_2
+    w8 = w6*w7 - w4*w2
+    w9 = w4*w7 + w2*w6
+    w10 = f.atan2(w8, f.abs(w9))
+    w11 = cornering*w10
+    w12 = w2*w11
+    w13 = w7*w11
+    w14 = w5*w13 - cornering*w9*w10*trail/f.sqrt(w9*w9 + w8*w8) + w3*w12
     return (
-        -w13,
+        -w12,
+        w13,
         w14,
-        w6*w14 - cornering*w9*w11*trail/w10 + w3*w13,
     )
 
 
@@ -47,60 +47,46 @@ def linearize(f, q, u, p, s):
     w8 = point_1*w0 - w1*point_2
     w9 = theta1_t*w8
     w10 = y1_t + w9
-    w11 = w2*w10
+    w11 = w10*w2
     w12 = w11 - w7
     w13 = w5*w2
-    w14 = w10*w6
+    w14 = w6*w10
     w15 = w13 + w14
-    w16 = f.sqrt(w15*w15 + w12*w12)
-    w17 = w12/w16
-    w18 = f.asin(w17)
-    w19 = cornering*w18
-    w20 = w2*w19
-    w21 = w13 - w9*w6 + w14 + w4*w2
-    w22 = w11 - w4*w6 - (w7 + w2*w9)
-    w23 = (w15*w22 - w12*w21)/w16
-    w24 = w12/(w16*w16)
-    w25 = f.sqrt(1 - w17*w17)
-    w26 = (w21/w16 + w23*w24)/w25
-    w27 = cornering*w26
-    w28 = w20 - w6*w27
-    w29 = w6*w19
-    w30 = w29 + w2*w27
-    w31 = cornering*w18*trail/w16
-    w32 = cornering*w15*w18*trail/(w16*w16)
-    w33 = cornering*w15*trail/w16
-    w34 = w23*w32 - w22*w31 + w26*w33 - (w3*w20 + w8*w30) + w8*w29 + w3*w28
-    w35 = (w2*w15 - w6*w12)/w16
-    w36 = (w6/w16 + w24*w35)/w25
-    w37 = cornering*w36
-    w38 = w6*w37
-    w39 = (w6*w15 + w2*w12)/w16
-    w40 = (w2/w16 - w24*w39)/w25
-    w41 = cornering*w40
-    w42 = w6*w41
-    w43 = w3*w6 + w2*w8
-    w44 = w8*w6 - w3*w2
-    w45 = (w15*w44 + w12*w43)/w16
-    w46 = (w43/w16 - w24*w45)/w25
-    w47 = cornering*w46
-    w48 = w6*w47
-    w49 = w2*w37
-    w50 = w2*w41
-    w51 = w2*w47
+    w16 = f.abs(w15)
+    w17 = f.atan2(w12, w16)
+    w18 = cornering*w17
+    w19 = w13 - w6*w9 + w14 + w4*w2
+    w20 = w12*w12
+    w21 = w20 + w16*w16
+    w22 = w11 - w4*w6 - (w7 + w9*w2)
+    w23 = f.abs_slope(w15)
+    w24 = w16*w19/w21 + w12*w22*w23/w21
+    w25 = w2*w18 - cornering*w6*w24
+    w26 = w6*w18 + cornering*w2*w24
+    w27 = f.sqrt(w15*w15 + w20)
+    w28 = cornering*w15*trail*w24/w27 - cornering*w17*trail*w22/w27 + cornering*w15*w17*trail*(w15*w22 - w12*w19)/(w27*w27*w27)
+    w29 = w28 - (cornering*w3*w2*w17 + w8*w26) + cornering*w6*w8*w17 + w3*w25
+    w30 = w6*w16/w21 + w2*w12*w23/w21
+    w31 = w2*w16/w21 - w6*w12*w23/w21
+    w32 = w3*w6 + w8*w2
+    w33 = w6*w8 - w3*w2
+    w34 = w16*w32/w21 - w12*w23*w33/w21
+    w35 = cornering*w15*trail*w30/w27 - cornering*w2*w17*trail/w27 + cornering*w15*w17*trail*(w2*w15 - w6*w12)/(w27*w27*w27)
+    w36 = cornering*w6*w17*trail/w27 + cornering*w15*trail*w31/w27 - cornering*w15*w17*trail*(w6*w15 + w2*w12)/(w27*w27*w27)
+    w37 = cornering*w17*trail*w33/w27 + cornering*w15*trail*w34/w27 - cornering*w15*w17*trail*(w15*w33 + w12*w32)/(w27*w27*w27)
     return (
-        -w28,
-        -w30,
-        w34,
-        w38,
-        -w42,
-        -w48,
-        -w49,
-        w50,
-        w51,
-        -(w8*w49 - (w32*w35 - w2*w31 + w33*w36) + w3*w38),
-        w8*w50 - (w6*w31 - w32*w39 + w33*w40) + w3*w42,
-        w8*w51 - (w31*w44 - w32*w45 + w33*w46) + w3*w48,
+        -w25,
+        -w26,
+        w29,
+        cornering*w6*w30,
+        -cornering*w6*w31,
+        -cornering*w6*w34,
+        -cornering*w2*w30,
+        cornering*w2*w31,
+        cornering*w2*w34,
+        -(cornering*w8*w2*w30 - w35 + cornering*w3*w6*w30),
+        cornering*w8*w2*w31 - w36 + cornering*w3*w6*w31,
+        cornering*w8*w2*w34 - w37 + cornering*w3*w6*w34,
     )
 
 

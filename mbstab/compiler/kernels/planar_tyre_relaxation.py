@@ -17,36 +17,34 @@ def dynamics(f, q, u, p, s):
     w9 = w0*along_1 + w1*along_2
     w10 = w4*w5 + w8*w9
     w11 = w5*w8 - w4*w9
-    w12 = f.sqrt(w10*w10 + w11*w11)
-    w13 = w11/w12
-    w14 = f.asin(w13) - c2
-    w15 = c2_t - w12*w14/relaxation
-    w16 = f.sqrt(1 - w13*w13)
-    w17 = w12/relaxation
-    w18 = w17/w16
-    w19 = w14/relaxation
-    w20 = w11/(w12*w12)
-    w21 = (w20*w18 - w19)/w12
-    w22 = w11*w21 - w18/w12
-    w23 = w10*w21
-    w24 = w5*w23 - w9*w22
-    w25 = w5*w22 + w9*w23
-    w26 = theta1_t*w7
-    w27 = theta1_t*w0
-    w28 = theta1_t*w1
-    w29 = along_1*w27 + along_2*w28
-    w30 = theta1_t*w3
-    w31 = along_1*w28 - along_2*w27
-    w32 = w4*w31 - w9*w26 + w8*w29 + w5*w30
-    w33 = (w10*(w8*w31 - w9*w30 - (w5*w26 + w4*w29)) - w11*w32)/w12
+    w12 = w11*w11
+    w13 = f.sqrt(w10*w10 + w12)
+    w14 = f.abs(w10)
+    w15 = f.atan2(w11, w14) - c2
+    w16 = c2_t - w13*w15/relaxation
+    w17 = w12 + w14*w14
+    w18 = w13*w14/(relaxation*w17) + w11*w15/(relaxation*w13)
+    w19 = f.abs_slope(w10)
+    w20 = w11*w13*w19/(relaxation*w17) - w10*w15/(relaxation*w13)
+    w21 = w9*w18 + w5*w20
+    w22 = w9*w20 - w5*w18
+    w23 = theta1_t*w7
+    w24 = theta1_t*w0
+    w25 = theta1_t*w1
+    w26 = along_1*w24 + along_2*w25
+    w27 = theta1_t*w3
+    w28 = along_1*w25 - along_2*w24
+    w29 = w8*w28 - w9*w27 - (w5*w23 + w4*w26)
+    w30 = w4*w28 - w9*w23 + w8*w26 + w5*w27
+    w31 = w15*(w10*w29 - w11*w30)/(relaxation*w13) - w13*(c2_t + w14*w30/w17 + w11*w29*w19/w17)/relaxation
     return (
-        w15,
-        w15,
-        w24,
-        w25,
-        w6*w25 - w2*w24,
+        w16,
+        w16,
+        w21,
+        w22,
+        w6*w22 - w2*w21,
         1,
-        -(w33*w19 - (c2_t + (w32/w12 + w33*w20)/w16)*w17),
+        -w31,
     )
 
 
@@ -67,101 +65,96 @@ def linearize(f, q, u, p, s, nu):
     w1 = f.sin(theta1)
     w2 = w0*along_1 - w1*along_2
     w3 = point_1*w1 + point_2*w0
-    w4 = theta1_t*w3
-    w5 = x1_t - w4
-    w6 = w5*w2
-    w7 = point_1*w0 - w1*point_2
-    w8 = theta1_t*w7
-    w9 = y1_t + w8
-    w10 = w1*along_1 + w0*along_2
-    w11 = w9*w10
-    w12 = w6 + w11
-    w13 = w5*w10
-    w14 = w2*w9
-    w15 = w14 - w13
-    w16 = f.sqrt(w12*w12 + w15*w15)
-    w17 = w15/w16
-    w18 = f.sqrt(1 - w17*w17)
-    w19 = w16/relaxation
-    w20 = nu1*w19
-    w21 = w20/w18
-    w22 = (f.asin(w17) - c2)/relaxation
-    w23 = w15/(w16*w16)
-    w24 = w23*w21 - nu1*w22
-    w25 = w24/w16
-    w26 = w15*w25 - w21/w16
-    w27 = w2*w26
-    w28 = w14 - w4*w10 - (w13 + w2*w8)
-    w29 = w6 - w8*w10 + w11 + w4*w2
-    w30 = (w12*w28 - w15*w29)/w16
-    w31 = w21/(w16*w16)
-    w32 = w29/w16 + w23*w30
-    w33 = w20/(w18*w18)
-    w34 = nu1*w30/(w18*relaxation) - w17*w32*w33/w18
-    w35 = w24/(w16*w16)
-    w36 = w32/w18
-    w37 = w15/(w16*w16*w16)
-    w38 = nu1*w36/relaxation + w23*w34 - w21*(w29/(w16*w16) + 2*w30*w37)
-    w39 = w38/w16 - w30*w35
-    w40 = w15*w39 - w25*w29 - (w34/w16 - w30*w31)
-    w41 = w12*w25
-    w42 = w10*w41
-    w43 = w25*w28 + w12*w39
-    w44 = w2*w43 - w42 - (w27 + w10*w40)
-    w45 = nu1/(w16*relaxation)
-    w46 = w15*w45
-    w47 = w12*w45
-    w48 = w2*w47 - w10*w46
-    w49 = w10*w26
-    w50 = w2*w41
-    w51 = w2*w40 - w49 + w50 + w10*w43
-    w52 = w2*w46 + w10*w47
-    w53 = w7*w52 - w3*w48
-    w54 = (w2*w12 - w10*w15)/w16
-    w55 = w10/w16 + w23*w54
-    w56 = w48/w18 - w33*w17*w55/w18
-    w57 = w10*w25
-    w58 = nu1*w55/(relaxation*w18) + w23*w56 - w21*(w10/(w16*w16) + 2*w37*w54)
-    w59 = w58/w16 - w35*w54
-    w60 = w2*w25
-    w61 = w2*(w60 + w12*w59) - w10*(w15*w59 - w57 - (w56/w16 - w31*w54))
-    w62 = (w10*w12 + w2*w15)/w16
-    w63 = w2/w16 - w23*w62
-    w64 = w33*w17*w63/w18 + w52/w18
-    w65 = w21*(w2/(w16*w16) - 2*w37*w62) + w23*w64 - nu1*w63/(relaxation*w18)
-    w66 = w65/w16 - w35*w62
-    w67 = w60 + w15*w66 - (w64/w16 - w31*w62)
-    w68 = w57 + w12*w66
-    w69 = w2*w68 - w10*w67
-    w70 = w7*w10 - w3*w2
-    w71 = w3*w10 + w2*w7
-    w72 = (w12*w70 + w15*w71)/w16
-    w73 = w71/w16 - w23*w72
-    w74 = w33*w17*w73/w18 + w53/w18
-    w75 = w21*(w71/(w16*w16) - 2*w37*w72) + w23*w74 - nu1*w73/(relaxation*w18)
-    w76 = w75/w16 - w35*w72
-    w77 = w25*w71 + w15*w76 - (w74/w16 - w31*w72)
-    w78 = w25*w70 + w12*w76
-    w79 = w2*w78 - w10*w77
-    w80 = w2*w77 + w10*w78
+    w4 = x1_t - theta1_t*w3
+    w5 = w4*w2
+    w6 = point_1*w0 - w1*point_2
+    w7 = y1_t + theta1_t*w6
+    w8 = w1*along_1 + w0*along_2
+    w9 = w7*w8
+    w10 = w5 + w9
+    w11 = w4*w8
+    w12 = w2*w7
+    w13 = w12 - w11
+    w14 = w13*w13
+    w15 = f.sqrt(w10*w10 + w14)
+    w16 = f.abs(w10)
+    w17 = w14 + w16*w16
+    w18 = f.atan2(w13, w16) - c2
+    w19 = w15*w16*nu1/(relaxation*w17) + w13*w18*nu1/(relaxation*w15)
+    w20 = w2*w19
+    w21 = w12 - theta1_t*w3*w8 - (w11 + theta1_t*w2*w6)
+    w22 = w5 - theta1_t*w6*w8 + w9 + theta1_t*w3*w2
+    w23 = w10*w21 - w13*w22
+    w24 = f.abs_slope(w10)
+    w25 = w16*nu1*w23/(relaxation*w15*w17) + w15*nu1*w24*w21/(relaxation*w17) - 2*w15*w16*nu1*w23/(relaxation*w17*w17)
+    w26 = w16*w22/w17 + w13*w24*w21/w17
+    w27 = w18*nu1*w22/(relaxation*w15) + w13*w18*nu1*w23/(relaxation*w15*w15*w15) + w13*nu1*w26/(relaxation*w15)
+    w28 = w25 - w27
+    w29 = w13*w15*nu1*w24/(relaxation*w17) - w10*w18*nu1/(relaxation*w15)
+    w30 = w8*w29
+    w31 = w15*nu1*w24*w22/(relaxation*w17) - w13*nu1*w24*w23/(relaxation*w15*w17) + 2*w13*w15*nu1*w24*w23/(relaxation*w17*w17)
+    w32 = w10*w18*nu1*w23/(relaxation*w15*w15*w15) - w18*nu1*w21/(relaxation*w15) + w10*nu1*w26/(relaxation*w15)
+    w33 = w32 - w31
+    w34 = w20 + w8*w28 + w2*w33 - w30
+    w35 = w2*w10*nu1/(relaxation*w15) - w8*w13*nu1/(relaxation*w15)
+    w36 = w8*w19
+    w37 = w2*w29
+    w38 = w37 + w8*w33 - (w2*w28 - w36)
+    w39 = w2*w13*nu1/(relaxation*w15) + w8*w10*nu1/(relaxation*w15)
+    w40 = w2*w10 - w8*w13
+    w41 = w2*w15*nu1*w24/(relaxation*w17)
+    w42 = w16*nu1*w40/(relaxation*w15*w17) + w41 - 2*w15*w16*nu1*w40/(relaxation*w17*w17)
+    w43 = w8*w18*nu1/(relaxation*w15)
+    w44 = w8*w16/w17 + w2*w13*w24/w17
+    w45 = w43 + w13*w18*nu1*w40/(relaxation*w15*w15*w15) + w13*nu1*w44/(relaxation*w15)
+    w46 = w42 - w45
+    w47 = w8*w15*nu1*w24/(relaxation*w17)
+    w48 = w47 - w13*nu1*w24*w40/(relaxation*w15*w17) + 2*w13*w15*nu1*w24*w40/(relaxation*w17*w17)
+    w49 = w2*w18*nu1/(relaxation*w15)
+    w50 = w10*w18*nu1*w40/(relaxation*w15*w15*w15) - w49 + w10*nu1*w44/(relaxation*w15)
+    w51 = w50 - w48
+    w52 = w8*w46 + w2*w51
+    w53 = w8*w10 + w2*w13
+    w54 = w47 + w16*nu1*w53/(relaxation*w15*w17) - 2*w15*w16*nu1*w53/(relaxation*w17*w17)
+    w55 = w2*w16/w17 - w8*w13*w24/w17
+    w56 = w49 - w13*w18*nu1*w53/(relaxation*w15*w15*w15) + w13*nu1*w55/(relaxation*w15)
+    w57 = w54 + w56
+    w58 = w41 + w13*nu1*w24*w53/(relaxation*w15*w17) - 2*w13*w15*nu1*w24*w53/(relaxation*w17*w17)
+    w59 = w43 - w10*w18*nu1*w53/(relaxation*w15*w15*w15) + w10*nu1*w55/(relaxation*w15)
+    w60 = w58 - w59
+    w61 = w8*w57 + w2*w60
+    w62 = w6*w8 - w3*w2
+    w63 = w3*w8 + w2*w6
+    w64 = w10*w62 + w13*w63
+    w65 = w16*nu1*w64/(relaxation*w15*w17) + w15*nu1*w24*w62/(relaxation*w17) - 2*w15*w16*nu1*w64/(relaxation*w17*w17)
+    w66 = w16*w63/w17 - w13*w24*w62/w17
+    w67 = w18*nu1*w63/(relaxation*w15) - w13*w18*nu1*w64/(relaxation*w15*w15*w15) + w13*nu1*w66/(relaxation*w15)
+    w68 = w65 + w67
+    w69 = w15*nu1*w24*w63/(relaxation*w17) + w13*nu1*w24*w64/(relaxation*w15*w17) - 2*w13*w15*nu1*w24*w64/(relaxation*w17*w17)
+    w70 = w18*nu1*w62/(relaxation*w15) - w10*w18*nu1*w64/(relaxation*w15*w15*w15) + w10*nu1*w66/(relaxation*w15)
+    w71 = w69 - w70
+    w72 = w8*w68 + w2*w71
+    w73 = w8*w51 - w2*w46
+    w74 = w8*w60 - w2*w57
+    w75 = w8*w71 - w2*w68
     return (
-        w44,
-        w48,
-        w51,
+        w34,
+        w35,
+        w38,
+        w39,
+        w6*w38 - w3*(w30 - w20) - (w6*(w36 + w37) + w3*w34),
+        w6*w39 - w3*w35,
         w52,
-        w7*w51 - w3*(w27 + w42) - (w7*(w50 - w49) + w3*w44),
-        w53,
         w61,
-        w69,
-        w79,
-        w69,
-        w2*w67 + w10*w68,
-        w80,
-        w79,
-        w80,
-        w7*w80 - w3*w79,
-        -(w22*w30 - w19*w36),
-        w19,
+        w72,
+        w73,
+        w74,
+        w75,
+        w6*w73 - w3*w52,
+        w6*w74 - w3*w61,
+        w6*w75 - w3*w72,
+        -(w18*w23/(relaxation*w15) - w15*w26/relaxation),
+        w15/relaxation,
     )
 
 
@@ -182,73 +175,69 @@ def linearize_rows(f, q, u, p, s, a):
     w2 = point_1*w0 + point_2*w1
     w3 = theta1_t*w2
     w4 = x1_t - w3
-    w5 = w0*along_1 + w1*along_2
+    w5 = w1*along_1 - w0*along_2
     w6 = w4*w5
-    w7 = w1*along_1 - w0*along_2
-    w8 = point_1*w1 - w0*point_2
-    w9 = theta1_t*w8
-    w10 = y1_t + w9
-    w11 = w7*w10
-    w12 = w11 - w6
-    w13 = w4*w7
-    w14 = w10*w5
-    w15 = w13 + w14
-    w16 = f.sqrt(w15*w15 + w12*w12)
-    w17 = w12/w16
-    w18 = (f.asin(w17) - c2)/relaxation
-    w19 = w13 - w9*w5 + w14 + w3*w7
-    w20 = (w15*(w11 - w3*w5 - (w6 + w7*w9)) - w12*w19)/w16
-    w21 = w16/relaxation
-    w22 = f.sqrt(1 - w17*w17)
-    w23 = w12/(w16*w16)
-    w24 = w21/w22
-    w25 = w23*w24 - w18
-    w26 = w25/w16
-    w27 = w12*w26 - w24/w16
-    w28 = w15*w26
-    w29 = w10*w28 - w4*w27
-    w30 = w10*w27 + w4*w28
-    w31 = along_1*w29 - along_2*w30
-    w32 = x1_tt - (theta1_t*w9 + w2*theta1_tt)
-    w33 = y1_tt + w8*theta1_tt - theta1_t*w3
+    w7 = point_1*w1 - w0*point_2
+    w8 = theta1_t*w7
+    w9 = y1_t + w8
+    w10 = w0*along_1 + w1*along_2
+    w11 = w9*w10
+    w12 = w6 + w11
+    w13 = w4*w10
+    w14 = w5*w9
+    w15 = w14 - w13
+    w16 = w15*w15
+    w17 = f.sqrt(w12*w12 + w16)
+    w18 = f.abs(w12)
+    w19 = f.atan2(w15, w18) - c2
+    w20 = w14 - theta1_t*w2*w10 - (w13 + theta1_t*w5*w7)
+    w21 = w6 - theta1_t*w7*w10 + w11 + theta1_t*w2*w5
+    w22 = w16 + w18*w18
+    w23 = f.abs_slope(w12)
+    w24 = w19*(w12*w20 - w15*w21)/(relaxation*w17) - w17*(w18*w21/w22 + w15*w23*w20/w22)/relaxation
+    w25 = w17/relaxation
+    w26 = w17*w18/(relaxation*w22) + w15*w19/(relaxation*w17)
+    w27 = w15*w17*w23/(relaxation*w22) - w12*w19/(relaxation*w17)
+    w28 = w4*w26 + w9*w27
+    w29 = w4*w27 - w9*w26
+    w30 = along_1*w28 - along_2*w29
+    w31 = x1_tt - (theta1_t*w8 + w2*theta1_tt)
+    w32 = y1_tt + w7*theta1_tt - theta1_t*w3
+    w33 = theta1_t*w0
     w34 = theta1_t*w1
-    w35 = theta1_t*w0
-    w36 = along_1*w34 - along_2*w35
-    w37 = along_1*w35 + along_2*w34
-    w38 = w7*w33 - w10*w37 - (w4*w36 + w5*w32)
-    w39 = w7*w32 - w4*w37 + w10*w36 + w5*w33
-    w40 = w15*w39 + w12*w38
-    w41 = w40/w16
-    w42 = w24*w41
-    w43 = w38/w16 - w23*w41
-    w44 = w41/relaxation
-    w45 = w17*w21*w43/(w22*w22*w22) + w44/w22
-    w46 = w25*w40/(w16*w16) - w24*w38/(w16*w16) + (w43/w22 - c2_t)/relaxation + 2*w12*w42/(w16*w16*w16) - w23*w45
-    w47 = w46/w16
-    w48 = w26*w38 + w42/(w16*w16) - w45/w16 - w12*w47
-    w49 = w26*w39 - w15*w47
-    w50 = w28*w33 - w27*w32 - w4*w48 + w10*w49
-    w51 = w7*w27 + w5*w28
-    w52 = w7*w28 - w5*w27
-    w53 = w36*w28 - w37*w27 + w7*w48 + w5*w49
-    w54 = w53 - theta1_t*w52
-    w55 = theta1_tt*w51 + theta1_t*w54
-    w56 = w27*w33 + w28*w32 + w10*w48 + w4*w49
-    w57 = w36*w27 + w37*w28 + w5*w48 - w7*w49
-    w58 = w57 - theta1_t*w51
-    w59 = theta1_t*w58 - theta1_tt*w52
-    w60 = theta1_t*w31 + along_2*w50 + point_1*w55 + along_1*w56 + point_2*w59
-    w61 = along_2*w29 + along_1*w30
-    w62 = theta1_t*w61 - along_1*w50 + point_2*w55 + along_2*w56 - point_1*w59
+    w35 = along_1*w33 + along_2*w34
+    w36 = along_1*w34 - along_2*w33
+    w37 = w5*w31 - w4*w35 + w9*w36 + w10*w32
+    w38 = w5*w32 - w9*w35 - (w4*w36 + w10*w31)
+    w39 = w12*w37 + w15*w38
+    w40 = w17*w18*w38/(relaxation*w22*w22) - w15*w17*w23*w37/(relaxation*w22*w22)
+    w41 = w19*w39/(relaxation*w17*w17) - (w18*w38/w22 - w15*w23*w37/w22 - c2_t)/relaxation
+    w42 = w17*w23*w37/(relaxation*w22) - w19*w38/(relaxation*w17) - w18*w39/(relaxation*w17*w22) + w15*(2*w40 + w41/w17)
+    w43 = 2*w18*w40 - w17*w38/(relaxation*w22) + w15*w39/(relaxation*w17*w22)
+    w44 = w23*w43 - w19*w37/(relaxation*w17) + w12*w41/w17
+    w45 = w26*w31 + w27*w32 - w4*w42 + w9*w44
+    w46 = w10*w27 - w5*w26
+    w47 = w10*w26 + w5*w27
+    w48 = w35*w26 + w36*w27 + w5*w42 + w10*w44
+    w49 = w48 - theta1_t*w47
+    w50 = theta1_tt*w46 + theta1_t*w49
+    w51 = w27*w31 - w26*w32 + w9*w42 + w4*w44
+    w52 = w36*w26 - w35*w27 - w10*w42 + w5*w44
+    w53 = theta1_t*w46 + w52
+    w54 = theta1_tt*w47 + theta1_t*w53
+    w55 = theta1_t*w30 + along_2*w45 + point_1*w50 + along_1*w51 - point_2*w54
+    w56 = along_2*w28 + along_1*w29
+    w57 = theta1_t*w56 - along_1*w45 + point_2*w50 + along_2*w51 + point_1*w54
+    w58 = theta1_t*w2*w46 + theta1_t*w7*w47 + w0*w56 - w1*w30 - w7*w49 + w2*w53
     return (
-        -(w18*w20 - w21*(w19/w16 + w23*w20)/w22),
-        w21,
-        -(w0*w60 + w1*w62),
-        w44,
-        -w57,
-        w53,
-        w1*w31 - w3*w51 - w9*w52 - w0*w61 + w8*w54 + w2*w58,
-        w21,
+        -w24,
+        w25,
+        -(w0*w55 + w1*w57),
+        w39/(relaxation*w17),
+        w52,
+        w48,
+        -w58,
+        w25,
     )
 
 

@@ -55,19 +55,18 @@ def dynamics(f, q, u, p, s):
     w47 = base1_31*w39 + base1_32*w40 + base1_33*w41
     w48 = (normal_2*w16 - normal_3*w14)*(x1_t + w33 + w34 + w35 - w44*w46 + w38*w47)/w18
     w49 = (normal_3*w17 - normal_1*w16)*(y1_t + w24 + w27 + w29 - w43*w47 + w42*w46)/w18
-    w50 = w45 + w48 + w49
-    w51 = camber*f.atan2(w37, w18)/cornering + f.asin(w50/f.sqrt(w50*w50 + w36*w36))
-    w52 = aligning*w51/f.signum(w36)
-    w53 = normal_3*w52
-    w54 = normal_2*w52
-    w55 = normal_1*w52
-    w56 = base1_31*w53 + base1_21*w54 + base1_11*w55
-    w57 = base1_33*w53 + base1_23*w54 + base1_13*w55
-    w58 = base1_32*w53 + base1_22*w54 + base1_12*w55
+    w50 = camber*f.atan2(w37, w18)/cornering + f.atan2(w45 + w48 + w49, f.abs(w36))
+    w51 = aligning*w50/f.signum(w36)
+    w52 = normal_3*w51
+    w53 = normal_2*w51
+    w54 = normal_1*w51
+    w55 = base1_31*w52 + base1_21*w53 + base1_11*w54
+    w56 = base1_33*w52 + base1_23*w53 + base1_13*w54
+    w57 = base1_32*w52 + base1_22*w53 + base1_12*w54
     return (
-        -w56,
-        -(w9*w57 + w7*w58),
-        -(w57*w4*w7 - w58*w4*w9 + w0*w56),
+        -w55,
+        -(w9*w56 + w7*w57),
+        -(w56*w4*w7 - w57*w4*w9 + w0*w55),
     )
 
 
@@ -80,329 +79,270 @@ def linearize(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, cornering, camber, = p
-    w0 = f.sin(psi1)
+    w0 = f.sin(theta1)
     w1 = f.cos(psi1)
-    w2 = axle_1*w0 + w1*axle_2
-    w3 = f.sin(phi1)
-    w4 = f.cos(phi1)
-    w5 = f.cos(theta1)
-    w6 = f.sin(theta1)
-    w7 = axle_1*w1 - axle_2*w0
-    w8 = axle_3*w5 - w6*w7
-    w9 = w2*w3 + w4*w8
-    w10 = w2*w4 - w8*w3
-    w11 = w10*base1_13 - w9*base1_12
-    w12 = w10*base1_23 - w9*base1_22
-    w13 = w10*base1_33 - base1_32*w9
-    w14 = normal_1*w11 + normal_2*w12 + normal_3*w13
-    w15 = axle_3*w6 + w7*w5
-    w16 = base1_31*w15 + base1_32*w10 + base1_33*w9
-    w17 = w15*base1_11 + w10*base1_12 + w9*base1_13
-    w18 = normal_1*w16 - normal_3*w17
-    w19 = w15*base1_21 + w10*base1_22 + w9*base1_23
-    w20 = w17*normal_2 - normal_1*w19
-    w21 = normal_3*w19 - w16*normal_2
-    w22 = f.sqrt(w18*w18 + w20*w20 + w21*w21)
-    w23 = normal_1*w17 + normal_2*w19 + w16*normal_3
-    w24 = w23*w23 + w22*w22
-    w25 = w22/w24
-    w26 = normal_1*w13 - normal_3*w11
-    w27 = normal_2*w11 - normal_1*w12
-    w28 = normal_3*w12 - normal_2*w13
-    w29 = (w18*w26 + w20*w27 + w21*w28)/w22
-    w30 = w23/w24
-    w31 = camber/cornering
-    w32 = normal_1*w18 - normal_2*w21
-    w33 = w0*center_1 + w1*center_2
-    w34 = w3*w33
-    w35 = w1*center_1 - w0*center_2
-    w36 = w5*center_3 - w6*w35
-    w37 = w34 + w4*w36
-    w38 = w4*w33
-    w39 = w38 - w3*w36
-    w40 = base1_33*w39 - base1_32*w37
-    w41 = phi1_t*w40
-    w42 = w4*w35 - w6*w3*w33
-    w43 = w3*w35 + w6*w4*w33
-    w44 = base1_32*w42 + base1_33*w43 - base1_31*w5*w33
-    w45 = psi1_t*w44
-    w46 = w6*center_3 + w5*w35
-    w47 = base1_31*w36 - w4*base1_33*w46 + base1_32*w3*w46
+    w2 = f.sin(psi1)
+    w3 = axle_1*w1 - axle_2*w2
+    w4 = f.cos(theta1)
+    w5 = axle_3*w0 + w3*w4
+    w6 = axle_1*w2 + w1*axle_2
+    w7 = f.cos(phi1)
+    w8 = axle_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
+    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
+    w14 = normal_1*w12 - normal_3*w13
+    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w16 = w13*normal_2 - normal_1*w15
+    w17 = normal_3*w15 - w12*normal_2
+    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
+    w19 = w2*center_1 + w1*center_2
+    w20 = w9*w19
+    w21 = w1*center_1 - w2*center_2
+    w22 = w4*center_3 - w0*w21
+    w23 = w20 + w7*w22
+    w24 = w7*w19
+    w25 = w24 - w9*w22
+    w26 = base1_23*w25 - base1_22*w23
+    w27 = phi1_t*w26
+    w28 = w7*w21 - w0*w9*w19
+    w29 = w9*w21 + w0*w7*w19
+    w30 = base1_22*w28 + base1_23*w29 - w4*base1_21*w19
+    w31 = psi1_t*w30
+    w32 = w0*center_3 + w4*w21
+    w33 = base1_21*w22 - w7*base1_23*w32 + w9*base1_22*w32
+    w34 = theta1_t*w33
+    w35 = y1_t + w27 + w31 + w34
+    w36 = base1_33*w25 - base1_32*w23
+    w37 = phi1_t*w36
+    w38 = base1_32*w28 + base1_33*w29 - base1_31*w4*w19
+    w39 = psi1_t*w38
+    w40 = base1_31*w22 - w7*base1_33*w32 + base1_32*w9*w32
+    w41 = theta1_t*w40
+    w42 = z1_t + w37 + w39 + w41
+    w43 = base1_13*w25 - base1_12*w23
+    w44 = phi1_t*w43
+    w45 = base1_12*w28 + base1_13*w29 - w4*base1_11*w19
+    w46 = psi1_t*w45
+    w47 = base1_11*w22 - w7*base1_13*w32 + w9*base1_12*w32
     w48 = theta1_t*w47
-    w49 = normal_2 - w19*w23
-    w50 = normal_2*tube + radius*w49/w22
-    w51 = phi1_t + w6*psi1_t
-    w52 = w4*theta1_t - w5*w3*psi1_t
-    w53 = w3*theta1_t + w5*w4*psi1_t
-    w54 = base1_11*w51 + base1_12*w52 + base1_13*w53
-    w55 = normal_1 - w17*w23
-    w56 = normal_1*tube + radius*w55/w22
-    w57 = base1_21*w51 + base1_22*w52 + base1_23*w53
-    w58 = z1_t + w41 + w45 + w48 - w50*w54 + w56*w57
-    w59 = normal_2*w20 - normal_3*w18
-    w60 = base1_13*w39 - base1_12*w37
-    w61 = phi1_t*w60
-    w62 = base1_12*w42 + base1_13*w43 - w5*base1_11*w33
-    w63 = psi1_t*w62
-    w64 = base1_11*w36 - w4*base1_13*w46 + w3*base1_12*w46
-    w65 = theta1_t*w64
-    w66 = normal_3 - w16*w23
-    w67 = normal_3*tube + radius*w66/w22
-    w68 = base1_31*w51 + base1_32*w52 + base1_33*w53
-    w69 = x1_t + w61 + w63 + w65 - w57*w67 + w50*w68
-    w70 = normal_3*w21 - normal_1*w20
-    w71 = base1_23*w39 - base1_22*w37
-    w72 = phi1_t*w71
-    w73 = base1_22*w42 + base1_23*w43 - w5*base1_21*w33
-    w74 = psi1_t*w73
-    w75 = base1_21*w36 - w4*base1_23*w46 + w3*base1_22*w46
-    w76 = theta1_t*w75
-    w77 = y1_t + w72 + w74 + w76 - w56*w68 + w54*w67
-    w78 = w32*w58/w22 + w59*w69/w22 + w70*w77/w22
-    w79 = y1_t + w72 + w74 + w76
-    w80 = z1_t + w41 + w45 + w48
-    w81 = x1_t + w61 + w63 + w65
-    w82 = w18*w79/w22 + w20*w80/w22 + w21*w81/w22
-    w83 = f.sqrt(w78*w78 + w82*w82)
-    w84 = w32*w58/(w22*w22)
-    w85 = w58/w22
-    w86 = phi1_t*(base1_32*w39 + base1_33*w37)
-    w87 = base1_33*w42 - base1_32*w43
-    w88 = psi1_t*w87
-    w89 = w3*base1_33*w46 + w4*base1_32*w46
-    w90 = theta1_t*w89
-    w91 = radius*w49/(w22*w22)
-    w92 = radius/w22
-    w93 = w29*w91 + (w23*w12 + w19*w14)*w92
-    w94 = base1_13*w52 - base1_12*w53
-    w95 = radius*w55/(w22*w22)
-    w96 = w29*w95 + w92*(w23*w11 + w17*w14)
-    w97 = base1_23*w52 - base1_22*w53
-    w98 = w32/w22
-    w99 = (w88 - w86 + w90 - (w50*w94 - w54*w93) + w56*w97 - w57*w96)*w98
-    w100 = w59*w69/(w22*w22)
-    w101 = w69/w22
-    w102 = phi1_t*(base1_12*w39 + base1_13*w37)
-    w103 = base1_13*w42 - base1_12*w43
+    w49 = x1_t + w44 + w46 + w48
+    w50 = w14*w35/w18 + w16*w42/w18 + w17*w49/w18
+    w51 = f.signum(w50)
+    w52 = w10*base1_13 - w11*base1_12
+    w53 = w10*base1_23 - w11*base1_22
+    w54 = w10*base1_33 - base1_32*w11
+    w55 = normal_1*w52 + normal_2*w53 + normal_3*w54
+    w56 = normal_1*w13 + normal_2*w15 + w12*normal_3
+    w57 = w56*w56 + w18*w18
+    w58 = normal_1*w54 - normal_3*w52
+    w59 = normal_2*w52 - normal_1*w53
+    w60 = normal_3*w53 - normal_2*w54
+    w61 = (w14*w58 + w16*w59 + w17*w60)/w18
+    w62 = f.abs(w50)
+    w63 = normal_1*w14 - normal_2*w17
+    w64 = normal_2 - w15*w56
+    w65 = normal_2*tube + radius*w64/w18
+    w66 = phi1_t + w0*psi1_t
+    w67 = w7*theta1_t - w4*w9*psi1_t
+    w68 = w9*theta1_t + w4*w7*psi1_t
+    w69 = base1_11*w66 + base1_12*w67 + base1_13*w68
+    w70 = normal_1 - w13*w56
+    w71 = normal_1*tube + radius*w70/w18
+    w72 = base1_21*w66 + base1_22*w67 + base1_23*w68
+    w73 = z1_t + w37 + w39 + w41 - w65*w69 + w71*w72
+    w74 = phi1_t*(base1_32*w25 + base1_33*w23)
+    w75 = base1_33*w28 - base1_32*w29
+    w76 = psi1_t*w75
+    w77 = w9*base1_33*w32 + w7*base1_32*w32
+    w78 = theta1_t*w77
+    w79 = radius/w18
+    w80 = w61*radius*w64/(w18*w18) + (w56*w53 + w15*w55)*w79
+    w81 = base1_13*w67 - base1_12*w68
+    w82 = w61*radius*w70/(w18*w18) + w79*(w56*w52 + w13*w55)
+    w83 = base1_23*w67 - base1_22*w68
+    w84 = (w76 - w74 + w78 - (w65*w81 - w69*w80) + w71*w83 - w72*w82)*w63/w18
+    w85 = (normal_1*w58 - normal_2*w60)*w73/w18 - w61*w63*w73/(w18*w18) + w84
+    w86 = normal_2*w16 - normal_3*w14
+    w87 = normal_3 - w12*w56
+    w88 = normal_3*tube + radius*w87/w18
+    w89 = base1_31*w66 + base1_32*w67 + base1_33*w68
+    w90 = x1_t + w44 + w46 + w48 - w72*w88 + w65*w89
+    w91 = phi1_t*(base1_12*w25 + base1_13*w23)
+    w92 = base1_13*w28 - base1_12*w29
+    w93 = psi1_t*w92
+    w94 = w9*base1_13*w32 + w7*base1_12*w32
+    w95 = theta1_t*w94
+    w96 = w61*radius*w87/(w18*w18) + w79*(w56*w54 + w12*w55)
+    w97 = base1_33*w67 - base1_32*w68
+    w98 = (w93 - w91 + w95 - (w88*w83 - w72*w96) + w65*w97 - w89*w80)*w86/w18
+    w99 = (normal_2*w59 - normal_3*w58)*w90/w18 - w61*w86*w90/(w18*w18) + w98
+    w100 = normal_3*w17 - normal_1*w16
+    w101 = y1_t + w27 + w31 + w34 - w71*w89 + w69*w88
+    w102 = phi1_t*(base1_22*w25 + base1_23*w23)
+    w103 = base1_23*w28 - base1_22*w29
     w104 = psi1_t*w103
-    w105 = w3*base1_13*w46 + w4*base1_12*w46
+    w105 = w9*base1_23*w32 + w7*base1_22*w32
     w106 = theta1_t*w105
-    w107 = radius*w66/(w22*w22)
-    w108 = w29*w107 + w92*(w23*w13 + w16*w14)
-    w109 = base1_33*w52 - base1_32*w53
-    w110 = w104 - w102 + w106 - (w67*w97 - w57*w108) + w50*w109 - w68*w93
-    w111 = w59/w22
-    w112 = w70*w77/(w22*w22)
-    w113 = w77/w22
-    w114 = phi1_t*(base1_22*w39 + base1_23*w37)
-    w115 = base1_23*w42 - base1_22*w43
-    w116 = psi1_t*w115
-    w117 = w3*base1_23*w46 + w4*base1_22*w46
-    w118 = theta1_t*w117
-    w119 = w116 - w114 + w118 - (w56*w109 - w68*w96) + w67*w94 - w54*w108
-    w120 = w70/w22
-    w121 = (normal_1*w26 - normal_2*w28)*w85 - w29*w84 + w99 + (normal_2*w27 - normal_3*w26)*w101 - w29*w100 + w110*w111 + (normal_3*w28 - normal_1*w27)*w113 - w29*w112 + w119*w120
-    w122 = w79/w22
-    w123 = w18*w79/(w22*w22)
-    w124 = w18/w22
-    w125 = w80/w22
-    w126 = w20*w80/(w22*w22)
-    w127 = w20/w22
-    w128 = w81/w22
-    w129 = w21*w81/(w22*w22)
-    w130 = w21/w22
-    w131 = w26*w122 - w29*w123 + (w116 - w114 + w118)*w124 + w27*w125 - w29*w126 + (w88 - w86 + w90)*w127 + w28*w128 - w29*w129 + (w104 - w102 + w106)*w130
-    w132 = w78/(w83*w83)
-    w133 = w78/w83
-    w134 = f.sqrt(1 - w133*w133)
-    w135 = (w14*w25 - w29*w30)*w31 + (w121/w83 - (w78*w121 + w82*w131)*w132/w83)/w134
-    w136 = f.signum(w82)
-    w137 = aligning/w136
-    w138 = w135*w137
-    w139 = normal_3*w138
-    w140 = normal_2*w138
-    w141 = normal_1*w138
-    w142 = base1_31*w139 + base1_21*w140 + base1_11*w141
-    w143 = w15*w3
-    w144 = w15*w4
-    w145 = w8*base1_11 + base1_12*w143 - base1_13*w144
-    w146 = w8*base1_21 + base1_22*w143 - base1_23*w144
-    w147 = base1_31*w8 + base1_32*w143 - base1_33*w144
-    w148 = normal_1*w145 + normal_2*w146 + normal_3*w147
-    w149 = normal_1*w147 - normal_3*w145
-    w150 = normal_2*w145 - normal_1*w146
-    w151 = normal_3*w146 - normal_2*w147
-    w152 = (w18*w149 + w20*w150 + w21*w151)/w22
-    w153 = phi1_t*w89
-    w154 = w5*w34
-    w155 = w5*w38
-    w156 = base1_33*w155 - base1_32*w154 + w6*base1_31*w33
-    w157 = psi1_t*w156
-    w158 = theta1_t*(base1_31*w46 + w36*w4*base1_33 - w36*base1_32*w3)
-    w159 = w91*w152 + w92*(w23*w146 + w19*w148)
-    w160 = w5*psi1_t
-    w161 = w6*w3*psi1_t
-    w162 = w6*w4*psi1_t
-    w163 = base1_11*w160 + base1_12*w161 - base1_13*w162
-    w164 = w95*w152 + w92*(w23*w145 + w17*w148)
-    w165 = base1_21*w160 + base1_22*w161 - base1_23*w162
-    w166 = w153 + w157 - w158 - (w50*w163 - w54*w159) + w56*w165 - w57*w164
-    w167 = phi1_t*w105
-    w168 = base1_13*w155 - base1_12*w154 + w6*base1_11*w33
-    w169 = psi1_t*w168
-    w170 = theta1_t*(base1_11*w46 + w36*w4*base1_13 - w36*w3*base1_12)
-    w171 = w107*w152 + w92*(w23*w147 + w16*w148)
-    w172 = base1_31*w160 + base1_32*w161 - base1_33*w162
-    w173 = w167 + w169 - w170 - (w67*w165 - w57*w171) + w50*w172 - w68*w159
-    w174 = phi1_t*w117
-    w175 = base1_23*w155 - base1_22*w154 + w6*base1_21*w33
-    w176 = psi1_t*w175
-    w177 = theta1_t*(base1_21*w46 + w36*w4*base1_23 - w36*w3*base1_22)
-    w178 = w174 + w176 - w177 - (w56*w172 - w68*w164) + w67*w163 - w54*w171
-    w179 = w85*(normal_1*w149 - normal_2*w151) - w84*w152 + w98*w166 + w101*(normal_2*w150 - normal_3*w149) - w100*w152 + w111*w173 + w113*(normal_3*w151 - normal_1*w150) - w112*w152 + w120*w178
-    w180 = w122*w149 - w123*w152 + w124*(w174 + w176 - w177) + w125*w150 - w126*w152 + w127*(w153 + w157 - w158) + w128*w151 - w129*w152 + w130*(w167 + w169 - w170)
-    w181 = w31*(w25*w148 - w30*w152) + (w179/w83 - w132*(w78*w179 + w82*w180)/w83)/w134
-    w182 = w137*w181
-    w183 = normal_3*w182
-    w184 = normal_2*w182
-    w185 = normal_1*w182
-    w186 = base1_31*w183 + base1_21*w184 + base1_11*w185
-    w187 = w5*w2
-    w188 = w6*w2
-    w189 = w7*w4 - w3*w188
-    w190 = w7*w3 + w4*w188
-    w191 = base1_12*w189 - base1_11*w187 + base1_13*w190
-    w192 = base1_22*w189 - base1_21*w187 + base1_23*w190
-    w193 = base1_32*w189 - base1_31*w187 + base1_33*w190
-    w194 = normal_1*w191 + normal_2*w192 + normal_3*w193
-    w195 = normal_1*w193 - normal_3*w191
-    w196 = normal_2*w191 - normal_1*w192
-    w197 = normal_3*w192 - normal_2*w193
-    w198 = (w18*w195 + w20*w196 + w21*w197)/w22
-    w199 = phi1_t*w87
-    w200 = w6*w3
-    w201 = w38 + w35*w200
-    w202 = w6*w4
-    w203 = w35*w202 - w34
-    w204 = psi1_t*(base1_32*w201 - base1_33*w203 + w35*base1_31*w5)
-    w205 = theta1_t*w156
-    w206 = w91*w198 + w92*(w23*w192 + w19*w194)
-    w207 = w95*w198 + w92*(w23*w191 + w17*w194)
-    w208 = w85*(normal_1*w195 - normal_2*w197) - w84*w198 + w98*(w199 - w204 + w205 + w54*w206 - w57*w207)
-    w209 = phi1_t*w103
-    w210 = psi1_t*(base1_12*w201 - base1_13*w203 + w35*w5*base1_11)
-    w211 = theta1_t*w168
-    w212 = w107*w198 + w92*(w23*w193 + w16*w194)
-    w213 = w101*(normal_2*w196 - normal_3*w195) - w100*w198 + w111*(w209 - w210 + w211 + w57*w212 - w68*w206)
-    w214 = phi1_t*w115
-    w215 = psi1_t*(base1_22*w201 - base1_23*w203 + w35*w5*base1_21)
-    w216 = theta1_t*w175
-    w217 = w113*(normal_3*w197 - normal_1*w196) - w112*w198 + w120*(w214 - w215 + w216 + w68*w207 - w54*w212)
-    w218 = w208 + w213 + w217
-    w219 = w122*w195 - w123*w198 + w124*(w214 - w215 + w216) + w125*w196 - w126*w198 + w127*(w199 - w204 + w205) + w128*w197 - w129*w198 + w130*(w209 - w210 + w211)
-    w220 = w31*(w25*w194 - w30*w198) + (w218/w83 - w132*(w78*w218 + w82*w219)/w83)/w134
-    w221 = w137*w220
-    w222 = normal_3*w221
-    w223 = normal_2*w221
-    w224 = normal_1*w221
-    w225 = base1_31*w222 + base1_21*w223 + base1_11*w224
-    w226 = aligning*(camber*f.atan2(w23, w22)/cornering + f.asin(w133))/w136
-    w227 = normal_3*w226
-    w228 = normal_2*w226
-    w229 = normal_1*w226
-    w230 = base1_33*w227 + base1_23*w228 + base1_13*w229
-    w231 = base1_33*w139 + base1_23*w140 + base1_13*w141
-    w232 = base1_32*w227 + base1_22*w228 + base1_12*w229
-    w233 = base1_32*w139 + base1_22*w140 + base1_12*w141
-    w234 = base1_33*w183 + base1_23*w184 + base1_13*w185
-    w235 = base1_32*w183 + base1_22*w184 + base1_12*w185
-    w236 = base1_33*w222 + base1_23*w223 + base1_13*w224
-    w237 = base1_32*w222 + base1_22*w223 + base1_12*w224
-    w238 = w5*w4
-    w239 = w5*w3
-    w240 = w238*w234 - w230*w202 - (w239*w235 - w232*w200) + w5*(base1_31*w227 + base1_21*w228 + base1_11*w229) + w6*w186
-    w241 = w137*(w111/w83 - w132*(w78*w111 + w82*w130)/w83)/w134
-    w242 = normal_3*w241
-    w243 = normal_2*w241
-    w244 = normal_1*w241
-    w245 = base1_31*w242 + base1_21*w243 + base1_11*w244
-    w246 = w137*(w120/w83 - w132*(w78*w120 + w82*w124)/w83)/w134
-    w247 = normal_3*w246
-    w248 = normal_2*w246
-    w249 = normal_1*w246
-    w250 = base1_31*w247 + base1_21*w248 + base1_11*w249
-    w251 = w137*(w98/w83 - w132*(w78*w98 + w82*w127)/w83)/w134
-    w252 = normal_3*w251
-    w253 = normal_2*w251
-    w254 = normal_1*w251
-    w255 = base1_31*w252 + base1_21*w253 + base1_11*w254
-    w256 = w98*(w40 - base1_11*w50 + base1_21*w56) + w111*(w60 - base1_21*w67 + base1_31*w50) + w120*(w71 - base1_31*w56 + base1_11*w67)
-    w257 = w256/w83 - w132*(w78*w256 + w82*(w71*w124 + w40*w127 + w60*w130))/w83
-    w258 = w137*w257/w134
-    w259 = normal_3*w258
-    w260 = normal_2*w258
-    w261 = normal_1*w258
-    w262 = base1_31*w259 + base1_21*w260 + base1_11*w261
-    w263 = w4*base1_12 + w3*base1_13
-    w264 = w4*base1_22 + w3*base1_23
-    w265 = base1_32*w4 + w3*base1_33
-    w266 = w98*(w47 - w50*w263 + w56*w264) + w111*(w64 - w67*w264 + w50*w265) + w120*(w75 - w56*w265 + w67*w263)
-    w267 = w266/w83 - w132*(w78*w266 + w82*(w75*w124 + w47*w127 + w64*w130))/w83
-    w268 = w137*w267/w134
-    w269 = normal_3*w268
-    w270 = normal_2*w268
-    w271 = normal_1*w268
-    w272 = base1_31*w269 + base1_21*w270 + base1_11*w271
-    w273 = w6*base1_11 - base1_12*w239 + base1_13*w238
-    w274 = w6*base1_21 - base1_22*w239 + base1_23*w238
-    w275 = base1_31*w6 - base1_32*w239 + base1_33*w238
-    w276 = w98*(w44 - w50*w273 + w56*w274) + w111*(w62 - w67*w274 + w50*w275) + w120*(w73 - w56*w275 + w67*w273)
-    w277 = w276/w83 - w132*(w78*w276 + w82*(w73*w124 + w44*w127 + w62*w130))/w83
-    w278 = w137*w277/w134
-    w279 = normal_3*w278
-    w280 = normal_2*w278
-    w281 = normal_1*w278
-    w282 = base1_31*w279 + base1_21*w280 + base1_11*w281
-    w283 = base1_33*w242 + base1_23*w243 + base1_13*w244
-    w284 = base1_32*w242 + base1_22*w243 + base1_12*w244
-    w285 = base1_33*w247 + base1_23*w248 + base1_13*w249
-    w286 = base1_32*w247 + base1_22*w248 + base1_12*w249
-    w287 = base1_33*w252 + base1_23*w253 + base1_13*w254
-    w288 = base1_32*w252 + base1_22*w253 + base1_12*w254
-    w289 = base1_33*w259 + base1_23*w260 + base1_13*w261
-    w290 = base1_32*w259 + base1_22*w260 + base1_12*w261
-    w291 = base1_33*w269 + base1_23*w270 + base1_13*w271
-    w292 = base1_32*w269 + base1_22*w270 + base1_12*w271
-    w293 = base1_33*w279 + base1_23*w280 + base1_13*w281
-    w294 = base1_32*w279 + base1_22*w280 + base1_12*w281
+    w107 = (w104 - w102 + w106 - (w71*w97 - w89*w82) + w88*w81 - w69*w96)*w100/w18
+    w108 = (normal_3*w60 - normal_1*w59)*w101/w18 - w61*w100*w101/(w18*w18) + w107
+    w109 = w63*w73/w18 + w86*w90/w18 + w100*w101/w18
+    w110 = w109*w109 + w62*w62
+    w111 = w58*w35/w18 - w61*w14*w35/(w18*w18) + (w104 - w102 + w106)*w14/w18
+    w112 = w59*w42/w18 - w61*w16*w42/(w18*w18) + (w76 - w74 + w78)*w16/w18
+    w113 = w60*w49/w18 - w61*w17*w49/(w18*w18) + (w93 - w91 + w95)*w17/w18
+    w114 = f.abs_slope(w50)
+    w115 = w62*(w85 + w99 + w108)/w110 - w109*(w111 + w112 + w113)*w114/w110
+    w116 = (w55*w18/w57 - w61*w56/w57)*camber/cornering + w115
+    w117 = aligning*base1_31*normal_3*w116/w51 + aligning*normal_2*base1_21*w116/w51 + aligning*normal_1*base1_11*w116/w51
+    w118 = w8*base1_11 + w5*w9*base1_12 - w5*w7*base1_13
+    w119 = w8*base1_21 + w5*w9*base1_22 - w5*w7*base1_23
+    w120 = base1_31*w8 + w5*base1_32*w9 - w5*w7*base1_33
+    w121 = normal_1*w118 + normal_2*w119 + normal_3*w120
+    w122 = normal_1*w120 - normal_3*w118
+    w123 = normal_2*w118 - normal_1*w119
+    w124 = normal_3*w119 - normal_2*w120
+    w125 = w14*w122 + w16*w123 + w17*w124
+    w126 = phi1_t*w77
+    w127 = w4*w7*base1_33*w19 - w4*base1_32*w9*w19 + base1_31*w0*w19
+    w128 = psi1_t*w127
+    w129 = theta1_t*(base1_31*w32 + w7*base1_33*w22 - base1_32*w9*w22)
+    w130 = radius*w64*w125/(w18*w18*w18) + radius*(w56*w119 + w15*w121)/w18
+    w131 = w4*base1_11*psi1_t + w0*w9*base1_12*psi1_t - w0*w7*base1_13*psi1_t
+    w132 = radius*w70*w125/(w18*w18*w18) + radius*(w56*w118 + w13*w121)/w18
+    w133 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
+    w134 = w126 + w128 - w129 - (w65*w131 - w69*w130) + w71*w133 - w72*w132
+    w135 = w73*(normal_1*w122 - normal_2*w124)/w18 - w63*w73*w125/(w18*w18*w18) + w63*w134/w18
+    w136 = phi1_t*w94
+    w137 = w4*w7*base1_13*w19 - w4*w9*base1_12*w19 + w0*base1_11*w19
+    w138 = psi1_t*w137
+    w139 = theta1_t*(base1_11*w32 + w7*base1_13*w22 - w9*base1_12*w22)
+    w140 = radius*w87*w125/(w18*w18*w18) + radius*(w56*w120 + w12*w121)/w18
+    w141 = base1_31*w4*psi1_t + w0*base1_32*w9*psi1_t - w0*w7*base1_33*psi1_t
+    w142 = w136 + w138 - w139 - (w88*w133 - w72*w140) + w65*w141 - w89*w130
+    w143 = w90*(normal_2*w123 - normal_3*w122)/w18 - w86*w90*w125/(w18*w18*w18) + w86*w142/w18
+    w144 = phi1_t*w105
+    w145 = w4*w7*base1_23*w19 - w4*w9*base1_22*w19 + w0*base1_21*w19
+    w146 = psi1_t*w145
+    w147 = theta1_t*(base1_21*w32 + w7*base1_23*w22 - w9*base1_22*w22)
+    w148 = w144 + w146 - w147 - (w71*w141 - w89*w132) + w88*w131 - w69*w140
+    w149 = w101*(normal_3*w124 - normal_1*w123)/w18 - w100*w101*w125/(w18*w18*w18) + w100*w148/w18
+    w150 = w35*w122/w18 - w14*w35*w125/(w18*w18*w18) + w14*(w144 + w146 - w147)/w18
+    w151 = w42*w123/w18 - w16*w42*w125/(w18*w18*w18) + w16*(w126 + w128 - w129)/w18
+    w152 = w49*w124/w18 - w17*w49*w125/(w18*w18*w18) + w17*(w136 + w138 - w139)/w18
+    w153 = w62*(w135 + w143 + w149)/w110 - w109*w114*(w150 + w151 + w152)/w110
+    w154 = camber*(w18*w121/w57 - w56*w125/(w18*w57))/cornering + w153
+    w155 = aligning*base1_31*normal_3*w154/w51 + aligning*normal_2*base1_21*w154/w51 + aligning*normal_1*base1_11*w154/w51
+    w156 = w3*w7 - w0*w6*w9
+    w157 = w3*w9 + w0*w6*w7
+    w158 = base1_12*w156 - w4*w6*base1_11 + base1_13*w157
+    w159 = base1_22*w156 - w4*w6*base1_21 + base1_23*w157
+    w160 = base1_32*w156 - base1_31*w4*w6 + base1_33*w157
+    w161 = normal_1*w158 + normal_2*w159 + normal_3*w160
+    w162 = normal_1*w160 - normal_3*w158
+    w163 = normal_2*w158 - normal_1*w159
+    w164 = normal_3*w159 - normal_2*w160
+    w165 = w14*w162 + w16*w163 + w17*w164
+    w166 = phi1_t*w75
+    w167 = w24 + w0*w9*w21
+    w168 = w0*w7*w21 - w20
+    w169 = psi1_t*(base1_32*w167 - base1_33*w168 + base1_31*w4*w21)
+    w170 = theta1_t*w127
+    w171 = radius*w64*w165/(w18*w18*w18) + radius*(w56*w159 + w15*w161)/w18
+    w172 = radius*w70*w165/(w18*w18*w18) + radius*(w56*w158 + w13*w161)/w18
+    w173 = w73*(normal_1*w162 - normal_2*w164)/w18 - w63*w73*w165/(w18*w18*w18) + w63*(w166 - w169 + w170 + w69*w171 - w72*w172)/w18
+    w174 = phi1_t*w92
+    w175 = psi1_t*(base1_12*w167 - base1_13*w168 + w4*base1_11*w21)
+    w176 = theta1_t*w137
+    w177 = radius*w87*w165/(w18*w18*w18) + radius*(w56*w160 + w12*w161)/w18
+    w178 = w90*(normal_2*w163 - normal_3*w162)/w18 - w86*w90*w165/(w18*w18*w18) + w86*(w174 - w175 + w176 + w72*w177 - w89*w171)/w18
+    w179 = phi1_t*w103
+    w180 = psi1_t*(base1_22*w167 - base1_23*w168 + w4*base1_21*w21)
+    w181 = theta1_t*w145
+    w182 = w101*(normal_3*w164 - normal_1*w163)/w18 - w100*w101*w165/(w18*w18*w18) + w100*(w179 - w180 + w181 + w89*w172 - w69*w177)/w18
+    w183 = w35*w162/w18 - w14*w35*w165/(w18*w18*w18) + w14*(w179 - w180 + w181)/w18
+    w184 = w42*w163/w18 - w16*w42*w165/(w18*w18*w18) + w16*(w166 - w169 + w170)/w18
+    w185 = w49*w164/w18 - w17*w49*w165/(w18*w18*w18) + w17*(w174 - w175 + w176)/w18
+    w186 = w62*(w173 + w178 + w182)/w110 - w109*w114*(w183 + w184 + w185)/w110
+    w187 = camber*(w18*w161/w57 - w56*w165/(w18*w57))/cornering + w186
+    w188 = aligning*base1_31*normal_3*w187/w51 + aligning*normal_2*base1_21*w187/w51 + aligning*normal_1*base1_11*w187/w51
+    w189 = aligning*(camber*f.atan2(w56, w18)/cornering + f.atan2(w109, w62))/w51
+    w190 = normal_3*w189
+    w191 = normal_2*w189
+    w192 = normal_1*w189
+    w193 = base1_33*w190 + base1_23*w191 + base1_13*w192
+    w194 = aligning*base1_33*normal_3*w116/w51 + aligning*normal_2*base1_23*w116/w51 + aligning*normal_1*base1_13*w116/w51
+    w195 = base1_32*w190 + base1_22*w191 + base1_12*w192
+    w196 = aligning*base1_32*normal_3*w116/w51 + aligning*normal_2*base1_22*w116/w51 + aligning*normal_1*base1_12*w116/w51
+    w197 = aligning*base1_33*normal_3*w154/w51 + aligning*normal_2*base1_23*w154/w51 + aligning*normal_1*base1_13*w154/w51
+    w198 = aligning*base1_32*normal_3*w154/w51 + aligning*normal_2*base1_22*w154/w51 + aligning*normal_1*base1_12*w154/w51
+    w199 = aligning*base1_33*normal_3*w187/w51 + aligning*normal_2*base1_23*w187/w51 + aligning*normal_1*base1_13*w187/w51
+    w200 = aligning*base1_32*normal_3*w187/w51 + aligning*normal_2*base1_22*w187/w51 + aligning*normal_1*base1_12*w187/w51
+    w201 = w4*w7*w194 - w4*w9*w193 - (w4*w9*w196 + w4*w7*w195) + w0*w117
+    w202 = w4*w7*w197 - w0*w7*w193 - (w4*w9*w198 - w0*w9*w195) + w4*(base1_31*w190 + base1_21*w191 + base1_11*w192) + w0*w155
+    w203 = w86*w62/(w18*w110) - w17*w109*w114/(w18*w110)
+    w204 = aligning*base1_31*normal_3*w203/w51 + aligning*normal_2*base1_21*w203/w51 + aligning*normal_1*base1_11*w203/w51
+    w205 = w100*w62/(w18*w110) - w14*w109*w114/(w18*w110)
+    w206 = aligning*base1_31*normal_3*w205/w51 + aligning*normal_2*base1_21*w205/w51 + aligning*normal_1*base1_11*w205/w51
+    w207 = w63*w62/(w18*w110) - w16*w109*w114/(w18*w110)
+    w208 = aligning*base1_31*normal_3*w207/w51 + aligning*normal_2*base1_21*w207/w51 + aligning*normal_1*base1_11*w207/w51
+    w209 = w63*(w36 - base1_11*w65 + base1_21*w71)/w18 + w86*(w43 - base1_21*w88 + base1_31*w65)/w18 + w100*(w26 - base1_31*w71 + base1_11*w88)/w18
+    w210 = w62*w209/w110 - w109*w114*(w14*w26/w18 + w16*w36/w18 + w17*w43/w18)/w110
+    w211 = aligning*base1_31*normal_3*w210/w51 + aligning*normal_2*base1_21*w210/w51 + aligning*normal_1*base1_11*w210/w51
+    w212 = w7*base1_12 + w9*base1_13
+    w213 = w7*base1_22 + w9*base1_23
+    w214 = base1_32*w7 + w9*base1_33
+    w215 = w63*(w40 - w65*w212 + w71*w213)/w18 + w86*(w47 - w88*w213 + w65*w214)/w18 + w100*(w33 - w71*w214 + w88*w212)/w18
+    w216 = w62*w215/w110 - w109*w114*(w14*w33/w18 + w16*w40/w18 + w17*w47/w18)/w110
+    w217 = aligning*base1_31*normal_3*w216/w51 + aligning*normal_2*base1_21*w216/w51 + aligning*normal_1*base1_11*w216/w51
+    w218 = w0*base1_11 - w4*w9*base1_12 + w4*w7*base1_13
+    w219 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
+    w220 = base1_31*w0 - w4*base1_32*w9 + w4*w7*base1_33
+    w221 = w63*(w38 - w65*w218 + w71*w219)/w18 + w86*(w45 - w88*w219 + w65*w220)/w18 + w100*(w30 - w71*w220 + w88*w218)/w18
+    w222 = w62*w221/w110 - w109*w114*(w14*w30/w18 + w16*w38/w18 + w17*w45/w18)/w110
+    w223 = aligning*base1_31*normal_3*w222/w51 + aligning*normal_2*base1_21*w222/w51 + aligning*normal_1*base1_11*w222/w51
+    w224 = aligning*base1_33*normal_3*w203/w51 + aligning*normal_2*base1_23*w203/w51 + aligning*normal_1*base1_13*w203/w51
+    w225 = aligning*base1_32*normal_3*w203/w51 + aligning*normal_2*base1_22*w203/w51 + aligning*normal_1*base1_12*w203/w51
+    w226 = aligning*base1_33*normal_3*w205/w51 + aligning*normal_2*base1_23*w205/w51 + aligning*normal_1*base1_13*w205/w51
+    w227 = aligning*base1_32*normal_3*w205/w51 + aligning*normal_2*base1_22*w205/w51 + aligning*normal_1*base1_12*w205/w51
+    w228 = aligning*base1_33*normal_3*w207/w51 + aligning*normal_2*base1_23*w207/w51 + aligning*normal_1*base1_13*w207/w51
+    w229 = aligning*base1_32*normal_3*w207/w51 + aligning*normal_2*base1_22*w207/w51 + aligning*normal_1*base1_12*w207/w51
+    w230 = aligning*base1_33*normal_3*w210/w51 + aligning*normal_2*base1_23*w210/w51 + aligning*normal_1*base1_13*w210/w51
+    w231 = aligning*base1_32*normal_3*w210/w51 + aligning*normal_2*base1_22*w210/w51 + aligning*normal_1*base1_12*w210/w51
+    w232 = aligning*base1_33*normal_3*w216/w51 + aligning*normal_2*base1_23*w216/w51 + aligning*normal_1*base1_13*w216/w51
+    w233 = aligning*base1_32*normal_3*w216/w51 + aligning*normal_2*base1_22*w216/w51 + aligning*normal_1*base1_12*w216/w51
+    w234 = aligning*base1_33*normal_3*w222/w51 + aligning*normal_2*base1_23*w222/w51 + aligning*normal_1*base1_13*w222/w51
+    w235 = aligning*base1_32*normal_3*w222/w51 + aligning*normal_2*base1_22*w222/w51 + aligning*normal_1*base1_12*w222/w51
     return (
-        -w142,
-        -w186,
-        -w225,
-        -(w4*w230 + w3*w231 + w4*w233 - w3*w232),
-        -(w3*w234 + w4*w235),
-        -(w3*w236 + w4*w237),
-        -(w238*w231 - w230*w239 - (w239*w233 + w238*w232) + w6*w142),
-        -w240,
-        -(w238*w236 - w239*w237 + w6*w225),
-        -w245,
-        -w250,
-        -w255,
-        -w262,
-        -w272,
-        -w282,
-        -(w3*w283 + w4*w284),
-        -(w3*w285 + w4*w286),
-        -(w3*w287 + w4*w288),
-        -(w3*w289 + w4*w290),
-        -(w3*w291 + w4*w292),
-        -(w3*w293 + w4*w294),
-        -(w238*w283 - w239*w284 + w6*w245),
-        -(w238*w285 - w239*w286 + w6*w250),
-        -(w238*w287 - w239*w288 + w6*w255),
-        -(w238*w289 - w239*w290 + w6*w262),
-        -(w238*w291 - w239*w292 + w6*w272),
-        -(w238*w293 - w239*w294 + w6*w282),
+        -w117,
+        -w155,
+        -w188,
+        -(w7*w193 + w9*w194 + w7*w196 - w9*w195),
+        -(w9*w197 + w7*w198),
+        -(w9*w199 + w7*w200),
+        -w201,
+        -w202,
+        -(w4*w7*w199 - w4*w9*w200 + w0*w188),
+        -w204,
+        -w206,
+        -w208,
+        -w211,
+        -w217,
+        -w223,
+        -(w9*w224 + w7*w225),
+        -(w9*w226 + w7*w227),
+        -(w9*w228 + w7*w229),
+        -(w9*w230 + w7*w231),
+        -(w9*w232 + w7*w233),
+        -(w9*w234 + w7*w235),
+        -(w4*w7*w224 - w4*w9*w225 + w0*w204),
+        -(w4*w7*w226 - w4*w9*w227 + w0*w206),
+        -(w4*w7*w228 - w4*w9*w229 + w0*w208),
+        -(w4*w7*w230 - w4*w9*w231 + w0*w211),
+        -(w4*w7*w232 - w4*w9*w233 + w0*w217),
+        -(w4*w7*w234 - w4*w9*w235 + w0*w223),
     )
 
 

@@ -55,21 +55,20 @@ def dynamics(f, q, u, p, s):
     w47 = base1_31*w39 + base1_32*w40 + base1_33*w41
     w48 = (normal_2*w16 - normal_3*w14)*(x1_t + w33 + w34 + w35 - w44*w46 + w38*w47)/w18
     w49 = (normal_3*w17 - normal_1*w16)*(y1_t + w24 + w27 + w29 - w43*w47 + w42*w46)/w18
-    w50 = w45 + w48 + w49
-    w51 = camber*f.atan2(w37, w18)/cornering + f.asin(w50/f.sqrt(w50*w50 + w36*w36))
-    w52 = aligning*w51/(peak*shape_factor)
-    w53 = shape_factor*f.atan(w52 - curvature_factor*(w52 - f.atan(w52)))
-    w54 = peak*f.sin(w53)/f.signum(w36)
-    w55 = normal_3*w54
-    w56 = normal_2*w54
-    w57 = normal_1*w54
-    w58 = base1_31*w55 + base1_21*w56 + base1_11*w57
-    w59 = base1_33*w55 + base1_23*w56 + base1_13*w57
-    w60 = base1_32*w55 + base1_22*w56 + base1_12*w57
+    w50 = camber*f.atan2(w37, w18)/cornering + f.atan2(w45 + w48 + w49, f.abs(w36))
+    w51 = aligning*w50/(peak*shape_factor)
+    w52 = shape_factor*f.atan(w51 - curvature_factor*(w51 - f.atan(w51)))
+    w53 = peak*f.sin(w52)/f.signum(w36)
+    w54 = normal_3*w53
+    w55 = normal_2*w53
+    w56 = normal_1*w53
+    w57 = base1_31*w54 + base1_21*w55 + base1_11*w56
+    w58 = base1_33*w54 + base1_23*w55 + base1_13*w56
+    w59 = base1_32*w54 + base1_22*w55 + base1_12*w56
     return (
-        -w58,
-        -(w9*w59 + w7*w60),
-        -(w59*w4*w7 - w60*w4*w9 + w0*w58),
+        -w57,
+        -(w9*w58 + w7*w59),
+        -(w58*w4*w7 - w59*w4*w9 + w0*w57),
     )
 
 
@@ -82,354 +81,305 @@ def linearize(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, = u
     base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, cornering, camber, = p
-    w0 = f.sin(psi1)
+    w0 = f.sin(theta1)
     w1 = f.cos(psi1)
-    w2 = axle_1*w0 + w1*axle_2
-    w3 = f.sin(phi1)
-    w4 = f.cos(phi1)
-    w5 = f.cos(theta1)
-    w6 = f.sin(theta1)
-    w7 = axle_1*w1 - axle_2*w0
-    w8 = axle_3*w5 - w6*w7
-    w9 = w2*w3 + w4*w8
-    w10 = w2*w4 - w8*w3
-    w11 = w10*base1_13 - w9*base1_12
-    w12 = w10*base1_23 - w9*base1_22
-    w13 = w10*base1_33 - base1_32*w9
-    w14 = normal_1*w11 + normal_2*w12 + normal_3*w13
-    w15 = axle_3*w6 + w7*w5
-    w16 = base1_31*w15 + base1_32*w10 + base1_33*w9
-    w17 = w15*base1_11 + w10*base1_12 + w9*base1_13
-    w18 = normal_1*w16 - normal_3*w17
-    w19 = w15*base1_21 + w10*base1_22 + w9*base1_23
-    w20 = w17*normal_2 - normal_1*w19
-    w21 = normal_3*w19 - w16*normal_2
-    w22 = f.sqrt(w18*w18 + w20*w20 + w21*w21)
-    w23 = normal_1*w17 + normal_2*w19 + w16*normal_3
-    w24 = w23*w23 + w22*w22
-    w25 = w22/w24
-    w26 = normal_1*w13 - normal_3*w11
-    w27 = normal_2*w11 - normal_1*w12
-    w28 = normal_3*w12 - normal_2*w13
-    w29 = (w18*w26 + w20*w27 + w21*w28)/w22
-    w30 = w23/w24
-    w31 = camber/cornering
-    w32 = normal_1*w18 - normal_2*w21
-    w33 = w0*center_1 + w1*center_2
-    w34 = w3*w33
-    w35 = w1*center_1 - w0*center_2
-    w36 = w5*center_3 - w6*w35
-    w37 = w34 + w4*w36
-    w38 = w4*w33
-    w39 = w38 - w3*w36
-    w40 = base1_33*w39 - base1_32*w37
-    w41 = phi1_t*w40
-    w42 = w4*w35 - w6*w3*w33
-    w43 = w3*w35 + w6*w4*w33
-    w44 = base1_32*w42 + base1_33*w43 - base1_31*w5*w33
-    w45 = psi1_t*w44
-    w46 = w6*center_3 + w5*w35
-    w47 = base1_31*w36 - w4*base1_33*w46 + base1_32*w3*w46
+    w2 = f.sin(psi1)
+    w3 = axle_1*w1 - axle_2*w2
+    w4 = f.cos(theta1)
+    w5 = axle_3*w0 + w3*w4
+    w6 = axle_1*w2 + w1*axle_2
+    w7 = f.cos(phi1)
+    w8 = axle_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
+    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
+    w14 = normal_1*w12 - normal_3*w13
+    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w16 = w13*normal_2 - normal_1*w15
+    w17 = normal_3*w15 - w12*normal_2
+    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
+    w19 = w2*center_1 + w1*center_2
+    w20 = w9*w19
+    w21 = w1*center_1 - w2*center_2
+    w22 = w4*center_3 - w0*w21
+    w23 = w20 + w7*w22
+    w24 = w7*w19
+    w25 = w24 - w9*w22
+    w26 = base1_23*w25 - base1_22*w23
+    w27 = phi1_t*w26
+    w28 = w7*w21 - w0*w9*w19
+    w29 = w9*w21 + w0*w7*w19
+    w30 = base1_22*w28 + base1_23*w29 - w4*base1_21*w19
+    w31 = psi1_t*w30
+    w32 = w0*center_3 + w4*w21
+    w33 = base1_21*w22 - w7*base1_23*w32 + w9*base1_22*w32
+    w34 = theta1_t*w33
+    w35 = y1_t + w27 + w31 + w34
+    w36 = base1_33*w25 - base1_32*w23
+    w37 = phi1_t*w36
+    w38 = base1_32*w28 + base1_33*w29 - base1_31*w4*w19
+    w39 = psi1_t*w38
+    w40 = base1_31*w22 - w7*base1_33*w32 + base1_32*w9*w32
+    w41 = theta1_t*w40
+    w42 = z1_t + w37 + w39 + w41
+    w43 = base1_13*w25 - base1_12*w23
+    w44 = phi1_t*w43
+    w45 = base1_12*w28 + base1_13*w29 - w4*base1_11*w19
+    w46 = psi1_t*w45
+    w47 = base1_11*w22 - w7*base1_13*w32 + w9*base1_12*w32
     w48 = theta1_t*w47
-    w49 = normal_2 - w19*w23
-    w50 = normal_2*tube + radius*w49/w22
-    w51 = phi1_t + w6*psi1_t
-    w52 = w4*theta1_t - w5*w3*psi1_t
-    w53 = w3*theta1_t + w5*w4*psi1_t
-    w54 = base1_11*w51 + base1_12*w52 + base1_13*w53
-    w55 = normal_1 - w17*w23
-    w56 = normal_1*tube + radius*w55/w22
-    w57 = base1_21*w51 + base1_22*w52 + base1_23*w53
-    w58 = z1_t + w41 + w45 + w48 - w50*w54 + w56*w57
-    w59 = normal_2*w20 - normal_3*w18
-    w60 = base1_13*w39 - base1_12*w37
-    w61 = phi1_t*w60
-    w62 = base1_12*w42 + base1_13*w43 - w5*base1_11*w33
-    w63 = psi1_t*w62
-    w64 = base1_11*w36 - w4*base1_13*w46 + w3*base1_12*w46
-    w65 = theta1_t*w64
-    w66 = normal_3 - w16*w23
-    w67 = normal_3*tube + radius*w66/w22
-    w68 = base1_31*w51 + base1_32*w52 + base1_33*w53
-    w69 = x1_t + w61 + w63 + w65 - w57*w67 + w50*w68
-    w70 = normal_3*w21 - normal_1*w20
-    w71 = base1_23*w39 - base1_22*w37
-    w72 = phi1_t*w71
-    w73 = base1_22*w42 + base1_23*w43 - w5*base1_21*w33
-    w74 = psi1_t*w73
-    w75 = base1_21*w36 - w4*base1_23*w46 + w3*base1_22*w46
-    w76 = theta1_t*w75
-    w77 = y1_t + w72 + w74 + w76 - w56*w68 + w54*w67
-    w78 = w32*w58/w22 + w59*w69/w22 + w70*w77/w22
-    w79 = y1_t + w72 + w74 + w76
-    w80 = z1_t + w41 + w45 + w48
-    w81 = x1_t + w61 + w63 + w65
-    w82 = w18*w79/w22 + w20*w80/w22 + w21*w81/w22
-    w83 = f.sqrt(w78*w78 + w82*w82)
-    w84 = w32*w58/(w22*w22)
-    w85 = w58/w22
-    w86 = phi1_t*(base1_32*w39 + base1_33*w37)
-    w87 = base1_33*w42 - base1_32*w43
-    w88 = psi1_t*w87
-    w89 = w3*base1_33*w46 + w4*base1_32*w46
-    w90 = theta1_t*w89
-    w91 = radius*w49/(w22*w22)
-    w92 = radius/w22
-    w93 = w29*w91 + (w23*w12 + w19*w14)*w92
-    w94 = base1_13*w52 - base1_12*w53
-    w95 = radius*w55/(w22*w22)
-    w96 = w29*w95 + w92*(w23*w11 + w17*w14)
-    w97 = base1_23*w52 - base1_22*w53
-    w98 = w32/w22
-    w99 = (w88 - w86 + w90 - (w50*w94 - w54*w93) + w56*w97 - w57*w96)*w98
-    w100 = w59*w69/(w22*w22)
-    w101 = w69/w22
-    w102 = phi1_t*(base1_12*w39 + base1_13*w37)
-    w103 = base1_13*w42 - base1_12*w43
+    w49 = x1_t + w44 + w46 + w48
+    w50 = w14*w35/w18 + w16*w42/w18 + w17*w49/w18
+    w51 = f.signum(w50)
+    w52 = w10*base1_13 - w11*base1_12
+    w53 = w10*base1_23 - w11*base1_22
+    w54 = w10*base1_33 - base1_32*w11
+    w55 = normal_1*w52 + normal_2*w53 + normal_3*w54
+    w56 = normal_1*w13 + normal_2*w15 + w12*normal_3
+    w57 = w56*w56 + w18*w18
+    w58 = normal_1*w54 - normal_3*w52
+    w59 = normal_2*w52 - normal_1*w53
+    w60 = normal_3*w53 - normal_2*w54
+    w61 = (w14*w58 + w16*w59 + w17*w60)/w18
+    w62 = f.abs(w50)
+    w63 = normal_1*w14 - normal_2*w17
+    w64 = normal_2 - w15*w56
+    w65 = normal_2*tube + radius*w64/w18
+    w66 = phi1_t + w0*psi1_t
+    w67 = w7*theta1_t - w4*w9*psi1_t
+    w68 = w9*theta1_t + w4*w7*psi1_t
+    w69 = base1_11*w66 + base1_12*w67 + base1_13*w68
+    w70 = normal_1 - w13*w56
+    w71 = normal_1*tube + radius*w70/w18
+    w72 = base1_21*w66 + base1_22*w67 + base1_23*w68
+    w73 = z1_t + w37 + w39 + w41 - w65*w69 + w71*w72
+    w74 = phi1_t*(base1_32*w25 + base1_33*w23)
+    w75 = base1_33*w28 - base1_32*w29
+    w76 = psi1_t*w75
+    w77 = w9*base1_33*w32 + w7*base1_32*w32
+    w78 = theta1_t*w77
+    w79 = radius/w18
+    w80 = w61*radius*w64/(w18*w18) + (w56*w53 + w15*w55)*w79
+    w81 = base1_13*w67 - base1_12*w68
+    w82 = w61*radius*w70/(w18*w18) + w79*(w56*w52 + w13*w55)
+    w83 = base1_23*w67 - base1_22*w68
+    w84 = (w76 - w74 + w78 - (w65*w81 - w69*w80) + w71*w83 - w72*w82)*w63/w18
+    w85 = (normal_1*w58 - normal_2*w60)*w73/w18 - w61*w63*w73/(w18*w18) + w84
+    w86 = normal_2*w16 - normal_3*w14
+    w87 = normal_3 - w12*w56
+    w88 = normal_3*tube + radius*w87/w18
+    w89 = base1_31*w66 + base1_32*w67 + base1_33*w68
+    w90 = x1_t + w44 + w46 + w48 - w72*w88 + w65*w89
+    w91 = phi1_t*(base1_12*w25 + base1_13*w23)
+    w92 = base1_13*w28 - base1_12*w29
+    w93 = psi1_t*w92
+    w94 = w9*base1_13*w32 + w7*base1_12*w32
+    w95 = theta1_t*w94
+    w96 = w61*radius*w87/(w18*w18) + w79*(w56*w54 + w12*w55)
+    w97 = base1_33*w67 - base1_32*w68
+    w98 = (w93 - w91 + w95 - (w88*w83 - w72*w96) + w65*w97 - w89*w80)*w86/w18
+    w99 = (normal_2*w59 - normal_3*w58)*w90/w18 - w61*w86*w90/(w18*w18) + w98
+    w100 = normal_3*w17 - normal_1*w16
+    w101 = y1_t + w27 + w31 + w34 - w71*w89 + w69*w88
+    w102 = phi1_t*(base1_22*w25 + base1_23*w23)
+    w103 = base1_23*w28 - base1_22*w29
     w104 = psi1_t*w103
-    w105 = w3*base1_13*w46 + w4*base1_12*w46
+    w105 = w9*base1_23*w32 + w7*base1_22*w32
     w106 = theta1_t*w105
-    w107 = radius*w66/(w22*w22)
-    w108 = w29*w107 + w92*(w23*w13 + w16*w14)
-    w109 = base1_33*w52 - base1_32*w53
-    w110 = w104 - w102 + w106 - (w67*w97 - w57*w108) + w50*w109 - w68*w93
-    w111 = w59/w22
-    w112 = w70*w77/(w22*w22)
-    w113 = w77/w22
-    w114 = phi1_t*(base1_22*w39 + base1_23*w37)
-    w115 = base1_23*w42 - base1_22*w43
-    w116 = psi1_t*w115
-    w117 = w3*base1_23*w46 + w4*base1_22*w46
-    w118 = theta1_t*w117
-    w119 = w116 - w114 + w118 - (w56*w109 - w68*w96) + w67*w94 - w54*w108
-    w120 = w70/w22
-    w121 = (normal_1*w26 - normal_2*w28)*w85 - w29*w84 + w99 + (normal_2*w27 - normal_3*w26)*w101 - w29*w100 + w110*w111 + (normal_3*w28 - normal_1*w27)*w113 - w29*w112 + w119*w120
-    w122 = w79/w22
-    w123 = w18*w79/(w22*w22)
-    w124 = w18/w22
-    w125 = w80/w22
-    w126 = w20*w80/(w22*w22)
-    w127 = w20/w22
-    w128 = w81/w22
-    w129 = w21*w81/(w22*w22)
-    w130 = w21/w22
-    w131 = w26*w122 - w29*w123 + (w116 - w114 + w118)*w124 + w27*w125 - w29*w126 + (w88 - w86 + w90)*w127 + w28*w128 - w29*w129 + (w104 - w102 + w106)*w130
-    w132 = w78/(w83*w83)
-    w133 = w78/w83
-    w134 = f.sqrt(1 - w133*w133)
-    w135 = (w14*w25 - w29*w30)*w31 + (w121/w83 - (w78*w121 + w82*w131)*w132/w83)/w134
-    w136 = aligning/(peak*shape_factor)
-    w137 = w135*w136
-    w138 = aligning*(camber*f.atan2(w23, w22)/cornering + f.asin(w133))/(peak*shape_factor)
-    w139 = 1 + w138*w138
-    w140 = w138 - curvature_factor*(w138 - f.atan(w138))
-    w141 = 1 + w140*w140
-    w142 = shape_factor*(w137 - curvature_factor*(w137 - w137/w139))/w141
-    w143 = shape_factor*f.atan(w140)
-    w144 = f.cos(w143)
-    w145 = f.signum(w82)
-    w146 = peak/w145
-    w147 = w142*w144*w146
-    w148 = normal_3*w147
-    w149 = normal_2*w147
-    w150 = normal_1*w147
-    w151 = base1_31*w148 + base1_21*w149 + base1_11*w150
-    w152 = w15*w3
-    w153 = w15*w4
-    w154 = w8*base1_11 + base1_12*w152 - base1_13*w153
-    w155 = w8*base1_21 + base1_22*w152 - base1_23*w153
-    w156 = base1_31*w8 + base1_32*w152 - base1_33*w153
-    w157 = normal_1*w154 + normal_2*w155 + normal_3*w156
-    w158 = normal_1*w156 - normal_3*w154
-    w159 = normal_2*w154 - normal_1*w155
-    w160 = normal_3*w155 - normal_2*w156
-    w161 = (w18*w158 + w20*w159 + w21*w160)/w22
-    w162 = phi1_t*w89
-    w163 = w5*w34
-    w164 = w5*w38
-    w165 = base1_33*w164 - base1_32*w163 + w6*base1_31*w33
-    w166 = psi1_t*w165
-    w167 = theta1_t*(base1_31*w46 + w36*w4*base1_33 - w36*base1_32*w3)
-    w168 = w91*w161 + w92*(w23*w155 + w19*w157)
-    w169 = w5*psi1_t
-    w170 = w6*w3*psi1_t
-    w171 = w6*w4*psi1_t
-    w172 = base1_11*w169 + base1_12*w170 - base1_13*w171
-    w173 = w95*w161 + w92*(w23*w154 + w17*w157)
-    w174 = base1_21*w169 + base1_22*w170 - base1_23*w171
-    w175 = w162 + w166 - w167 - (w50*w172 - w54*w168) + w56*w174 - w57*w173
-    w176 = phi1_t*w105
-    w177 = base1_13*w164 - base1_12*w163 + w6*base1_11*w33
-    w178 = psi1_t*w177
-    w179 = theta1_t*(base1_11*w46 + w36*w4*base1_13 - w36*w3*base1_12)
-    w180 = w107*w161 + w92*(w23*w156 + w16*w157)
-    w181 = base1_31*w169 + base1_32*w170 - base1_33*w171
-    w182 = w176 + w178 - w179 - (w67*w174 - w57*w180) + w50*w181 - w68*w168
-    w183 = phi1_t*w117
-    w184 = base1_23*w164 - base1_22*w163 + w6*base1_21*w33
-    w185 = psi1_t*w184
-    w186 = theta1_t*(base1_21*w46 + w36*w4*base1_23 - w36*w3*base1_22)
-    w187 = w183 + w185 - w186 - (w56*w181 - w68*w173) + w67*w172 - w54*w180
-    w188 = w85*(normal_1*w158 - normal_2*w160) - w84*w161 + w98*w175 + w101*(normal_2*w159 - normal_3*w158) - w100*w161 + w111*w182 + w113*(normal_3*w160 - normal_1*w159) - w112*w161 + w120*w187
-    w189 = w122*w158 - w123*w161 + w124*(w183 + w185 - w186) + w125*w159 - w126*w161 + w127*(w162 + w166 - w167) + w128*w160 - w129*w161 + w130*(w176 + w178 - w179)
-    w190 = w31*(w25*w157 - w30*w161) + (w188/w83 - w132*(w78*w188 + w82*w189)/w83)/w134
-    w191 = w136*w190
-    w192 = shape_factor*(w191 - curvature_factor*(w191 - w191/w139))/w141
-    w193 = w146*w144*w192
-    w194 = normal_3*w193
-    w195 = normal_2*w193
-    w196 = normal_1*w193
-    w197 = base1_31*w194 + base1_21*w195 + base1_11*w196
-    w198 = w5*w2
-    w199 = w6*w2
-    w200 = w7*w4 - w3*w199
-    w201 = w7*w3 + w4*w199
-    w202 = base1_12*w200 - base1_11*w198 + base1_13*w201
-    w203 = base1_22*w200 - base1_21*w198 + base1_23*w201
-    w204 = base1_32*w200 - base1_31*w198 + base1_33*w201
-    w205 = normal_1*w202 + normal_2*w203 + normal_3*w204
-    w206 = normal_1*w204 - normal_3*w202
-    w207 = normal_2*w202 - normal_1*w203
-    w208 = normal_3*w203 - normal_2*w204
-    w209 = (w18*w206 + w20*w207 + w21*w208)/w22
-    w210 = phi1_t*w87
-    w211 = w6*w3
-    w212 = w38 + w35*w211
-    w213 = w6*w4
-    w214 = w35*w213 - w34
-    w215 = psi1_t*(base1_32*w212 - base1_33*w214 + w35*base1_31*w5)
-    w216 = theta1_t*w165
-    w217 = w91*w209 + w92*(w23*w203 + w19*w205)
-    w218 = w95*w209 + w92*(w23*w202 + w17*w205)
-    w219 = w85*(normal_1*w206 - normal_2*w208) - w84*w209 + w98*(w210 - w215 + w216 + w54*w217 - w57*w218)
-    w220 = phi1_t*w103
-    w221 = psi1_t*(base1_12*w212 - base1_13*w214 + w35*w5*base1_11)
-    w222 = theta1_t*w177
-    w223 = w107*w209 + w92*(w23*w204 + w16*w205)
-    w224 = w101*(normal_2*w207 - normal_3*w206) - w100*w209 + w111*(w220 - w221 + w222 + w57*w223 - w68*w217)
-    w225 = phi1_t*w115
-    w226 = psi1_t*(base1_22*w212 - base1_23*w214 + w35*w5*base1_21)
-    w227 = theta1_t*w184
-    w228 = w113*(normal_3*w208 - normal_1*w207) - w112*w209 + w120*(w225 - w226 + w227 + w68*w218 - w54*w223)
-    w229 = w219 + w224 + w228
-    w230 = w122*w206 - w123*w209 + w124*(w225 - w226 + w227) + w125*w207 - w126*w209 + w127*(w210 - w215 + w216) + w128*w208 - w129*w209 + w130*(w220 - w221 + w222)
-    w231 = w31*(w25*w205 - w30*w209) + (w229/w83 - w132*(w78*w229 + w82*w230)/w83)/w134
-    w232 = w136*w231
-    w233 = shape_factor*(w232 - curvature_factor*(w232 - w232/w139))/w141
-    w234 = w146*w144*w233
-    w235 = normal_3*w234
-    w236 = normal_2*w234
-    w237 = normal_1*w234
-    w238 = base1_31*w235 + base1_21*w236 + base1_11*w237
-    w239 = peak*f.sin(w143)/w145
-    w240 = normal_3*w239
-    w241 = normal_2*w239
-    w242 = normal_1*w239
-    w243 = base1_33*w240 + base1_23*w241 + base1_13*w242
-    w244 = base1_33*w148 + base1_23*w149 + base1_13*w150
-    w245 = base1_32*w240 + base1_22*w241 + base1_12*w242
-    w246 = base1_32*w148 + base1_22*w149 + base1_12*w150
-    w247 = base1_33*w194 + base1_23*w195 + base1_13*w196
-    w248 = base1_32*w194 + base1_22*w195 + base1_12*w196
-    w249 = base1_33*w235 + base1_23*w236 + base1_13*w237
-    w250 = base1_32*w235 + base1_22*w236 + base1_12*w237
-    w251 = w5*w4
-    w252 = w5*w3
-    w253 = w251*w247 - w243*w213 - (w252*w248 - w245*w211) + w5*(base1_31*w240 + base1_21*w241 + base1_11*w242) + w6*w197
-    w254 = w136*(w111/w83 - w132*(w78*w111 + w82*w130)/w83)/w134
-    w255 = shape_factor*(w254 - curvature_factor*(w254 - w254/w139))/w141
-    w256 = w146*w144*w255
-    w257 = normal_3*w256
-    w258 = normal_2*w256
-    w259 = normal_1*w256
-    w260 = base1_31*w257 + base1_21*w258 + base1_11*w259
-    w261 = w136*(w120/w83 - w132*(w78*w120 + w82*w124)/w83)/w134
-    w262 = shape_factor*(w261 - curvature_factor*(w261 - w261/w139))/w141
-    w263 = w146*w144*w262
-    w264 = normal_3*w263
-    w265 = normal_2*w263
-    w266 = normal_1*w263
-    w267 = base1_31*w264 + base1_21*w265 + base1_11*w266
-    w268 = w136*(w98/w83 - w132*(w78*w98 + w82*w127)/w83)/w134
-    w269 = shape_factor*(w268 - curvature_factor*(w268 - w268/w139))/w141
-    w270 = w146*w144*w269
-    w271 = normal_3*w270
-    w272 = normal_2*w270
-    w273 = normal_1*w270
-    w274 = base1_31*w271 + base1_21*w272 + base1_11*w273
-    w275 = w98*(w40 - base1_11*w50 + base1_21*w56) + w111*(w60 - base1_21*w67 + base1_31*w50) + w120*(w71 - base1_31*w56 + base1_11*w67)
-    w276 = w275/w83 - w132*(w78*w275 + w82*(w71*w124 + w40*w127 + w60*w130))/w83
-    w277 = w136*w276/w134
-    w278 = shape_factor*(w277 - curvature_factor*(w277 - w277/w139))/w141
-    w279 = w146*w144*w278
-    w280 = normal_3*w279
-    w281 = normal_2*w279
-    w282 = normal_1*w279
-    w283 = base1_31*w280 + base1_21*w281 + base1_11*w282
-    w284 = w4*base1_12 + w3*base1_13
-    w285 = w4*base1_22 + w3*base1_23
-    w286 = base1_32*w4 + w3*base1_33
-    w287 = w98*(w47 - w50*w284 + w56*w285) + w111*(w64 - w67*w285 + w50*w286) + w120*(w75 - w56*w286 + w67*w284)
-    w288 = w287/w83 - w132*(w78*w287 + w82*(w75*w124 + w47*w127 + w64*w130))/w83
-    w289 = w136*w288/w134
-    w290 = shape_factor*(w289 - curvature_factor*(w289 - w289/w139))/w141
-    w291 = w146*w144*w290
-    w292 = normal_3*w291
-    w293 = normal_2*w291
-    w294 = normal_1*w291
-    w295 = base1_31*w292 + base1_21*w293 + base1_11*w294
-    w296 = w6*base1_11 - base1_12*w252 + base1_13*w251
-    w297 = w6*base1_21 - base1_22*w252 + base1_23*w251
-    w298 = base1_31*w6 - base1_32*w252 + base1_33*w251
-    w299 = w98*(w44 - w50*w296 + w56*w297) + w111*(w62 - w67*w297 + w50*w298) + w120*(w73 - w56*w298 + w67*w296)
-    w300 = w299/w83 - w132*(w78*w299 + w82*(w73*w124 + w44*w127 + w62*w130))/w83
-    w301 = w136*w300/w134
-    w302 = shape_factor*(w301 - curvature_factor*(w301 - w301/w139))/w141
-    w303 = w146*w144*w302
-    w304 = normal_3*w303
-    w305 = normal_2*w303
-    w306 = normal_1*w303
-    w307 = base1_31*w304 + base1_21*w305 + base1_11*w306
-    w308 = base1_33*w257 + base1_23*w258 + base1_13*w259
-    w309 = base1_32*w257 + base1_22*w258 + base1_12*w259
-    w310 = base1_33*w264 + base1_23*w265 + base1_13*w266
-    w311 = base1_32*w264 + base1_22*w265 + base1_12*w266
-    w312 = base1_33*w271 + base1_23*w272 + base1_13*w273
-    w313 = base1_32*w271 + base1_22*w272 + base1_12*w273
-    w314 = base1_33*w280 + base1_23*w281 + base1_13*w282
-    w315 = base1_32*w280 + base1_22*w281 + base1_12*w282
-    w316 = base1_33*w292 + base1_23*w293 + base1_13*w294
-    w317 = base1_32*w292 + base1_22*w293 + base1_12*w294
-    w318 = base1_33*w304 + base1_23*w305 + base1_13*w306
-    w319 = base1_32*w304 + base1_22*w305 + base1_12*w306
+    w107 = (w104 - w102 + w106 - (w71*w97 - w89*w82) + w88*w81 - w69*w96)*w100/w18
+    w108 = (normal_3*w60 - normal_1*w59)*w101/w18 - w61*w100*w101/(w18*w18) + w107
+    w109 = w63*w73/w18 + w86*w90/w18 + w100*w101/w18
+    w110 = w109*w109 + w62*w62
+    w111 = w58*w35/w18 - w61*w14*w35/(w18*w18) + (w104 - w102 + w106)*w14/w18
+    w112 = w59*w42/w18 - w61*w16*w42/(w18*w18) + (w76 - w74 + w78)*w16/w18
+    w113 = w60*w49/w18 - w61*w17*w49/(w18*w18) + (w93 - w91 + w95)*w17/w18
+    w114 = f.abs_slope(w50)
+    w115 = w62*(w85 + w99 + w108)/w110 - w109*(w111 + w112 + w113)*w114/w110
+    w116 = (w55*w18/w57 - w61*w56/w57)*camber/cornering + w115
+    w117 = aligning*w116/(peak*shape_factor)
+    w118 = camber*f.atan2(w56, w18)/cornering + f.atan2(w109, w62)
+    w119 = aligning*aligning*w118*w118/(peak*peak*shape_factor*shape_factor)
+    w120 = 1 + w119
+    w121 = curvature_factor*(w117 - aligning*w116/(peak*shape_factor*w120))
+    w122 = w117 - w121
+    w123 = aligning*w118/(peak*shape_factor)
+    w124 = w123 - curvature_factor*(w123 - f.atan(w123))
+    w125 = 1 + w124*w124
+    w126 = shape_factor*f.atan(w124)
+    w127 = f.cos(w126)
+    w128 = peak*base1_31*normal_3*shape_factor*w122*w127/(w51*w125) + peak*normal_2*base1_21*shape_factor*w122*w127/(w51*w125) + peak*normal_1*base1_11*shape_factor*w122*w127/(w51*w125)
+    w129 = w8*base1_11 + w5*w9*base1_12 - w5*w7*base1_13
+    w130 = w8*base1_21 + w5*w9*base1_22 - w5*w7*base1_23
+    w131 = base1_31*w8 + w5*base1_32*w9 - w5*w7*base1_33
+    w132 = normal_1*w129 + normal_2*w130 + normal_3*w131
+    w133 = normal_1*w131 - normal_3*w129
+    w134 = normal_2*w129 - normal_1*w130
+    w135 = normal_3*w130 - normal_2*w131
+    w136 = w14*w133 + w16*w134 + w17*w135
+    w137 = phi1_t*w77
+    w138 = w4*w7*base1_33*w19 - w4*base1_32*w9*w19 + base1_31*w0*w19
+    w139 = psi1_t*w138
+    w140 = theta1_t*(base1_31*w32 + w7*base1_33*w22 - base1_32*w9*w22)
+    w141 = radius*w64*w136/(w18*w18*w18) + radius*(w56*w130 + w15*w132)/w18
+    w142 = w4*base1_11*psi1_t + w0*w9*base1_12*psi1_t - w0*w7*base1_13*psi1_t
+    w143 = radius*w70*w136/(w18*w18*w18) + radius*(w56*w129 + w13*w132)/w18
+    w144 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
+    w145 = w137 + w139 - w140 - (w65*w142 - w69*w141) + w71*w144 - w72*w143
+    w146 = w73*(normal_1*w133 - normal_2*w135)/w18 - w63*w73*w136/(w18*w18*w18) + w63*w145/w18
+    w147 = phi1_t*w94
+    w148 = w4*w7*base1_13*w19 - w4*w9*base1_12*w19 + w0*base1_11*w19
+    w149 = psi1_t*w148
+    w150 = theta1_t*(base1_11*w32 + w7*base1_13*w22 - w9*base1_12*w22)
+    w151 = radius*w87*w136/(w18*w18*w18) + radius*(w56*w131 + w12*w132)/w18
+    w152 = base1_31*w4*psi1_t + w0*base1_32*w9*psi1_t - w0*w7*base1_33*psi1_t
+    w153 = w147 + w149 - w150 - (w88*w144 - w72*w151) + w65*w152 - w89*w141
+    w154 = w90*(normal_2*w134 - normal_3*w133)/w18 - w86*w90*w136/(w18*w18*w18) + w86*w153/w18
+    w155 = phi1_t*w105
+    w156 = w4*w7*base1_23*w19 - w4*w9*base1_22*w19 + w0*base1_21*w19
+    w157 = psi1_t*w156
+    w158 = theta1_t*(base1_21*w32 + w7*base1_23*w22 - w9*base1_22*w22)
+    w159 = w155 + w157 - w158 - (w71*w152 - w89*w143) + w88*w142 - w69*w151
+    w160 = w101*(normal_3*w135 - normal_1*w134)/w18 - w100*w101*w136/(w18*w18*w18) + w100*w159/w18
+    w161 = w35*w133/w18 - w14*w35*w136/(w18*w18*w18) + w14*(w155 + w157 - w158)/w18
+    w162 = w42*w134/w18 - w16*w42*w136/(w18*w18*w18) + w16*(w137 + w139 - w140)/w18
+    w163 = w49*w135/w18 - w17*w49*w136/(w18*w18*w18) + w17*(w147 + w149 - w150)/w18
+    w164 = w62*(w146 + w154 + w160)/w110 - w109*w114*(w161 + w162 + w163)/w110
+    w165 = camber*(w18*w132/w57 - w56*w136/(w18*w57))/cornering + w164
+    w166 = aligning*w165/(peak*shape_factor)
+    w167 = curvature_factor*(w166 - aligning*w165/(peak*shape_factor*w120))
+    w168 = w166 - w167
+    w169 = peak*base1_31*normal_3*shape_factor*w127*w168/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w168/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w168/(w51*w125)
+    w170 = w3*w7 - w0*w6*w9
+    w171 = w3*w9 + w0*w6*w7
+    w172 = base1_12*w170 - w4*w6*base1_11 + base1_13*w171
+    w173 = base1_22*w170 - w4*w6*base1_21 + base1_23*w171
+    w174 = base1_32*w170 - base1_31*w4*w6 + base1_33*w171
+    w175 = normal_1*w172 + normal_2*w173 + normal_3*w174
+    w176 = normal_1*w174 - normal_3*w172
+    w177 = normal_2*w172 - normal_1*w173
+    w178 = normal_3*w173 - normal_2*w174
+    w179 = w14*w176 + w16*w177 + w17*w178
+    w180 = phi1_t*w75
+    w181 = w24 + w0*w9*w21
+    w182 = w0*w7*w21 - w20
+    w183 = psi1_t*(base1_32*w181 - base1_33*w182 + base1_31*w4*w21)
+    w184 = theta1_t*w138
+    w185 = radius*w64*w179/(w18*w18*w18) + radius*(w56*w173 + w15*w175)/w18
+    w186 = radius*w70*w179/(w18*w18*w18) + radius*(w56*w172 + w13*w175)/w18
+    w187 = w73*(normal_1*w176 - normal_2*w178)/w18 - w63*w73*w179/(w18*w18*w18) + w63*(w180 - w183 + w184 + w69*w185 - w72*w186)/w18
+    w188 = phi1_t*w92
+    w189 = psi1_t*(base1_12*w181 - base1_13*w182 + w4*base1_11*w21)
+    w190 = theta1_t*w148
+    w191 = radius*w87*w179/(w18*w18*w18) + radius*(w56*w174 + w12*w175)/w18
+    w192 = w90*(normal_2*w177 - normal_3*w176)/w18 - w86*w90*w179/(w18*w18*w18) + w86*(w188 - w189 + w190 + w72*w191 - w89*w185)/w18
+    w193 = phi1_t*w103
+    w194 = psi1_t*(base1_22*w181 - base1_23*w182 + w4*base1_21*w21)
+    w195 = theta1_t*w156
+    w196 = w101*(normal_3*w178 - normal_1*w177)/w18 - w100*w101*w179/(w18*w18*w18) + w100*(w193 - w194 + w195 + w89*w186 - w69*w191)/w18
+    w197 = w35*w176/w18 - w14*w35*w179/(w18*w18*w18) + w14*(w193 - w194 + w195)/w18
+    w198 = w42*w177/w18 - w16*w42*w179/(w18*w18*w18) + w16*(w180 - w183 + w184)/w18
+    w199 = w49*w178/w18 - w17*w49*w179/(w18*w18*w18) + w17*(w188 - w189 + w190)/w18
+    w200 = w62*(w187 + w192 + w196)/w110 - w109*w114*(w197 + w198 + w199)/w110
+    w201 = camber*(w18*w175/w57 - w56*w179/(w18*w57))/cornering + w200
+    w202 = aligning*w201/(peak*shape_factor)
+    w203 = curvature_factor*(w202 - aligning*w201/(peak*shape_factor*w120))
+    w204 = w202 - w203
+    w205 = peak*base1_31*normal_3*shape_factor*w127*w204/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w204/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w204/(w51*w125)
+    w206 = peak*f.sin(w126)/w51
+    w207 = normal_3*w206
+    w208 = normal_2*w206
+    w209 = normal_1*w206
+    w210 = base1_33*w207 + base1_23*w208 + base1_13*w209
+    w211 = peak*base1_33*normal_3*shape_factor*w122*w127/(w51*w125) + peak*normal_2*base1_23*shape_factor*w122*w127/(w51*w125) + peak*normal_1*base1_13*shape_factor*w122*w127/(w51*w125)
+    w212 = base1_32*w207 + base1_22*w208 + base1_12*w209
+    w213 = peak*base1_32*normal_3*shape_factor*w122*w127/(w51*w125) + peak*normal_2*base1_22*shape_factor*w122*w127/(w51*w125) + peak*normal_1*base1_12*shape_factor*w122*w127/(w51*w125)
+    w214 = peak*base1_33*normal_3*shape_factor*w127*w168/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w168/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w168/(w51*w125)
+    w215 = peak*base1_32*normal_3*shape_factor*w127*w168/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w168/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w168/(w51*w125)
+    w216 = peak*base1_33*normal_3*shape_factor*w127*w204/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w204/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w204/(w51*w125)
+    w217 = peak*base1_32*normal_3*shape_factor*w127*w204/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w204/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w204/(w51*w125)
+    w218 = w4*w7*w211 - w4*w9*w210 - (w4*w9*w213 + w4*w7*w212) + w0*w128
+    w219 = w4*w7*w214 - w0*w7*w210 - (w4*w9*w215 - w0*w9*w212) + w4*(base1_31*w207 + base1_21*w208 + base1_11*w209) + w0*w169
+    w220 = w86*w62/(w18*w110) - w17*w109*w114/(w18*w110)
+    w221 = aligning*w220/(peak*shape_factor)
+    w222 = curvature_factor*(w221 - aligning*w220/(peak*shape_factor*w120))
+    w223 = w221 - w222
+    w224 = peak*base1_31*normal_3*shape_factor*w127*w223/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w223/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w223/(w51*w125)
+    w225 = w100*w62/(w18*w110) - w14*w109*w114/(w18*w110)
+    w226 = aligning*w225/(peak*shape_factor)
+    w227 = curvature_factor*(w226 - aligning*w225/(peak*shape_factor*w120))
+    w228 = w226 - w227
+    w229 = peak*base1_31*normal_3*shape_factor*w127*w228/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w228/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w228/(w51*w125)
+    w230 = w63*w62/(w18*w110) - w16*w109*w114/(w18*w110)
+    w231 = aligning*w230/(peak*shape_factor)
+    w232 = curvature_factor*(w231 - aligning*w230/(peak*shape_factor*w120))
+    w233 = w231 - w232
+    w234 = peak*base1_31*normal_3*shape_factor*w127*w233/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w233/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w233/(w51*w125)
+    w235 = w63*(w36 - base1_11*w65 + base1_21*w71)/w18 + w86*(w43 - base1_21*w88 + base1_31*w65)/w18 + w100*(w26 - base1_31*w71 + base1_11*w88)/w18
+    w236 = w62*w235/w110 - w109*w114*(w14*w26/w18 + w16*w36/w18 + w17*w43/w18)/w110
+    w237 = aligning*w236/(peak*shape_factor)
+    w238 = curvature_factor*(w237 - aligning*w236/(peak*shape_factor*w120))
+    w239 = w237 - w238
+    w240 = peak*base1_31*normal_3*shape_factor*w127*w239/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w239/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w239/(w51*w125)
+    w241 = w7*base1_12 + w9*base1_13
+    w242 = w7*base1_22 + w9*base1_23
+    w243 = base1_32*w7 + w9*base1_33
+    w244 = w63*(w40 - w65*w241 + w71*w242)/w18 + w86*(w47 - w88*w242 + w65*w243)/w18 + w100*(w33 - w71*w243 + w88*w241)/w18
+    w245 = w62*w244/w110 - w109*w114*(w14*w33/w18 + w16*w40/w18 + w17*w47/w18)/w110
+    w246 = aligning*w245/(peak*shape_factor)
+    w247 = curvature_factor*(w246 - aligning*w245/(peak*shape_factor*w120))
+    w248 = w246 - w247
+    w249 = peak*base1_31*normal_3*shape_factor*w127*w248/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w248/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w248/(w51*w125)
+    w250 = w0*base1_11 - w4*w9*base1_12 + w4*w7*base1_13
+    w251 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
+    w252 = base1_31*w0 - w4*base1_32*w9 + w4*w7*base1_33
+    w253 = w63*(w38 - w65*w250 + w71*w251)/w18 + w86*(w45 - w88*w251 + w65*w252)/w18 + w100*(w30 - w71*w252 + w88*w250)/w18
+    w254 = w62*w253/w110 - w109*w114*(w14*w30/w18 + w16*w38/w18 + w17*w45/w18)/w110
+    w255 = aligning*w254/(peak*shape_factor)
+    w256 = curvature_factor*(w255 - aligning*w254/(peak*shape_factor*w120))
+    w257 = w255 - w256
+    w258 = peak*base1_31*normal_3*shape_factor*w127*w257/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w257/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w257/(w51*w125)
+    w259 = peak*base1_33*normal_3*shape_factor*w127*w223/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w223/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w223/(w51*w125)
+    w260 = peak*base1_32*normal_3*shape_factor*w127*w223/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w223/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w223/(w51*w125)
+    w261 = peak*base1_33*normal_3*shape_factor*w127*w228/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w228/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w228/(w51*w125)
+    w262 = peak*base1_32*normal_3*shape_factor*w127*w228/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w228/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w228/(w51*w125)
+    w263 = peak*base1_33*normal_3*shape_factor*w127*w233/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w233/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w233/(w51*w125)
+    w264 = peak*base1_32*normal_3*shape_factor*w127*w233/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w233/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w233/(w51*w125)
+    w265 = peak*base1_33*normal_3*shape_factor*w127*w239/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w239/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w239/(w51*w125)
+    w266 = peak*base1_32*normal_3*shape_factor*w127*w239/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w239/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w239/(w51*w125)
+    w267 = peak*base1_33*normal_3*shape_factor*w127*w248/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w248/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w248/(w51*w125)
+    w268 = peak*base1_32*normal_3*shape_factor*w127*w248/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w248/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w248/(w51*w125)
+    w269 = peak*base1_33*normal_3*shape_factor*w127*w257/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w257/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w257/(w51*w125)
+    w270 = peak*base1_32*normal_3*shape_factor*w127*w257/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w257/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w257/(w51*w125)
     return (
-        -w151,
-        -w197,
-        -w238,
-        -(w4*w243 + w3*w244 + w4*w246 - w3*w245),
-        -(w3*w247 + w4*w248),
-        -(w3*w249 + w4*w250),
-        -(w251*w244 - w243*w252 - (w252*w246 + w251*w245) + w6*w151),
-        -w253,
-        -(w251*w249 - w252*w250 + w6*w238),
-        -w260,
-        -w267,
-        -w274,
-        -w283,
-        -w295,
-        -w307,
-        -(w3*w308 + w4*w309),
-        -(w3*w310 + w4*w311),
-        -(w3*w312 + w4*w313),
-        -(w3*w314 + w4*w315),
-        -(w3*w316 + w4*w317),
-        -(w3*w318 + w4*w319),
-        -(w251*w308 - w252*w309 + w6*w260),
-        -(w251*w310 - w252*w311 + w6*w267),
-        -(w251*w312 - w252*w313 + w6*w274),
-        -(w251*w314 - w252*w315 + w6*w283),
-        -(w251*w316 - w252*w317 + w6*w295),
-        -(w251*w318 - w252*w319 + w6*w307),
+        -w128,
+        -w169,
+        -w205,
+        -(w7*w210 + w9*w211 + w7*w213 - w9*w212),
+        -(w9*w214 + w7*w215),
+        -(w9*w216 + w7*w217),
+        -w218,
+        -w219,
+        -(w4*w7*w216 - w4*w9*w217 + w0*w205),
+        -w224,
+        -w229,
+        -w234,
+        -w240,
+        -w249,
+        -w258,
+        -(w9*w259 + w7*w260),
+        -(w9*w261 + w7*w262),
+        -(w9*w263 + w7*w264),
+        -(w9*w265 + w7*w266),
+        -(w9*w267 + w7*w268),
+        -(w9*w269 + w7*w270),
+        -(w4*w7*w259 - w4*w9*w260 + w0*w224),
+        -(w4*w7*w261 - w4*w9*w262 + w0*w229),
+        -(w4*w7*w263 - w4*w9*w264 + w0*w234),
+        -(w4*w7*w265 - w4*w9*w266 + w0*w240),
+        -(w4*w7*w267 - w4*w9*w268 + w0*w249),
+        -(w4*w7*w269 - w4*w9*w270 + w0*w258),
     )
 
 

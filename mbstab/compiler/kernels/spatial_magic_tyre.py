@@ -65,15 +65,15 @@ def dynamics(f, q, u, p, s):
     w57 = theta1_t*w56
     w58 = w20*(z1_t + w27 + w31 + w34 - w35*w39 + w40*w41)/w19 + w42*(x1_t + w44 + w46 + w48 - w41*w49 + w35*w50)/w19 + w51*(y1_t + w53 + w55 + w57 - w40*w50 + w39*w49)/w19
     w59 = w16*(y1_t + w53 + w55 + w57)/w19 + w17*(z1_t + w27 + w31 + w34)/w19 + w18*(x1_t + w44 + w46 + w48)/w19
-    w60 = f.sqrt(w58*w58 + w59*w59)
-    w61 = cornering*(camber*f.atan2(w15, w19)/cornering + f.asin(w58/w60))/(peak*shape_factor)
+    w60 = camber*f.atan2(w15, w19)/cornering + f.atan2(w58, f.abs(w59))
+    w61 = cornering*w60/(peak*shape_factor)
     w62 = shape_factor*f.atan(w61 - curvature_factor*(w61 - f.atan(w61)))
     w63 = f.sin(w62)
     w64 = peak*w63
     w65 = w64*w42/w19
     w66 = w64*w51/w19
     w67 = w64*w20/w19
-    w68 = peak*w59*w63*trail/w60
+    w68 = peak*w59*w63*trail/f.sqrt(w58*w58 + w59*w59)
     w69 = normal_3*w68 + w40*w66 - w35*w65
     w70 = normal_2*w68 + w49*w65 - w40*w67
     w71 = normal_1*w68 - w49*w66 + w35*w67
@@ -119,460 +119,420 @@ def linearize(f, q, u, p, s):
     w17 = w15*normal_3 - normal_2*w12
     w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
     w19 = normal_2*w16 - normal_3*w14
-    w20 = w19/w18
-    w21 = w10*base1_13 - base1_12*w11
-    w22 = w10*base1_23 - w11*base1_22
-    w23 = w10*base1_33 - w11*base1_32
-    w24 = normal_1*w21 + normal_2*w22 + normal_3*w23
-    w25 = normal_1*w13 + normal_2*w15 + normal_3*w12
-    w26 = w25*w25 + w18*w18
-    w27 = w18/w26
-    w28 = normal_1*w23 - normal_3*w21
-    w29 = normal_2*w21 - normal_1*w22
-    w30 = normal_3*w22 - normal_2*w23
-    w31 = (w14*w28 + w16*w29 + w17*w30)/w18
-    w32 = w25/w26
-    w33 = camber/cornering
-    w34 = normal_1*w14 - normal_2*w17
-    w35 = w2*center_1 + w1*center_2
-    w36 = w9*w35
-    w37 = w1*center_1 - w2*center_2
-    w38 = w4*center_3 - w0*w37
-    w39 = w36 + w7*w38
-    w40 = w7*w35
-    w41 = w40 - w9*w38
-    w42 = base1_33*w41 - base1_32*w39
-    w43 = phi1_t*w42
-    w44 = w7*w37 - w0*w9*w35
-    w45 = w9*w37 + w0*w7*w35
-    w46 = base1_32*w44 + base1_33*w45 - w4*base1_31*w35
-    w47 = psi1_t*w46
-    w48 = w0*center_3 + w4*w37
-    w49 = base1_31*w38 - w7*base1_33*w48 + w9*base1_32*w48
-    w50 = theta1_t*w49
-    w51 = normal_2 - w15*w25
-    w52 = normal_2*tube + radius*w51/w18
-    w53 = phi1_t + w0*psi1_t
-    w54 = w7*theta1_t - w4*w9*psi1_t
-    w55 = w9*theta1_t + w4*w7*psi1_t
-    w56 = base1_11*w53 + base1_12*w54 + base1_13*w55
-    w57 = normal_1 - w13*w25
-    w58 = normal_1*tube + radius*w57/w18
-    w59 = base1_21*w53 + base1_22*w54 + base1_23*w55
-    w60 = z1_t + w43 + w47 + w50 - w52*w56 + w58*w59
-    w61 = base1_13*w41 - base1_12*w39
-    w62 = phi1_t*w61
-    w63 = base1_12*w44 + base1_13*w45 - base1_11*w4*w35
-    w64 = psi1_t*w63
-    w65 = base1_11*w38 - w7*base1_13*w48 + base1_12*w9*w48
-    w66 = theta1_t*w65
-    w67 = normal_3 - w12*w25
-    w68 = normal_3*tube + radius*w67/w18
-    w69 = base1_31*w53 + base1_32*w54 + base1_33*w55
-    w70 = x1_t + w62 + w64 + w66 - w59*w68 + w52*w69
-    w71 = normal_3*w17 - normal_1*w16
-    w72 = base1_23*w41 - base1_22*w39
-    w73 = phi1_t*w72
-    w74 = base1_22*w44 + base1_23*w45 - w4*base1_21*w35
-    w75 = psi1_t*w74
-    w76 = base1_21*w38 - w7*base1_23*w48 + w9*base1_22*w48
-    w77 = theta1_t*w76
-    w78 = y1_t + w73 + w75 + w77 - w58*w69 + w56*w68
-    w79 = w34*w60/w18 + w19*w70/w18 + w71*w78/w18
-    w80 = y1_t + w73 + w75 + w77
-    w81 = z1_t + w43 + w47 + w50
-    w82 = x1_t + w62 + w64 + w66
-    w83 = w14*w80/w18 + w16*w81/w18 + w17*w82/w18
-    w84 = f.sqrt(w79*w79 + w83*w83)
-    w85 = w34*w60/(w18*w18)
-    w86 = w60/w18
-    w87 = normal_1*w28 - normal_2*w30
-    w88 = w34/w18
-    w89 = base1_32*w41 + base1_33*w39
-    w90 = phi1_t*w89
-    w91 = base1_33*w44 - base1_32*w45
-    w92 = psi1_t*w91
-    w93 = w9*base1_33*w48 + w7*base1_32*w48
-    w94 = theta1_t*w93
-    w95 = radius*w51/(w18*w18)
-    w96 = radius/w18
-    w97 = w31*w95 + (w25*w22 + w15*w24)*w96
-    w98 = base1_13*w54 - base1_12*w55
-    w99 = radius*w57/(w18*w18)
-    w100 = w31*w99 + w96*(w25*w21 + w13*w24)
-    w101 = base1_23*w54 - base1_22*w55
-    w102 = w88*(w92 - w90 + w94 - (w52*w98 - w56*w97) + w58*w101 - w59*w100)
-    w103 = w19*w70/(w18*w18)
-    w104 = w70/w18
-    w105 = normal_2*w29 - normal_3*w28
-    w106 = base1_12*w41 + base1_13*w39
-    w107 = phi1_t*w106
-    w108 = base1_13*w44 - base1_12*w45
-    w109 = psi1_t*w108
-    w110 = w9*base1_13*w48 + w7*base1_12*w48
-    w111 = theta1_t*w110
-    w112 = radius*w67/(w18*w18)
-    w113 = w31*w112 + w96*(w25*w23 + w12*w24)
-    w114 = base1_33*w54 - base1_32*w55
-    w115 = w109 - w107 + w111 - (w68*w101 - w59*w113) + w52*w114 - w69*w97
-    w116 = w71*w78/(w18*w18)
-    w117 = w78/w18
-    w118 = normal_3*w30 - normal_1*w29
-    w119 = w71/w18
-    w120 = base1_22*w41 + base1_23*w39
-    w121 = phi1_t*w120
-    w122 = base1_23*w44 - base1_22*w45
-    w123 = psi1_t*w122
-    w124 = w9*base1_23*w48 + w7*base1_22*w48
-    w125 = theta1_t*w124
-    w126 = w123 - w121 + w125 - (w58*w114 - w69*w100) + w68*w98 - w56*w113
-    w127 = w86*w87 - w85*w31 + w102 + w104*w105 - w103*w31 + w20*w115 + w117*w118 - w116*w31 + w119*w126
-    w128 = w80/w18
-    w129 = w14*w80/(w18*w18)
-    w130 = w14/w18
-    w131 = w81/w18
-    w132 = w16*w81/(w18*w18)
-    w133 = w16/w18
-    w134 = w82/w18
-    w135 = w17*w82/(w18*w18)
-    w136 = w17/w18
-    w137 = w28*w128 - w31*w129 + (w123 - w121 + w125)*w130 + w29*w131 - w31*w132 + (w92 - w90 + w94)*w133 + w30*w134 - w31*w135 + (w109 - w107 + w111)*w136
-    w138 = (w79*w127 + w83*w137)/w84
-    w139 = w79/(w84*w84)
-    w140 = w79/w84
-    w141 = f.sqrt(1 - w140*w140)
-    w142 = cornering/(peak*shape_factor)
-    w143 = ((w24*w27 - w31*w32)*w33 + (w127/w84 - w138*w139)/w141)*w142
-    w144 = cornering*(camber*f.atan2(w25, w18)/cornering + f.asin(w140))/(peak*shape_factor)
-    w145 = 1 + w144*w144
-    w146 = w144 - curvature_factor*(w144 - f.atan(w144))
-    w147 = 1 + w146*w146
-    w148 = shape_factor*(w143 - curvature_factor*(w143 - w143/w145))/w147
-    w149 = shape_factor*f.atan(w146)
-    w150 = f.cos(w149)
-    w151 = w148*w150
-    w152 = peak*w151
-    w153 = f.sin(w149)
-    w154 = peak*w153
-    w155 = w19/(w18*w18)
-    w156 = w20*w152 + w154*(w105/w18 - w31*w155)
-    w157 = w5*w9
-    w158 = w5*w7
-    w159 = base1_11*w8 + base1_12*w157 - base1_13*w158
-    w160 = w8*base1_21 + base1_22*w157 - base1_23*w158
-    w161 = w8*base1_31 + base1_32*w157 - base1_33*w158
-    w162 = normal_1*w159 + normal_2*w160 + normal_3*w161
-    w163 = normal_1*w161 - normal_3*w159
-    w164 = normal_2*w159 - normal_1*w160
-    w165 = normal_3*w160 - normal_2*w161
-    w166 = (w14*w163 + w16*w164 + w17*w165)/w18
-    w167 = normal_1*w163 - normal_2*w165
-    w168 = phi1_t*w93
-    w169 = w4*w36
-    w170 = w4*w40
-    w171 = base1_33*w170 - base1_32*w169 + w0*base1_31*w35
-    w172 = psi1_t*w171
-    w173 = base1_31*w48 + w38*w7*base1_33 - w38*w9*base1_32
-    w174 = theta1_t*w173
-    w175 = w95*w166 + w96*(w25*w160 + w15*w162)
-    w176 = w4*psi1_t
-    w177 = w0*w9*psi1_t
-    w178 = w0*w7*psi1_t
-    w179 = base1_11*w176 + base1_12*w177 - base1_13*w178
-    w180 = w99*w166 + w96*(w25*w159 + w13*w162)
-    w181 = base1_21*w176 + base1_22*w177 - base1_23*w178
-    w182 = w168 + w172 - w174 - (w52*w179 - w56*w175) + w58*w181 - w59*w180
-    w183 = normal_2*w164 - normal_3*w163
-    w184 = phi1_t*w110
-    w185 = base1_13*w170 - base1_12*w169 + w0*base1_11*w35
-    w186 = psi1_t*w185
-    w187 = base1_11*w48 + w38*w7*base1_13 - w38*base1_12*w9
-    w188 = theta1_t*w187
-    w189 = w112*w166 + w96*(w25*w161 + w12*w162)
-    w190 = base1_31*w176 + base1_32*w177 - base1_33*w178
-    w191 = w184 + w186 - w188 - (w68*w181 - w59*w189) + w52*w190 - w69*w175
-    w192 = normal_3*w165 - normal_1*w164
-    w193 = phi1_t*w124
-    w194 = base1_23*w170 - base1_22*w169 + w0*base1_21*w35
-    w195 = psi1_t*w194
-    w196 = base1_21*w48 + w38*w7*base1_23 - w38*w9*base1_22
-    w197 = theta1_t*w196
-    w198 = w193 + w195 - w197 - (w58*w190 - w69*w180) + w68*w179 - w56*w189
-    w199 = w86*w167 - w85*w166 + w88*w182 + w104*w183 - w103*w166 + w20*w191 + w117*w192 - w116*w166 + w119*w198
-    w200 = w128*w163 - w129*w166 + w130*(w193 + w195 - w197) + w131*w164 - w132*w166 + w133*(w168 + w172 - w174) + w134*w165 - w135*w166 + w136*(w184 + w186 - w188)
-    w201 = (w79*w199 + w83*w200)/w84
-    w202 = w142*(w33*(w27*w162 - w32*w166) + (w199/w84 - w139*w201)/w141)
-    w203 = shape_factor*(w202 - curvature_factor*(w202 - w202/w145))/w147
-    w204 = w150*w203
-    w205 = peak*w204
-    w206 = w20*w205 + w154*(w183/w18 - w155*w166)
-    w207 = w4*w6
-    w208 = w0*w6
-    w209 = w3*w7 - w9*w208
-    w210 = w3*w9 + w7*w208
-    w211 = base1_12*w209 - base1_11*w207 + base1_13*w210
-    w212 = base1_22*w209 - base1_21*w207 + base1_23*w210
-    w213 = base1_32*w209 - base1_31*w207 + base1_33*w210
-    w214 = normal_1*w211 + normal_2*w212 + normal_3*w213
-    w215 = normal_1*w213 - normal_3*w211
-    w216 = normal_2*w211 - normal_1*w212
-    w217 = normal_3*w212 - normal_2*w213
-    w218 = (w14*w215 + w16*w216 + w17*w217)/w18
-    w219 = normal_1*w215 - normal_2*w217
-    w220 = phi1_t*w91
-    w221 = w0*w9
-    w222 = w40 + w37*w221
-    w223 = w0*w7
-    w224 = w37*w223 - w36
-    w225 = base1_32*w222 - base1_33*w224 + w37*w4*base1_31
-    w226 = psi1_t*w225
-    w227 = theta1_t*w171
-    w228 = w95*w218 + w96*(w25*w212 + w15*w214)
-    w229 = w99*w218 + w96*(w25*w211 + w13*w214)
-    w230 = w86*w219 - w85*w218 + w88*(w220 - w226 + w227 + w56*w228 - w59*w229)
-    w231 = normal_2*w216 - normal_3*w215
-    w232 = phi1_t*w108
-    w233 = base1_12*w222 - base1_13*w224 + w37*base1_11*w4
-    w234 = psi1_t*w233
-    w235 = theta1_t*w185
-    w236 = w112*w218 + w96*(w25*w213 + w12*w214)
-    w237 = w104*w231 - w103*w218 + w20*(w232 - w234 + w235 + w59*w236 - w69*w228)
-    w238 = normal_3*w217 - normal_1*w216
-    w239 = phi1_t*w122
-    w240 = base1_22*w222 - base1_23*w224 + w37*w4*base1_21
-    w241 = psi1_t*w240
-    w242 = theta1_t*w194
-    w243 = w117*w238 - w116*w218 + w119*(w239 - w241 + w242 + w69*w229 - w56*w236)
-    w244 = w230 + w237 + w243
-    w245 = w128*w215 - w129*w218 + w130*(w239 - w241 + w242) + w131*w216 - w132*w218 + w133*(w220 - w226 + w227) + w134*w217 - w135*w218 + w136*(w232 - w234 + w235)
-    w246 = (w79*w244 + w83*w245)/w84
-    w247 = w142*(w33*(w27*w214 - w32*w218) + (w244/w84 - w139*w246)/w141)
-    w248 = shape_factor*(w247 - curvature_factor*(w247 - w247/w145))/w147
-    w249 = w150*w248
-    w250 = peak*w249
-    w251 = w20*w250 + w154*(w231/w18 - w155*w218)
-    w252 = w71/(w18*w18)
-    w253 = w119*w152 + w154*(w118/w18 - w31*w252)
-    w254 = w119*w205 + w154*(w192/w18 - w166*w252)
-    w255 = w119*w250 + w154*(w238/w18 - w218*w252)
-    w256 = w34/(w18*w18)
-    w257 = w88*w152 + w154*(w87/w18 - w31*w256)
-    w258 = w88*w205 + w154*(w167/w18 - w166*w256)
-    w259 = w88*w250 + w154*(w219/w18 - w218*w256)
-    w260 = w154*w119
-    w261 = w154*w20
-    w262 = peak*w153*trail/w84
-    w263 = peak*w83*w153*trail/(w84*w84)
-    w264 = peak*w83*trail/w84
-    w265 = w137*w262 - w138*w263 + w151*w264
-    w266 = normal_3*w265 + w58*w253 - w260*w100 - (w52*w156 - w261*w97)
-    w267 = w154*w88
-    w268 = normal_2*w265 + w68*w156 - w261*w113 - (w58*w257 - w267*w100)
-    w269 = normal_1*w265 - (w68*w253 - w260*w113) + w52*w257 - w267*w97
-    w270 = base1_31*w266 + base1_21*w268 + base1_11*w269
-    w271 = w72*w253 - w260*w120 + w61*w156 - w261*w106 - w270 + w42*w257 - w267*w89
-    w272 = w260*w124
-    w273 = w261*w110
-    w274 = w200*w262 - w201*w263 + w204*w264
-    w275 = normal_3*w274 + w58*w254 - w260*w180 - (w52*w206 - w261*w175)
-    w276 = normal_2*w274 + w68*w206 - w261*w189 - (w58*w258 - w267*w180)
-    w277 = normal_1*w274 - (w68*w254 - w260*w189) + w52*w258 - w267*w175
-    w278 = base1_31*w275 + base1_21*w276 + base1_11*w277
-    w279 = w267*w93
-    w280 = w260*w122
-    w281 = w261*w108
-    w282 = w245*w262 - w246*w263 + w249*w264
-    w283 = normal_3*w282 + w58*w255 - w260*w229 - (w52*w251 - w261*w228)
-    w284 = normal_2*w282 + w68*w251 - w261*w236 - (w58*w259 - w267*w229)
-    w285 = normal_1*w282 - (w68*w255 - w260*w236) + w52*w259 - w267*w228
-    w286 = base1_31*w283 + base1_21*w284 + base1_11*w285
-    w287 = w267*w91
-    w288 = peak*w83*w153*trail/w84
-    w289 = normal_3*w288 + w58*w260 - w52*w261
-    w290 = normal_2*w288 + w68*w261 - w58*w267
-    w291 = normal_1*w288 - w68*w260 + w52*w267
-    w292 = base1_33*w289 + base1_23*w290 + base1_13*w291
-    w293 = base1_33*w266 + base1_23*w268 + base1_13*w269
-    w294 = base1_32*w289 + base1_22*w290 + base1_12*w291
-    w295 = base1_32*w266 + base1_22*w268 + base1_12*w269
-    w296 = w272 + w76*w253 + w273 + w65*w156 - (w7*w292 + w9*w293) - (w7*w295 - w9*w294) + w279 + w49*w257
-    w297 = base1_33*w275 + base1_23*w276 + base1_13*w277
-    w298 = base1_32*w275 + base1_22*w276 + base1_12*w277
-    w299 = w76*w254 - w260*w196 + w65*w206 - w261*w187 - w9*w297 - w7*w298 + w49*w258 - w267*w173
-    w300 = w260*w194
-    w301 = w261*w185
-    w302 = base1_33*w283 + base1_23*w284 + base1_13*w285
-    w303 = base1_32*w283 + base1_22*w284 + base1_12*w285
-    w304 = w267*w171
-    w305 = w300 + w76*w255 + w301 + w65*w251 - w9*w302 - w7*w303 + w304 + w49*w259
-    w306 = w4*w7
-    w307 = w4*w9
-    w308 = w280 + w74*w253 + w281 + w63*w156 - (w306*w293 - w292*w307) + w307*w295 + w306*w294 - w0*w270 + w287 + w46*w257
-    w309 = w300 + w74*w254 + w301 + w63*w206 - (w306*w297 - w292*w223) + w307*w298 - w294*w221 - (w4*(base1_31*w289 + base1_21*w290 + base1_11*w291) + w0*w278) + w304 + w46*w258
-    w310 = w74*w255 - w260*w240 + w63*w251 - w261*w233 - w306*w302 + w307*w303 - w0*w286 + w46*w259 - w267*w225
-    w311 = (w79*w20 + w83*w136)/w84
-    w312 = w142*(w20/w84 - w139*w311)/w141
-    w313 = shape_factor*(w312 - curvature_factor*(w312 - w312/w145))/w147
-    w314 = w150*w313
-    w315 = peak*w314
-    w316 = w20*w315
-    w317 = (w79*w119 + w83*w130)/w84
-    w318 = w142*(w119/w84 - w139*w317)/w141
-    w319 = shape_factor*(w318 - curvature_factor*(w318 - w318/w145))/w147
-    w320 = w150*w319
-    w321 = peak*w320
-    w322 = w20*w321
-    w323 = (w79*w88 + w83*w133)/w84
-    w324 = w142*(w88/w84 - w139*w323)/w141
-    w325 = shape_factor*(w324 - curvature_factor*(w324 - w324/w145))/w147
-    w326 = w150*w325
-    w327 = peak*w326
-    w328 = w20*w327
-    w329 = w88*(w42 - base1_11*w52 + base1_21*w58) + w20*(w61 - base1_21*w68 + base1_31*w52) + w119*(w72 - base1_31*w58 + base1_11*w68)
-    w330 = w72*w130 + w42*w133 + w61*w136
-    w331 = (w79*w329 + w83*w330)/w84
-    w332 = w142*(w329/w84 - w139*w331)/w141
-    w333 = shape_factor*(w332 - curvature_factor*(w332 - w332/w145))/w147
-    w334 = w150*w333
-    w335 = peak*w334
-    w336 = w20*w335
-    w337 = base1_12*w7 + w9*base1_13
-    w338 = w7*base1_22 + w9*base1_23
-    w339 = w7*base1_32 + w9*base1_33
-    w340 = w88*(w49 - w52*w337 + w58*w338) + w20*(w65 - w68*w338 + w52*w339) + w119*(w76 - w58*w339 + w68*w337)
-    w341 = w76*w130 + w49*w133 + w65*w136
-    w342 = (w79*w340 + w83*w341)/w84
-    w343 = w142*(w340/w84 - w139*w342)/w141
-    w344 = shape_factor*(w343 - curvature_factor*(w343 - w343/w145))/w147
-    w345 = w150*w344
-    w346 = peak*w345
-    w347 = w20*w346
-    w348 = base1_11*w0 - base1_12*w307 + base1_13*w306
-    w349 = w0*base1_21 - base1_22*w307 + base1_23*w306
-    w350 = w0*base1_31 - base1_32*w307 + base1_33*w306
-    w351 = w88*(w46 - w52*w348 + w58*w349) + w20*(w63 - w68*w349 + w52*w350) + w119*(w74 - w58*w350 + w68*w348)
-    w352 = w74*w130 + w46*w133 + w63*w136
-    w353 = (w79*w351 + w83*w352)/w84
-    w354 = w142*(w351/w84 - w139*w353)/w141
-    w355 = shape_factor*(w354 - curvature_factor*(w354 - w354/w145))/w147
-    w356 = w150*w355
-    w357 = peak*w356
-    w358 = w20*w357
-    w359 = w119*w315
-    w360 = w119*w321
-    w361 = w119*w327
-    w362 = w119*w335
-    w363 = w119*w346
-    w364 = w119*w357
-    w365 = w88*w315
-    w366 = w88*w321
-    w367 = w88*w327
-    w368 = w88*w335
-    w369 = w88*w346
-    w370 = w88*w357
-    w371 = w136*w262 - w263*w311 + w264*w314
-    w372 = normal_3*w371 + w58*w359 - w52*w316
-    w373 = normal_2*w371 + w68*w316 - w58*w365
-    w374 = normal_1*w371 - w68*w359 + w52*w365
-    w375 = base1_31*w372 + base1_21*w373 + base1_11*w374
-    w376 = w130*w262 - w263*w317 + w264*w320
-    w377 = normal_3*w376 + w58*w360 - w52*w322
-    w378 = normal_2*w376 + w68*w322 - w58*w366
-    w379 = normal_1*w376 - w68*w360 + w52*w366
-    w380 = base1_31*w377 + base1_21*w378 + base1_11*w379
-    w381 = w133*w262 - w263*w323 + w264*w326
-    w382 = normal_3*w381 + w58*w361 - w52*w328
-    w383 = normal_2*w381 + w68*w328 - w58*w367
-    w384 = normal_1*w381 - w68*w361 + w52*w367
-    w385 = base1_31*w382 + base1_21*w383 + base1_11*w384
-    w386 = w262*w330 - w263*w331 + w264*w334
-    w387 = normal_3*w386 + w58*w362 - w52*w336
-    w388 = normal_2*w386 + w68*w336 - w58*w368
-    w389 = normal_1*w386 - w68*w362 + w52*w368
-    w390 = base1_31*w387 + base1_21*w388 + base1_11*w389
-    w391 = w262*w341 - w263*w342 + w264*w345
-    w392 = normal_3*w391 + w58*w363 - w52*w347
-    w393 = normal_2*w391 + w68*w347 - w58*w369
-    w394 = normal_1*w391 - w68*w363 + w52*w369
-    w395 = base1_31*w392 + base1_21*w393 + base1_11*w394
-    w396 = w262*w352 - w263*w353 + w264*w356
-    w397 = normal_3*w396 + w58*w364 - w52*w358
-    w398 = normal_2*w396 + w68*w358 - w58*w370
-    w399 = normal_1*w396 - w68*w364 + w52*w370
-    w400 = base1_31*w397 + base1_21*w398 + base1_11*w399
-    w401 = base1_33*w372 + base1_23*w373 + base1_13*w374
-    w402 = base1_32*w372 + base1_22*w373 + base1_12*w374
-    w403 = base1_33*w377 + base1_23*w378 + base1_13*w379
-    w404 = base1_32*w377 + base1_22*w378 + base1_12*w379
-    w405 = base1_33*w382 + base1_23*w383 + base1_13*w384
-    w406 = base1_32*w382 + base1_22*w383 + base1_12*w384
-    w407 = base1_33*w387 + base1_23*w388 + base1_13*w389
-    w408 = base1_32*w387 + base1_22*w388 + base1_12*w389
-    w409 = base1_33*w392 + base1_23*w393 + base1_13*w394
-    w410 = base1_32*w392 + base1_22*w393 + base1_12*w394
-    w411 = base1_33*w397 + base1_23*w398 + base1_13*w399
-    w412 = base1_32*w397 + base1_22*w398 + base1_12*w399
-    w413 = w74*w359 + w63*w316 - w306*w401 + w307*w402 - w0*w375 + w46*w365
-    w414 = w74*w360 + w63*w322 - w306*w403 + w307*w404 - w0*w380 + w46*w366
-    w415 = w74*w361 + w63*w328 - w306*w405 + w307*w406 - w0*w385 + w46*w367
-    w416 = w74*w362 + w63*w336 - w306*w407 + w307*w408 - w0*w390 + w46*w368
-    w417 = w74*w363 + w63*w347 - w306*w409 + w307*w410 - w0*w395 + w46*w369
-    w418 = w74*w364 + w63*w358 - w306*w411 + w307*w412 - w0*w400 + w46*w370
+    w20 = w10*base1_13 - base1_12*w11
+    w21 = w10*base1_23 - w11*base1_22
+    w22 = w10*base1_33 - w11*base1_32
+    w23 = normal_1*w20 + normal_2*w21 + normal_3*w22
+    w24 = normal_1*w13 + normal_2*w15 + normal_3*w12
+    w25 = w24*w24 + w18*w18
+    w26 = normal_1*w22 - normal_3*w20
+    w27 = normal_2*w20 - normal_1*w21
+    w28 = normal_3*w21 - normal_2*w22
+    w29 = w14*w26 + w16*w27 + w17*w28
+    w30 = w29/w18
+    w31 = w2*center_1 + w1*center_2
+    w32 = w9*w31
+    w33 = w1*center_1 - w2*center_2
+    w34 = w4*center_3 - w0*w33
+    w35 = w32 + w7*w34
+    w36 = w7*w31
+    w37 = w36 - w9*w34
+    w38 = base1_23*w37 - base1_22*w35
+    w39 = phi1_t*w38
+    w40 = w7*w33 - w0*w9*w31
+    w41 = w9*w33 + w0*w7*w31
+    w42 = base1_22*w40 + base1_23*w41 - w4*base1_21*w31
+    w43 = psi1_t*w42
+    w44 = w0*center_3 + w4*w33
+    w45 = base1_21*w34 - w7*base1_23*w44 + w9*base1_22*w44
+    w46 = theta1_t*w45
+    w47 = y1_t + w39 + w43 + w46
+    w48 = base1_33*w37 - base1_32*w35
+    w49 = phi1_t*w48
+    w50 = base1_32*w40 + base1_33*w41 - w4*base1_31*w31
+    w51 = psi1_t*w50
+    w52 = base1_31*w34 - w7*base1_33*w44 + w9*base1_32*w44
+    w53 = theta1_t*w52
+    w54 = z1_t + w49 + w51 + w53
+    w55 = base1_13*w37 - base1_12*w35
+    w56 = phi1_t*w55
+    w57 = base1_12*w40 + base1_13*w41 - base1_11*w4*w31
+    w58 = psi1_t*w57
+    w59 = base1_11*w34 - w7*base1_13*w44 + base1_12*w9*w44
+    w60 = theta1_t*w59
+    w61 = x1_t + w56 + w58 + w60
+    w62 = w14*w47/w18 + w16*w54/w18 + w17*w61/w18
+    w63 = f.abs(w62)
+    w64 = normal_1*w14 - normal_2*w17
+    w65 = normal_2 - w15*w24
+    w66 = normal_2*tube + radius*w65/w18
+    w67 = phi1_t + w0*psi1_t
+    w68 = w7*theta1_t - w4*w9*psi1_t
+    w69 = w9*theta1_t + w4*w7*psi1_t
+    w70 = base1_11*w67 + base1_12*w68 + base1_13*w69
+    w71 = normal_1 - w13*w24
+    w72 = normal_1*tube + radius*w71/w18
+    w73 = base1_21*w67 + base1_22*w68 + base1_23*w69
+    w74 = z1_t + w49 + w51 + w53 - w66*w70 + w72*w73
+    w75 = normal_1*w26 - normal_2*w28
+    w76 = w64/w18
+    w77 = base1_32*w37 + base1_33*w35
+    w78 = phi1_t*w77
+    w79 = base1_33*w40 - base1_32*w41
+    w80 = psi1_t*w79
+    w81 = w9*base1_33*w44 + w7*base1_32*w44
+    w82 = theta1_t*w81
+    w83 = radius/w18
+    w84 = w30*radius*w65/(w18*w18) + (w24*w21 + w15*w23)*w83
+    w85 = base1_13*w68 - base1_12*w69
+    w86 = w30*radius*w71/(w18*w18) + w83*(w24*w20 + w13*w23)
+    w87 = base1_23*w68 - base1_22*w69
+    w88 = w76*(w80 - w78 + w82 - (w66*w85 - w70*w84) + w72*w87 - w73*w86)
+    w89 = normal_3 - w12*w24
+    w90 = normal_3*tube + radius*w89/w18
+    w91 = base1_31*w67 + base1_32*w68 + base1_33*w69
+    w92 = x1_t + w56 + w58 + w60 - w73*w90 + w66*w91
+    w93 = normal_2*w27 - normal_3*w26
+    w94 = w19/w18
+    w95 = base1_12*w37 + base1_13*w35
+    w96 = phi1_t*w95
+    w97 = base1_13*w40 - base1_12*w41
+    w98 = psi1_t*w97
+    w99 = w9*base1_13*w44 + w7*base1_12*w44
+    w100 = theta1_t*w99
+    w101 = w30*radius*w89/(w18*w18) + w83*(w24*w22 + w12*w23)
+    w102 = base1_33*w68 - base1_32*w69
+    w103 = w94*(w98 - w96 + w100 - (w90*w87 - w73*w101) + w66*w102 - w91*w84)
+    w104 = normal_3*w17 - normal_1*w16
+    w105 = y1_t + w39 + w43 + w46 - w72*w91 + w70*w90
+    w106 = normal_3*w28 - normal_1*w27
+    w107 = w104/w18
+    w108 = base1_22*w37 + base1_23*w35
+    w109 = phi1_t*w108
+    w110 = base1_23*w40 - base1_22*w41
+    w111 = psi1_t*w110
+    w112 = w9*base1_23*w44 + w7*base1_22*w44
+    w113 = theta1_t*w112
+    w114 = w111 - w109 + w113 - (w72*w102 - w91*w86) + w90*w85 - w70*w101
+    w115 = w74*w75/w18 - w64*w74*w30/(w18*w18) + w88 + w92*w93/w18 - w19*w92*w30/(w18*w18) + w103 + w105*w106/w18 - w104*w105*w30/(w18*w18) + w107*w114
+    w116 = w64*w74/w18 + w19*w92/w18 + w104*w105/w18
+    w117 = w116*w116
+    w118 = w117 + w63*w63
+    w119 = w26*w47/w18 - w30*w14*w47/(w18*w18) + (w111 - w109 + w113)*w14/w18
+    w120 = w27*w54/w18 - w30*w16*w54/(w18*w18) + (w80 - w78 + w82)*w16/w18
+    w121 = w28*w61/w18 - w30*w17*w61/(w18*w18) + (w98 - w96 + w100)*w17/w18
+    w122 = w119 + w120 + w121
+    w123 = f.abs_slope(w62)
+    w124 = (w23*w18/w25 - w30*w24/w25)*camber/cornering + w63*w115/w118 - w116*w122*w123/w118
+    w125 = cornering*w124/(peak*shape_factor)
+    w126 = camber*f.atan2(w24, w18)/cornering + f.atan2(w116, w63)
+    w127 = cornering*cornering*w126*w126/(peak*peak*shape_factor*shape_factor)
+    w128 = 1 + w127
+    w129 = curvature_factor*(w125 - cornering*w124/(peak*shape_factor*w128))
+    w130 = w125 - w129
+    w131 = cornering*w126/(peak*shape_factor)
+    w132 = w131 - curvature_factor*(w131 - f.atan(w131))
+    w133 = 1 + w132*w132
+    w134 = shape_factor*f.atan(w132)
+    w135 = f.cos(w134)
+    w136 = f.sin(w134)
+    w137 = peak*shape_factor*w19*w130*w135/(w18*w133) + peak*w136*(w93/w18 - w19*w29/(w18*w18*w18))
+    w138 = base1_11*w8 + w5*base1_12*w9 - w5*w7*base1_13
+    w139 = w8*base1_21 + w5*w9*base1_22 - w5*w7*base1_23
+    w140 = w8*base1_31 + w5*w9*base1_32 - w5*w7*base1_33
+    w141 = normal_1*w138 + normal_2*w139 + normal_3*w140
+    w142 = normal_1*w140 - normal_3*w138
+    w143 = normal_2*w138 - normal_1*w139
+    w144 = normal_3*w139 - normal_2*w140
+    w145 = w14*w142 + w16*w143 + w17*w144
+    w146 = normal_1*w142 - normal_2*w144
+    w147 = phi1_t*w81
+    w148 = w4*w7*base1_33*w31 - w4*w9*base1_32*w31 + w0*base1_31*w31
+    w149 = psi1_t*w148
+    w150 = base1_31*w44 + w7*base1_33*w34 - w9*base1_32*w34
+    w151 = theta1_t*w150
+    w152 = radius*w65*w145/(w18*w18*w18) + radius*(w24*w139 + w15*w141)/w18
+    w153 = base1_11*w4*psi1_t + w0*base1_12*w9*psi1_t - w0*w7*base1_13*psi1_t
+    w154 = radius*w71*w145/(w18*w18*w18) + radius*(w24*w138 + w13*w141)/w18
+    w155 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
+    w156 = w147 + w149 - w151 - (w66*w153 - w70*w152) + w72*w155 - w73*w154
+    w157 = normal_2*w143 - normal_3*w142
+    w158 = phi1_t*w99
+    w159 = w4*w7*base1_13*w31 - w4*base1_12*w9*w31 + base1_11*w0*w31
+    w160 = psi1_t*w159
+    w161 = base1_11*w44 + w7*base1_13*w34 - base1_12*w9*w34
+    w162 = theta1_t*w161
+    w163 = radius*w89*w145/(w18*w18*w18) + radius*(w24*w140 + w12*w141)/w18
+    w164 = w4*base1_31*psi1_t + w0*w9*base1_32*psi1_t - w0*w7*base1_33*psi1_t
+    w165 = w158 + w160 - w162 - (w90*w155 - w73*w163) + w66*w164 - w91*w152
+    w166 = normal_3*w144 - normal_1*w143
+    w167 = phi1_t*w112
+    w168 = w4*w7*base1_23*w31 - w4*w9*base1_22*w31 + w0*base1_21*w31
+    w169 = psi1_t*w168
+    w170 = base1_21*w44 + w7*base1_23*w34 - w9*base1_22*w34
+    w171 = theta1_t*w170
+    w172 = w167 + w169 - w171 - (w72*w164 - w91*w154) + w90*w153 - w70*w163
+    w173 = w74*w146/w18 - w64*w74*w145/(w18*w18*w18) + w64*w156/w18 + w92*w157/w18 - w19*w92*w145/(w18*w18*w18) + w19*w165/w18 + w105*w166/w18 - w104*w105*w145/(w18*w18*w18) + w104*w172/w18
+    w174 = w47*w142/w18 - w14*w47*w145/(w18*w18*w18) + w14*(w167 + w169 - w171)/w18
+    w175 = w54*w143/w18 - w16*w54*w145/(w18*w18*w18) + w16*(w147 + w149 - w151)/w18
+    w176 = w61*w144/w18 - w17*w61*w145/(w18*w18*w18) + w17*(w158 + w160 - w162)/w18
+    w177 = w174 + w175 + w176
+    w178 = camber*(w18*w141/w25 - w24*w145/(w18*w25))/cornering + w63*w173/w118 - w116*w123*w177/w118
+    w179 = cornering*w178/(peak*shape_factor)
+    w180 = curvature_factor*(w179 - cornering*w178/(peak*shape_factor*w128))
+    w181 = w179 - w180
+    w182 = peak*shape_factor*w19*w135*w181/(w18*w133) + peak*w136*(w157/w18 - w19*w145/(w18*w18*w18))
+    w183 = w3*w7 - w0*w6*w9
+    w184 = w3*w9 + w0*w6*w7
+    w185 = base1_12*w183 - base1_11*w4*w6 + base1_13*w184
+    w186 = base1_22*w183 - w4*w6*base1_21 + base1_23*w184
+    w187 = base1_32*w183 - w4*w6*base1_31 + base1_33*w184
+    w188 = normal_1*w185 + normal_2*w186 + normal_3*w187
+    w189 = normal_1*w187 - normal_3*w185
+    w190 = normal_2*w185 - normal_1*w186
+    w191 = normal_3*w186 - normal_2*w187
+    w192 = w14*w189 + w16*w190 + w17*w191
+    w193 = normal_1*w189 - normal_2*w191
+    w194 = phi1_t*w79
+    w195 = w36 + w0*w9*w33
+    w196 = w0*w7*w33 - w32
+    w197 = base1_32*w195 - base1_33*w196 + w4*base1_31*w33
+    w198 = psi1_t*w197
+    w199 = theta1_t*w148
+    w200 = radius*w65*w192/(w18*w18*w18) + radius*(w24*w186 + w15*w188)/w18
+    w201 = radius*w71*w192/(w18*w18*w18) + radius*(w24*w185 + w13*w188)/w18
+    w202 = w74*w193/w18 - w64*w74*w192/(w18*w18*w18) + w64*(w194 - w198 + w199 + w70*w200 - w73*w201)/w18
+    w203 = normal_2*w190 - normal_3*w189
+    w204 = phi1_t*w97
+    w205 = base1_12*w195 - base1_13*w196 + base1_11*w4*w33
+    w206 = psi1_t*w205
+    w207 = theta1_t*w159
+    w208 = radius*w89*w192/(w18*w18*w18) + radius*(w24*w187 + w12*w188)/w18
+    w209 = w92*w203/w18 - w19*w92*w192/(w18*w18*w18) + w19*(w204 - w206 + w207 + w73*w208 - w91*w200)/w18
+    w210 = normal_3*w191 - normal_1*w190
+    w211 = phi1_t*w110
+    w212 = base1_22*w195 - base1_23*w196 + w4*base1_21*w33
+    w213 = psi1_t*w212
+    w214 = theta1_t*w168
+    w215 = w105*w210/w18 - w104*w105*w192/(w18*w18*w18) + w104*(w211 - w213 + w214 + w91*w201 - w70*w208)/w18
+    w216 = w202 + w209 + w215
+    w217 = w47*w189/w18 - w14*w47*w192/(w18*w18*w18) + w14*(w211 - w213 + w214)/w18
+    w218 = w54*w190/w18 - w16*w54*w192/(w18*w18*w18) + w16*(w194 - w198 + w199)/w18
+    w219 = w61*w191/w18 - w17*w61*w192/(w18*w18*w18) + w17*(w204 - w206 + w207)/w18
+    w220 = w217 + w218 + w219
+    w221 = camber*(w18*w188/w25 - w24*w192/(w18*w25))/cornering + w63*w216/w118 - w116*w123*w220/w118
+    w222 = cornering*w221/(peak*shape_factor)
+    w223 = curvature_factor*(w222 - cornering*w221/(peak*shape_factor*w128))
+    w224 = w222 - w223
+    w225 = peak*shape_factor*w19*w135*w224/(w18*w133) + peak*w136*(w203/w18 - w19*w192/(w18*w18*w18))
+    w226 = peak*shape_factor*w104*w130*w135/(w18*w133) + peak*w136*(w106/w18 - w104*w29/(w18*w18*w18))
+    w227 = peak*shape_factor*w104*w135*w181/(w18*w133) + peak*w136*(w166/w18 - w104*w145/(w18*w18*w18))
+    w228 = peak*shape_factor*w104*w135*w224/(w18*w133) + peak*w136*(w210/w18 - w104*w192/(w18*w18*w18))
+    w229 = peak*shape_factor*w64*w130*w135/(w18*w133) + peak*w136*(w75/w18 - w64*w29/(w18*w18*w18))
+    w230 = peak*shape_factor*w64*w135*w181/(w18*w133) + peak*w136*(w146/w18 - w64*w145/(w18*w18*w18))
+    w231 = peak*shape_factor*w64*w135*w224/(w18*w133) + peak*w136*(w193/w18 - w64*w192/(w18*w18*w18))
+    w232 = f.sqrt(w117 + w62*w62)
+    w233 = peak*w136*trail*w122/w232 + peak*shape_factor*w62*trail*w130*w135/(w232*w133) - peak*w62*w136*trail*(w116*w115 + w62*w122)/(w232*w232*w232)
+    w234 = normal_3*w233 + w72*w226 - peak*w104*w136*w86/w18 - (w66*w137 - peak*w19*w136*w84/w18)
+    w235 = normal_2*w233 + w90*w137 - peak*w19*w136*w101/w18 - (w72*w229 - peak*w64*w136*w86/w18)
+    w236 = normal_1*w233 - (w90*w226 - peak*w104*w136*w101/w18) + w66*w229 - peak*w64*w136*w84/w18
+    w237 = base1_31*w234 + base1_21*w235 + base1_11*w236
+    w238 = w38*w226 - peak*w104*w136*w108/w18 + w55*w137 - peak*w19*w136*w95/w18 - w237 + w48*w229 - peak*w64*w136*w77/w18
+    w239 = peak*w104*w136*w112/w18
+    w240 = peak*w19*w136*w99/w18
+    w241 = peak*w136*trail*w177/w232 + peak*shape_factor*w62*trail*w135*w181/(w232*w133) - peak*w62*w136*trail*(w116*w173 + w62*w177)/(w232*w232*w232)
+    w242 = normal_3*w241 + w72*w227 - peak*w104*w136*w154/w18 - (w66*w182 - peak*w19*w136*w152/w18)
+    w243 = normal_2*w241 + w90*w182 - peak*w19*w136*w163/w18 - (w72*w230 - peak*w64*w136*w154/w18)
+    w244 = normal_1*w241 - (w90*w227 - peak*w104*w136*w163/w18) + w66*w230 - peak*w64*w136*w152/w18
+    w245 = base1_31*w242 + base1_21*w243 + base1_11*w244
+    w246 = peak*w64*w136*w81/w18
+    w247 = peak*w104*w136*w110/w18
+    w248 = peak*w19*w136*w97/w18
+    w249 = peak*w136*trail*w220/w232 + peak*shape_factor*w62*trail*w135*w224/(w232*w133) - peak*w62*w136*trail*(w116*w216 + w62*w220)/(w232*w232*w232)
+    w250 = normal_3*w249 + w72*w228 - peak*w104*w136*w201/w18 - (w66*w225 - peak*w19*w136*w200/w18)
+    w251 = normal_2*w249 + w90*w225 - peak*w19*w136*w208/w18 - (w72*w231 - peak*w64*w136*w201/w18)
+    w252 = normal_1*w249 - (w90*w228 - peak*w104*w136*w208/w18) + w66*w231 - peak*w64*w136*w200/w18
+    w253 = base1_31*w250 + base1_21*w251 + base1_11*w252
+    w254 = peak*w64*w136*w79/w18
+    w255 = peak*w62*w136*trail/w232
+    w256 = peak*w136
+    w257 = w256*w107
+    w258 = w256*w94
+    w259 = normal_3*w255 + w72*w257 - w66*w258
+    w260 = w256*w76
+    w261 = normal_2*w255 + w90*w258 - w72*w260
+    w262 = normal_1*w255 - w90*w257 + w66*w260
+    w263 = base1_33*w259 + base1_23*w261 + base1_13*w262
+    w264 = base1_33*w234 + base1_23*w235 + base1_13*w236
+    w265 = base1_32*w259 + base1_22*w261 + base1_12*w262
+    w266 = base1_32*w234 + base1_22*w235 + base1_12*w236
+    w267 = w239 + w45*w226 + w240 + w59*w137 - (w7*w263 + w9*w264) - (w7*w266 - w9*w265) + w246 + w52*w229
+    w268 = base1_33*w242 + base1_23*w243 + base1_13*w244
+    w269 = base1_32*w242 + base1_22*w243 + base1_12*w244
+    w270 = w45*w227 - peak*w104*w136*w170/w18 + w59*w182 - peak*w19*w136*w161/w18 - w9*w268 - w7*w269 + w52*w230 - peak*w64*w136*w150/w18
+    w271 = peak*w104*w136*w168/w18
+    w272 = peak*w19*w136*w159/w18
+    w273 = base1_33*w250 + base1_23*w251 + base1_13*w252
+    w274 = base1_32*w250 + base1_22*w251 + base1_12*w252
+    w275 = peak*w64*w136*w148/w18
+    w276 = w271 + w45*w228 + w272 + w59*w225 - w9*w273 - w7*w274 + w275 + w52*w231
+    w277 = w247 + w42*w226 + w248 + w57*w137 - (w4*w7*w264 - w4*w9*w263) + w4*w9*w266 + w4*w7*w265 - w0*w237 + w254 + w50*w229
+    w278 = w271 + w42*w227 + w272 + w57*w182 - (w4*w7*w268 - w0*w7*w263) + w4*w9*w269 - w0*w9*w265 - (w4*(base1_31*w259 + base1_21*w261 + base1_11*w262) + w0*w245) + w275 + w50*w230
+    w279 = w42*w228 - peak*w104*w136*w212/w18 + w57*w225 - peak*w19*w136*w205/w18 - w4*w7*w273 + w4*w9*w274 - w0*w253 + w50*w231 - peak*w64*w136*w197/w18
+    w280 = w19*w63/(w18*w118) - w17*w116*w123/(w18*w118)
+    w281 = cornering*w280/(peak*shape_factor)
+    w282 = curvature_factor*(w281 - cornering*w280/(peak*shape_factor*w128))
+    w283 = w281 - w282
+    w284 = w104*w63/(w18*w118) - w14*w116*w123/(w18*w118)
+    w285 = cornering*w284/(peak*shape_factor)
+    w286 = curvature_factor*(w285 - cornering*w284/(peak*shape_factor*w128))
+    w287 = w285 - w286
+    w288 = w64*w63/(w18*w118) - w16*w116*w123/(w18*w118)
+    w289 = cornering*w288/(peak*shape_factor)
+    w290 = curvature_factor*(w289 - cornering*w288/(peak*shape_factor*w128))
+    w291 = w289 - w290
+    w292 = w64*(w48 - base1_11*w66 + base1_21*w72)/w18 + w19*(w55 - base1_21*w90 + base1_31*w66)/w18 + w104*(w38 - base1_31*w72 + base1_11*w90)/w18
+    w293 = w14*w38/w18 + w16*w48/w18 + w17*w55/w18
+    w294 = w63*w292/w118 - w116*w123*w293/w118
+    w295 = cornering*w294/(peak*shape_factor)
+    w296 = curvature_factor*(w295 - cornering*w294/(peak*shape_factor*w128))
+    w297 = w295 - w296
+    w298 = base1_12*w7 + w9*base1_13
+    w299 = w7*base1_22 + w9*base1_23
+    w300 = w7*base1_32 + w9*base1_33
+    w301 = w64*(w52 - w66*w298 + w72*w299)/w18 + w19*(w59 - w90*w299 + w66*w300)/w18 + w104*(w45 - w72*w300 + w90*w298)/w18
+    w302 = w14*w45/w18 + w16*w52/w18 + w17*w59/w18
+    w303 = w63*w301/w118 - w116*w123*w302/w118
+    w304 = cornering*w303/(peak*shape_factor)
+    w305 = curvature_factor*(w304 - cornering*w303/(peak*shape_factor*w128))
+    w306 = w304 - w305
+    w307 = base1_11*w0 - w4*base1_12*w9 + w4*w7*base1_13
+    w308 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
+    w309 = w0*base1_31 - w4*w9*base1_32 + w4*w7*base1_33
+    w310 = w64*(w50 - w66*w307 + w72*w308)/w18 + w19*(w57 - w90*w308 + w66*w309)/w18 + w104*(w42 - w72*w309 + w90*w307)/w18
+    w311 = w14*w42/w18 + w16*w50/w18 + w17*w57/w18
+    w312 = w63*w310/w118 - w116*w123*w311/w118
+    w313 = cornering*w312/(peak*shape_factor)
+    w314 = curvature_factor*(w313 - cornering*w312/(peak*shape_factor*w128))
+    w315 = w313 - w314
+    w316 = peak*w62*w136*trail*(w19*w116/w18 + w17*w62/w18)/(w232*w232*w232)
+    w317 = peak*w17*w136*trail/(w18*w232) + peak*shape_factor*w62*trail*w135*w283/(w232*w133) - w316
+    w318 = normal_3*w317 + peak*shape_factor*w72*w104*w135*w283/(w18*w133) - peak*shape_factor*w66*w19*w135*w283/(w18*w133)
+    w319 = normal_2*w317 + peak*shape_factor*w19*w90*w135*w283/(w18*w133) - peak*shape_factor*w64*w72*w135*w283/(w18*w133)
+    w320 = normal_1*w317 - peak*shape_factor*w90*w104*w135*w283/(w18*w133) + peak*shape_factor*w64*w66*w135*w283/(w18*w133)
+    w321 = base1_31*w318 + base1_21*w319 + base1_11*w320
+    w322 = peak*shape_factor*w104*w38*w135*w283/(w18*w133) + peak*shape_factor*w19*w55*w135*w283/(w18*w133) - w321 + peak*shape_factor*w64*w48*w135*w283/(w18*w133)
+    w323 = peak*w62*w136*trail*(w104*w116/w18 + w14*w62/w18)/(w232*w232*w232)
+    w324 = peak*w14*w136*trail/(w18*w232) + peak*shape_factor*w62*trail*w135*w287/(w232*w133) - w323
+    w325 = normal_3*w324 + peak*shape_factor*w72*w104*w135*w287/(w18*w133) - peak*shape_factor*w66*w19*w135*w287/(w18*w133)
+    w326 = normal_2*w324 + peak*shape_factor*w19*w90*w135*w287/(w18*w133) - peak*shape_factor*w64*w72*w135*w287/(w18*w133)
+    w327 = normal_1*w324 - peak*shape_factor*w90*w104*w135*w287/(w18*w133) + peak*shape_factor*w64*w66*w135*w287/(w18*w133)
+    w328 = base1_31*w325 + base1_21*w326 + base1_11*w327
+    w329 = peak*shape_factor*w104*w38*w135*w287/(w18*w133) + peak*shape_factor*w19*w55*w135*w287/(w18*w133) - w328 + peak*shape_factor*w64*w48*w135*w287/(w18*w133)
+    w330 = peak*w62*w136*trail*(w64*w116/w18 + w16*w62/w18)/(w232*w232*w232)
+    w331 = peak*w16*w136*trail/(w18*w232) + peak*shape_factor*w62*trail*w135*w291/(w232*w133) - w330
+    w332 = normal_3*w331 + peak*shape_factor*w72*w104*w135*w291/(w18*w133) - peak*shape_factor*w66*w19*w135*w291/(w18*w133)
+    w333 = normal_2*w331 + peak*shape_factor*w19*w90*w135*w291/(w18*w133) - peak*shape_factor*w64*w72*w135*w291/(w18*w133)
+    w334 = normal_1*w331 - peak*shape_factor*w90*w104*w135*w291/(w18*w133) + peak*shape_factor*w64*w66*w135*w291/(w18*w133)
+    w335 = base1_31*w332 + base1_21*w333 + base1_11*w334
+    w336 = peak*shape_factor*w104*w38*w135*w291/(w18*w133) + peak*shape_factor*w19*w55*w135*w291/(w18*w133) - w335 + peak*shape_factor*w64*w48*w135*w291/(w18*w133)
+    w337 = peak*w136*trail*w293/w232 + peak*shape_factor*w62*trail*w135*w297/(w232*w133) - peak*w62*w136*trail*(w116*w292 + w62*w293)/(w232*w232*w232)
+    w338 = normal_3*w337 + peak*shape_factor*w72*w104*w135*w297/(w18*w133) - peak*shape_factor*w66*w19*w135*w297/(w18*w133)
+    w339 = normal_2*w337 + peak*shape_factor*w19*w90*w135*w297/(w18*w133) - peak*shape_factor*w64*w72*w135*w297/(w18*w133)
+    w340 = normal_1*w337 - peak*shape_factor*w90*w104*w135*w297/(w18*w133) + peak*shape_factor*w64*w66*w135*w297/(w18*w133)
+    w341 = base1_31*w338 + base1_21*w339 + base1_11*w340
+    w342 = peak*shape_factor*w104*w38*w135*w297/(w18*w133) + peak*shape_factor*w19*w55*w135*w297/(w18*w133) - w341 + peak*shape_factor*w64*w48*w135*w297/(w18*w133)
+    w343 = peak*w136*trail*w302/w232 + peak*shape_factor*w62*trail*w135*w306/(w232*w133) - peak*w62*w136*trail*(w116*w301 + w62*w302)/(w232*w232*w232)
+    w344 = normal_3*w343 + peak*shape_factor*w72*w104*w135*w306/(w18*w133) - peak*shape_factor*w66*w19*w135*w306/(w18*w133)
+    w345 = normal_2*w343 + peak*shape_factor*w19*w90*w135*w306/(w18*w133) - peak*shape_factor*w64*w72*w135*w306/(w18*w133)
+    w346 = normal_1*w343 - peak*shape_factor*w90*w104*w135*w306/(w18*w133) + peak*shape_factor*w64*w66*w135*w306/(w18*w133)
+    w347 = base1_31*w344 + base1_21*w345 + base1_11*w346
+    w348 = peak*shape_factor*w104*w38*w135*w306/(w18*w133) + peak*shape_factor*w19*w55*w135*w306/(w18*w133) - w347 + peak*shape_factor*w64*w48*w135*w306/(w18*w133)
+    w349 = peak*w136*trail*w311/w232 + peak*shape_factor*w62*trail*w135*w315/(w232*w133) - peak*w62*w136*trail*(w116*w310 + w62*w311)/(w232*w232*w232)
+    w350 = normal_3*w349 + peak*shape_factor*w72*w104*w135*w315/(w18*w133) - peak*shape_factor*w66*w19*w135*w315/(w18*w133)
+    w351 = normal_2*w349 + peak*shape_factor*w19*w90*w135*w315/(w18*w133) - peak*shape_factor*w64*w72*w135*w315/(w18*w133)
+    w352 = normal_1*w349 - peak*shape_factor*w90*w104*w135*w315/(w18*w133) + peak*shape_factor*w64*w66*w135*w315/(w18*w133)
+    w353 = base1_31*w350 + base1_21*w351 + base1_11*w352
+    w354 = peak*shape_factor*w104*w38*w135*w315/(w18*w133) + peak*shape_factor*w19*w55*w135*w315/(w18*w133) - w353 + peak*shape_factor*w64*w48*w135*w315/(w18*w133)
+    w355 = base1_33*w318 + base1_23*w319 + base1_13*w320
+    w356 = base1_32*w318 + base1_22*w319 + base1_12*w320
+    w357 = peak*shape_factor*w104*w45*w135*w283/(w18*w133) + peak*shape_factor*w19*w59*w135*w283/(w18*w133) - w9*w355 - w7*w356 + peak*shape_factor*w64*w52*w135*w283/(w18*w133)
+    w358 = base1_33*w325 + base1_23*w326 + base1_13*w327
+    w359 = base1_32*w325 + base1_22*w326 + base1_12*w327
+    w360 = peak*shape_factor*w104*w45*w135*w287/(w18*w133) + peak*shape_factor*w19*w59*w135*w287/(w18*w133) - w9*w358 - w7*w359 + peak*shape_factor*w64*w52*w135*w287/(w18*w133)
+    w361 = base1_33*w332 + base1_23*w333 + base1_13*w334
+    w362 = base1_32*w332 + base1_22*w333 + base1_12*w334
+    w363 = peak*shape_factor*w104*w45*w135*w291/(w18*w133) + peak*shape_factor*w19*w59*w135*w291/(w18*w133) - w9*w361 - w7*w362 + peak*shape_factor*w64*w52*w135*w291/(w18*w133)
+    w364 = base1_33*w338 + base1_23*w339 + base1_13*w340
+    w365 = base1_32*w338 + base1_22*w339 + base1_12*w340
+    w366 = peak*shape_factor*w104*w45*w135*w297/(w18*w133) + peak*shape_factor*w19*w59*w135*w297/(w18*w133) - w9*w364 - w7*w365 + peak*shape_factor*w64*w52*w135*w297/(w18*w133)
+    w367 = base1_33*w344 + base1_23*w345 + base1_13*w346
+    w368 = base1_32*w344 + base1_22*w345 + base1_12*w346
+    w369 = peak*shape_factor*w104*w45*w135*w306/(w18*w133) + peak*shape_factor*w19*w59*w135*w306/(w18*w133) - w9*w367 - w7*w368 + peak*shape_factor*w64*w52*w135*w306/(w18*w133)
+    w370 = base1_33*w350 + base1_23*w351 + base1_13*w352
+    w371 = base1_32*w350 + base1_22*w351 + base1_12*w352
+    w372 = peak*shape_factor*w104*w45*w135*w315/(w18*w133) + peak*shape_factor*w19*w59*w135*w315/(w18*w133) - w9*w370 - w7*w371 + peak*shape_factor*w64*w52*w135*w315/(w18*w133)
+    w373 = peak*shape_factor*w104*w42*w135*w283/(w18*w133) + peak*shape_factor*w19*w57*w135*w283/(w18*w133) - w4*w7*w355 + w4*w9*w356 - w0*w321 + peak*shape_factor*w64*w50*w135*w283/(w18*w133)
+    w374 = peak*shape_factor*w104*w42*w135*w287/(w18*w133) + peak*shape_factor*w19*w57*w135*w287/(w18*w133) - w4*w7*w358 + w4*w9*w359 - w0*w328 + peak*shape_factor*w64*w50*w135*w287/(w18*w133)
+    w375 = peak*shape_factor*w104*w42*w135*w291/(w18*w133) + peak*shape_factor*w19*w57*w135*w291/(w18*w133) - w4*w7*w361 + w4*w9*w362 - w0*w335 + peak*shape_factor*w64*w50*w135*w291/(w18*w133)
+    w376 = peak*shape_factor*w104*w42*w135*w297/(w18*w133) + peak*shape_factor*w19*w57*w135*w297/(w18*w133) - w4*w7*w364 + w4*w9*w365 - w0*w341 + peak*shape_factor*w64*w50*w135*w297/(w18*w133)
+    w377 = peak*shape_factor*w104*w42*w135*w306/(w18*w133) + peak*shape_factor*w19*w57*w135*w306/(w18*w133) - w4*w7*w367 + w4*w9*w368 - w0*w347 + peak*shape_factor*w64*w50*w135*w306/(w18*w133)
+    w378 = peak*shape_factor*w104*w42*w135*w315/(w18*w133) + peak*shape_factor*w19*w57*w135*w315/(w18*w133) - w4*w7*w370 + w4*w9*w371 - w0*w353 + peak*shape_factor*w64*w50*w135*w315/(w18*w133)
     return (
-        w156,
-        w206,
-        w251,
-        w253,
-        w254,
-        w255,
-        w257,
-        w258,
-        w259,
-        w271,
-        w272 + w72*w254 + w273 + w61*w206 - w278 + w279 + w42*w258,
-        w280 + w72*w255 + w281 + w61*w251 - w286 + w287 + w42*w259,
-        w296,
-        w299,
-        w305,
-        w308,
-        w309,
-        w310,
-        w316,
+        w137,
+        w182,
+        w225,
+        w226,
+        w227,
+        w228,
+        w229,
+        w230,
+        w231,
+        w238,
+        w239 + w38*w227 + w240 + w55*w182 - w245 + w246 + w48*w230,
+        w247 + w38*w228 + w248 + w55*w225 - w253 + w254 + w48*w231,
+        w267,
+        w270,
+        w276,
+        w277,
+        w278,
+        w279,
+        peak*shape_factor*w19*w135*w283/(w18*w133),
+        peak*shape_factor*w19*w135*w287/(w18*w133),
+        peak*shape_factor*w19*w135*w291/(w18*w133),
+        peak*shape_factor*w19*w135*w297/(w18*w133),
+        peak*shape_factor*w19*w135*w306/(w18*w133),
+        peak*shape_factor*w19*w135*w315/(w18*w133),
+        peak*shape_factor*w104*w135*w283/(w18*w133),
+        peak*shape_factor*w104*w135*w287/(w18*w133),
+        peak*shape_factor*w104*w135*w291/(w18*w133),
+        peak*shape_factor*w104*w135*w297/(w18*w133),
+        peak*shape_factor*w104*w135*w306/(w18*w133),
+        peak*shape_factor*w104*w135*w315/(w18*w133),
+        peak*shape_factor*w64*w135*w283/(w18*w133),
+        peak*shape_factor*w64*w135*w287/(w18*w133),
+        peak*shape_factor*w64*w135*w291/(w18*w133),
+        peak*shape_factor*w64*w135*w297/(w18*w133),
+        peak*shape_factor*w64*w135*w306/(w18*w133),
+        peak*shape_factor*w64*w135*w315/(w18*w133),
         w322,
-        w328,
+        w329,
         w336,
-        w347,
-        w358,
-        w359,
+        w342,
+        w348,
+        w354,
+        w357,
         w360,
-        w361,
-        w362,
         w363,
-        w364,
-        w365,
         w366,
-        w367,
-        w368,
         w369,
-        w370,
-        w72*w359 + w61*w316 - w375 + w42*w365,
-        w72*w360 + w61*w322 - w380 + w42*w366,
-        w72*w361 + w61*w328 - w385 + w42*w367,
-        w72*w362 + w61*w336 - w390 + w42*w368,
-        w72*w363 + w61*w347 - w395 + w42*w369,
-        w72*w364 + w61*w358 - w400 + w42*w370,
-        w76*w359 + w65*w316 - w9*w401 - w7*w402 + w49*w365,
-        w76*w360 + w65*w322 - w9*w403 - w7*w404 + w49*w366,
-        w76*w361 + w65*w328 - w9*w405 - w7*w406 + w49*w367,
-        w76*w362 + w65*w336 - w9*w407 - w7*w408 + w49*w368,
-        w76*w363 + w65*w347 - w9*w409 - w7*w410 + w49*w369,
-        w76*w364 + w65*w358 - w9*w411 - w7*w412 + w49*w370,
-        w413,
-        w414,
-        w415,
-        w416,
-        w417,
-        w418,
+        w372,
+        w373,
+        w374,
+        w375,
+        w376,
+        w377,
+        w378,
     )
 
 

@@ -65,26 +65,25 @@ def dynamics(f, q, u, p, s):
     w57 = theta1_t*w56
     w58 = w20*(z1_t + w27 + w31 + w34 - w35*w39 + w40*w41)/w19 + w42*(x1_t + w44 + w46 + w48 - w41*w49 + w35*w50)/w19 + w51*(y1_t + w53 + w55 + w57 - w40*w50 + w39*w49)/w19
     w59 = w16*(y1_t + w53 + w55 + w57)/w19 + w17*(z1_t + w27 + w31 + w34)/w19 + w18*(x1_t + w44 + w46 + w48)/w19
-    w60 = f.sqrt(w58*w58 + w59*w59)
-    w61 = camber*f.atan2(w15, w19)/cornering + f.asin(w58/w60)
-    w62 = cornering*w61
-    w63 = w62*w42/w19
-    w64 = w62*w51/w19
-    w65 = w62*w20/w19
-    w66 = cornering*w59*w61*trail/w60
-    w67 = normal_3*w66 + w40*w64 - w35*w63
-    w68 = normal_2*w66 + w49*w63 - w40*w65
-    w69 = normal_1*w66 - w49*w64 + w35*w65
-    w70 = base1_31*w67 + base1_21*w68 + base1_11*w69
-    w71 = base1_33*w67 + base1_23*w68 + base1_13*w69
-    w72 = base1_32*w67 + base1_22*w68 + base1_12*w69
+    w60 = camber*f.atan2(w15, w19)/cornering + f.atan2(w58, f.abs(w59))
+    w61 = cornering*w60
+    w62 = w61*w42/w19
+    w63 = w61*w51/w19
+    w64 = w61*w20/w19
+    w65 = cornering*w59*w60*trail/f.sqrt(w58*w58 + w59*w59)
+    w66 = normal_3*w65 + w40*w63 - w35*w62
+    w67 = normal_2*w65 + w49*w62 - w40*w64
+    w68 = normal_1*w65 - w49*w63 + w35*w64
+    w69 = base1_31*w66 + base1_21*w67 + base1_11*w68
+    w70 = base1_33*w66 + base1_23*w67 + base1_13*w68
+    w71 = base1_32*w66 + base1_22*w67 + base1_12*w68
     return (
+        w62,
         w63,
         w64,
-        w65,
-        w52*w64 + w43*w63 - w70 + w26*w65,
-        w56*w64 + w47*w63 - w9*w71 - w7*w72 + w33*w65,
-        w54*w64 + w45*w63 - w71*w4*w7 + w72*w4*w9 - w0*w70 + w30*w65,
+        w52*w63 + w43*w62 - w69 + w26*w64,
+        w56*w63 + w47*w62 - w9*w70 - w7*w71 + w33*w64,
+        w54*w63 + w45*w62 - w70*w4*w7 + w71*w4*w9 - w0*w69 + w30*w64,
     )
 
 
@@ -117,435 +116,391 @@ def linearize(f, q, u, p, s):
     w17 = w15*normal_3 - normal_2*w12
     w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
     w19 = normal_2*w16 - normal_3*w14
-    w20 = w19/w18
-    w21 = w10*base1_13 - base1_12*w11
-    w22 = w10*base1_23 - w11*base1_22
-    w23 = w10*base1_33 - w11*base1_32
-    w24 = normal_1*w21 + normal_2*w22 + normal_3*w23
-    w25 = normal_1*w13 + normal_2*w15 + normal_3*w12
-    w26 = w25*w25 + w18*w18
-    w27 = w18/w26
-    w28 = normal_1*w23 - normal_3*w21
-    w29 = normal_2*w21 - normal_1*w22
-    w30 = normal_3*w22 - normal_2*w23
-    w31 = (w14*w28 + w16*w29 + w17*w30)/w18
-    w32 = w25/w26
-    w33 = camber/cornering
-    w34 = normal_1*w14 - normal_2*w17
-    w35 = w2*center_1 + w1*center_2
-    w36 = w9*w35
-    w37 = w1*center_1 - w2*center_2
-    w38 = w4*center_3 - w0*w37
-    w39 = w36 + w7*w38
-    w40 = w7*w35
-    w41 = w40 - w9*w38
-    w42 = base1_33*w41 - base1_32*w39
-    w43 = phi1_t*w42
-    w44 = w7*w37 - w0*w9*w35
-    w45 = w9*w37 + w0*w7*w35
-    w46 = base1_32*w44 + base1_33*w45 - w4*base1_31*w35
-    w47 = psi1_t*w46
-    w48 = w0*center_3 + w4*w37
-    w49 = base1_31*w38 - w7*base1_33*w48 + w9*base1_32*w48
-    w50 = theta1_t*w49
-    w51 = normal_2 - w15*w25
-    w52 = normal_2*tube + radius*w51/w18
-    w53 = phi1_t + w0*psi1_t
-    w54 = w7*theta1_t - w4*w9*psi1_t
-    w55 = w9*theta1_t + w4*w7*psi1_t
-    w56 = base1_11*w53 + base1_12*w54 + base1_13*w55
-    w57 = normal_1 - w13*w25
-    w58 = normal_1*tube + radius*w57/w18
-    w59 = base1_21*w53 + base1_22*w54 + base1_23*w55
-    w60 = z1_t + w43 + w47 + w50 - w52*w56 + w58*w59
-    w61 = base1_13*w41 - base1_12*w39
-    w62 = phi1_t*w61
-    w63 = base1_12*w44 + base1_13*w45 - base1_11*w4*w35
-    w64 = psi1_t*w63
-    w65 = base1_11*w38 - w7*base1_13*w48 + base1_12*w9*w48
-    w66 = theta1_t*w65
-    w67 = normal_3 - w12*w25
-    w68 = normal_3*tube + radius*w67/w18
-    w69 = base1_31*w53 + base1_32*w54 + base1_33*w55
-    w70 = x1_t + w62 + w64 + w66 - w59*w68 + w52*w69
-    w71 = normal_3*w17 - normal_1*w16
-    w72 = base1_23*w41 - base1_22*w39
-    w73 = phi1_t*w72
-    w74 = base1_22*w44 + base1_23*w45 - w4*base1_21*w35
-    w75 = psi1_t*w74
-    w76 = base1_21*w38 - w7*base1_23*w48 + w9*base1_22*w48
-    w77 = theta1_t*w76
-    w78 = y1_t + w73 + w75 + w77 - w58*w69 + w56*w68
-    w79 = w34*w60/w18 + w19*w70/w18 + w71*w78/w18
-    w80 = y1_t + w73 + w75 + w77
-    w81 = z1_t + w43 + w47 + w50
-    w82 = x1_t + w62 + w64 + w66
-    w83 = w14*w80/w18 + w16*w81/w18 + w17*w82/w18
-    w84 = f.sqrt(w79*w79 + w83*w83)
-    w85 = w34*w60/(w18*w18)
-    w86 = w60/w18
-    w87 = normal_1*w28 - normal_2*w30
-    w88 = w34/w18
-    w89 = base1_32*w41 + base1_33*w39
-    w90 = phi1_t*w89
-    w91 = base1_33*w44 - base1_32*w45
-    w92 = psi1_t*w91
-    w93 = w9*base1_33*w48 + w7*base1_32*w48
-    w94 = theta1_t*w93
-    w95 = radius*w51/(w18*w18)
-    w96 = radius/w18
-    w97 = w31*w95 + (w25*w22 + w15*w24)*w96
-    w98 = base1_13*w54 - base1_12*w55
-    w99 = radius*w57/(w18*w18)
-    w100 = w31*w99 + w96*(w25*w21 + w13*w24)
-    w101 = base1_23*w54 - base1_22*w55
-    w102 = w88*(w92 - w90 + w94 - (w52*w98 - w56*w97) + w58*w101 - w59*w100)
-    w103 = w19*w70/(w18*w18)
-    w104 = w70/w18
-    w105 = normal_2*w29 - normal_3*w28
-    w106 = base1_12*w41 + base1_13*w39
-    w107 = phi1_t*w106
-    w108 = base1_13*w44 - base1_12*w45
-    w109 = psi1_t*w108
-    w110 = w9*base1_13*w48 + w7*base1_12*w48
-    w111 = theta1_t*w110
-    w112 = radius*w67/(w18*w18)
-    w113 = w31*w112 + w96*(w25*w23 + w12*w24)
-    w114 = base1_33*w54 - base1_32*w55
-    w115 = w109 - w107 + w111 - (w68*w101 - w59*w113) + w52*w114 - w69*w97
-    w116 = w71*w78/(w18*w18)
-    w117 = w78/w18
-    w118 = normal_3*w30 - normal_1*w29
-    w119 = w71/w18
-    w120 = base1_22*w41 + base1_23*w39
-    w121 = phi1_t*w120
-    w122 = base1_23*w44 - base1_22*w45
-    w123 = psi1_t*w122
-    w124 = w9*base1_23*w48 + w7*base1_22*w48
-    w125 = theta1_t*w124
-    w126 = w123 - w121 + w125 - (w58*w114 - w69*w100) + w68*w98 - w56*w113
-    w127 = w86*w87 - w85*w31 + w102 + w104*w105 - w103*w31 + w20*w115 + w117*w118 - w116*w31 + w119*w126
-    w128 = w80/w18
-    w129 = w14*w80/(w18*w18)
-    w130 = w14/w18
-    w131 = w81/w18
-    w132 = w16*w81/(w18*w18)
-    w133 = w16/w18
-    w134 = w82/w18
-    w135 = w17*w82/(w18*w18)
-    w136 = w17/w18
-    w137 = w28*w128 - w31*w129 + (w123 - w121 + w125)*w130 + w29*w131 - w31*w132 + (w92 - w90 + w94)*w133 + w30*w134 - w31*w135 + (w109 - w107 + w111)*w136
-    w138 = (w79*w127 + w83*w137)/w84
-    w139 = w79/(w84*w84)
-    w140 = w79/w84
-    w141 = f.sqrt(1 - w140*w140)
-    w142 = (w24*w27 - w31*w32)*w33 + (w127/w84 - w138*w139)/w141
-    w143 = cornering*w142
-    w144 = camber*f.atan2(w25, w18)/cornering + f.asin(w140)
-    w145 = cornering*w144
-    w146 = w19/(w18*w18)
-    w147 = w20*w143 + w145*(w105/w18 - w31*w146)
-    w148 = w5*w9
-    w149 = w5*w7
-    w150 = base1_11*w8 + base1_12*w148 - base1_13*w149
-    w151 = w8*base1_21 + base1_22*w148 - base1_23*w149
-    w152 = w8*base1_31 + base1_32*w148 - base1_33*w149
-    w153 = normal_1*w150 + normal_2*w151 + normal_3*w152
-    w154 = normal_1*w152 - normal_3*w150
-    w155 = normal_2*w150 - normal_1*w151
-    w156 = normal_3*w151 - normal_2*w152
-    w157 = (w14*w154 + w16*w155 + w17*w156)/w18
-    w158 = normal_1*w154 - normal_2*w156
-    w159 = phi1_t*w93
-    w160 = w4*w36
-    w161 = w4*w40
-    w162 = base1_33*w161 - base1_32*w160 + w0*base1_31*w35
-    w163 = psi1_t*w162
-    w164 = base1_31*w48 + w38*w7*base1_33 - w38*w9*base1_32
-    w165 = theta1_t*w164
-    w166 = w95*w157 + w96*(w25*w151 + w15*w153)
-    w167 = w4*psi1_t
-    w168 = w0*w9*psi1_t
-    w169 = w0*w7*psi1_t
-    w170 = base1_11*w167 + base1_12*w168 - base1_13*w169
-    w171 = w99*w157 + w96*(w25*w150 + w13*w153)
-    w172 = base1_21*w167 + base1_22*w168 - base1_23*w169
-    w173 = w159 + w163 - w165 - (w52*w170 - w56*w166) + w58*w172 - w59*w171
-    w174 = normal_2*w155 - normal_3*w154
-    w175 = phi1_t*w110
-    w176 = base1_13*w161 - base1_12*w160 + w0*base1_11*w35
-    w177 = psi1_t*w176
-    w178 = base1_11*w48 + w38*w7*base1_13 - w38*base1_12*w9
-    w179 = theta1_t*w178
-    w180 = w112*w157 + w96*(w25*w152 + w12*w153)
-    w181 = base1_31*w167 + base1_32*w168 - base1_33*w169
-    w182 = w175 + w177 - w179 - (w68*w172 - w59*w180) + w52*w181 - w69*w166
-    w183 = normal_3*w156 - normal_1*w155
-    w184 = phi1_t*w124
-    w185 = base1_23*w161 - base1_22*w160 + w0*base1_21*w35
-    w186 = psi1_t*w185
-    w187 = base1_21*w48 + w38*w7*base1_23 - w38*w9*base1_22
-    w188 = theta1_t*w187
-    w189 = w184 + w186 - w188 - (w58*w181 - w69*w171) + w68*w170 - w56*w180
-    w190 = w86*w158 - w85*w157 + w88*w173 + w104*w174 - w103*w157 + w20*w182 + w117*w183 - w116*w157 + w119*w189
-    w191 = w128*w154 - w129*w157 + w130*(w184 + w186 - w188) + w131*w155 - w132*w157 + w133*(w159 + w163 - w165) + w134*w156 - w135*w157 + w136*(w175 + w177 - w179)
-    w192 = (w79*w190 + w83*w191)/w84
-    w193 = w33*(w27*w153 - w32*w157) + (w190/w84 - w139*w192)/w141
-    w194 = cornering*w193
-    w195 = w20*w194 + w145*(w174/w18 - w146*w157)
-    w196 = w4*w6
-    w197 = w0*w6
-    w198 = w3*w7 - w9*w197
-    w199 = w3*w9 + w7*w197
-    w200 = base1_12*w198 - base1_11*w196 + base1_13*w199
-    w201 = base1_22*w198 - base1_21*w196 + base1_23*w199
-    w202 = base1_32*w198 - base1_31*w196 + base1_33*w199
-    w203 = normal_1*w200 + normal_2*w201 + normal_3*w202
-    w204 = normal_1*w202 - normal_3*w200
-    w205 = normal_2*w200 - normal_1*w201
-    w206 = normal_3*w201 - normal_2*w202
-    w207 = (w14*w204 + w16*w205 + w17*w206)/w18
-    w208 = normal_1*w204 - normal_2*w206
-    w209 = phi1_t*w91
-    w210 = w0*w9
-    w211 = w40 + w37*w210
-    w212 = w0*w7
-    w213 = w37*w212 - w36
-    w214 = base1_32*w211 - base1_33*w213 + w37*w4*base1_31
-    w215 = psi1_t*w214
-    w216 = theta1_t*w162
-    w217 = w95*w207 + w96*(w25*w201 + w15*w203)
-    w218 = w99*w207 + w96*(w25*w200 + w13*w203)
-    w219 = w86*w208 - w85*w207 + w88*(w209 - w215 + w216 + w56*w217 - w59*w218)
-    w220 = normal_2*w205 - normal_3*w204
-    w221 = phi1_t*w108
-    w222 = base1_12*w211 - base1_13*w213 + w37*base1_11*w4
-    w223 = psi1_t*w222
-    w224 = theta1_t*w176
-    w225 = w112*w207 + w96*(w25*w202 + w12*w203)
-    w226 = w104*w220 - w103*w207 + w20*(w221 - w223 + w224 + w59*w225 - w69*w217)
-    w227 = normal_3*w206 - normal_1*w205
-    w228 = phi1_t*w122
-    w229 = base1_22*w211 - base1_23*w213 + w37*w4*base1_21
-    w230 = psi1_t*w229
-    w231 = theta1_t*w185
-    w232 = w117*w227 - w116*w207 + w119*(w228 - w230 + w231 + w69*w218 - w56*w225)
-    w233 = w219 + w226 + w232
-    w234 = w128*w204 - w129*w207 + w130*(w228 - w230 + w231) + w131*w205 - w132*w207 + w133*(w209 - w215 + w216) + w134*w206 - w135*w207 + w136*(w221 - w223 + w224)
-    w235 = (w79*w233 + w83*w234)/w84
-    w236 = w33*(w27*w203 - w32*w207) + (w233/w84 - w139*w235)/w141
-    w237 = cornering*w236
-    w238 = w20*w237 + w145*(w220/w18 - w146*w207)
-    w239 = w71/(w18*w18)
-    w240 = w119*w143 + w145*(w118/w18 - w31*w239)
-    w241 = w119*w194 + w145*(w183/w18 - w157*w239)
-    w242 = w119*w237 + w145*(w227/w18 - w207*w239)
-    w243 = w34/(w18*w18)
-    w244 = w88*w143 + w145*(w87/w18 - w31*w243)
-    w245 = w88*w194 + w145*(w158/w18 - w157*w243)
-    w246 = w88*w237 + w145*(w208/w18 - w207*w243)
-    w247 = w145*w119
-    w248 = w145*w20
-    w249 = cornering*w144*trail/w84
-    w250 = cornering*w83*w144*trail/(w84*w84)
-    w251 = cornering*w83*trail/w84
-    w252 = w137*w249 - w138*w250 + w142*w251
-    w253 = normal_3*w252 + w58*w240 - w247*w100 - (w52*w147 - w248*w97)
-    w254 = w145*w88
-    w255 = normal_2*w252 + w68*w147 - w248*w113 - (w58*w244 - w254*w100)
-    w256 = normal_1*w252 - (w68*w240 - w247*w113) + w52*w244 - w254*w97
-    w257 = base1_31*w253 + base1_21*w255 + base1_11*w256
-    w258 = w72*w240 - w247*w120 + w61*w147 - w248*w106 - w257 + w42*w244 - w254*w89
-    w259 = w247*w124
-    w260 = w248*w110
-    w261 = w191*w249 - w192*w250 + w193*w251
-    w262 = normal_3*w261 + w58*w241 - w247*w171 - (w52*w195 - w248*w166)
-    w263 = normal_2*w261 + w68*w195 - w248*w180 - (w58*w245 - w254*w171)
-    w264 = normal_1*w261 - (w68*w241 - w247*w180) + w52*w245 - w254*w166
-    w265 = base1_31*w262 + base1_21*w263 + base1_11*w264
-    w266 = w254*w93
-    w267 = w247*w122
-    w268 = w248*w108
-    w269 = w234*w249 - w235*w250 + w236*w251
-    w270 = normal_3*w269 + w58*w242 - w247*w218 - (w52*w238 - w248*w217)
-    w271 = normal_2*w269 + w68*w238 - w248*w225 - (w58*w246 - w254*w218)
-    w272 = normal_1*w269 - (w68*w242 - w247*w225) + w52*w246 - w254*w217
-    w273 = base1_31*w270 + base1_21*w271 + base1_11*w272
-    w274 = w254*w91
-    w275 = cornering*w83*w144*trail/w84
-    w276 = normal_3*w275 + w58*w247 - w52*w248
-    w277 = normal_2*w275 + w68*w248 - w58*w254
-    w278 = normal_1*w275 - w68*w247 + w52*w254
-    w279 = base1_33*w276 + base1_23*w277 + base1_13*w278
-    w280 = base1_33*w253 + base1_23*w255 + base1_13*w256
-    w281 = base1_32*w276 + base1_22*w277 + base1_12*w278
-    w282 = base1_32*w253 + base1_22*w255 + base1_12*w256
-    w283 = w259 + w76*w240 + w260 + w65*w147 - (w7*w279 + w9*w280) - (w7*w282 - w9*w281) + w266 + w49*w244
-    w284 = base1_33*w262 + base1_23*w263 + base1_13*w264
-    w285 = base1_32*w262 + base1_22*w263 + base1_12*w264
-    w286 = w76*w241 - w247*w187 + w65*w195 - w248*w178 - w9*w284 - w7*w285 + w49*w245 - w254*w164
-    w287 = w247*w185
-    w288 = w248*w176
-    w289 = base1_33*w270 + base1_23*w271 + base1_13*w272
-    w290 = base1_32*w270 + base1_22*w271 + base1_12*w272
-    w291 = w254*w162
-    w292 = w287 + w76*w242 + w288 + w65*w238 - w9*w289 - w7*w290 + w291 + w49*w246
-    w293 = w4*w7
-    w294 = w4*w9
-    w295 = w267 + w74*w240 + w268 + w63*w147 - (w293*w280 - w279*w294) + w294*w282 + w293*w281 - w0*w257 + w274 + w46*w244
-    w296 = w287 + w74*w241 + w288 + w63*w195 - (w293*w284 - w279*w212) + w294*w285 - w281*w210 - (w4*(base1_31*w276 + base1_21*w277 + base1_11*w278) + w0*w265) + w291 + w46*w245
-    w297 = w74*w242 - w247*w229 + w63*w238 - w248*w222 - w293*w289 + w294*w290 - w0*w273 + w46*w246 - w254*w214
-    w298 = (w79*w20 + w83*w136)/w84
-    w299 = (w20/w84 - w139*w298)/w141
-    w300 = cornering*w299
-    w301 = w20*w300
-    w302 = (w79*w119 + w83*w130)/w84
-    w303 = (w119/w84 - w139*w302)/w141
-    w304 = cornering*w303
-    w305 = w20*w304
-    w306 = (w79*w88 + w83*w133)/w84
-    w307 = (w88/w84 - w139*w306)/w141
-    w308 = cornering*w307
-    w309 = w20*w308
-    w310 = w88*(w42 - base1_11*w52 + base1_21*w58) + w20*(w61 - base1_21*w68 + base1_31*w52) + w119*(w72 - base1_31*w58 + base1_11*w68)
-    w311 = w72*w130 + w42*w133 + w61*w136
-    w312 = (w79*w310 + w83*w311)/w84
-    w313 = (w310/w84 - w139*w312)/w141
-    w314 = cornering*w313
-    w315 = w20*w314
-    w316 = base1_12*w7 + w9*base1_13
-    w317 = w7*base1_22 + w9*base1_23
-    w318 = w7*base1_32 + w9*base1_33
-    w319 = w88*(w49 - w52*w316 + w58*w317) + w20*(w65 - w68*w317 + w52*w318) + w119*(w76 - w58*w318 + w68*w316)
-    w320 = w76*w130 + w49*w133 + w65*w136
-    w321 = (w79*w319 + w83*w320)/w84
-    w322 = (w319/w84 - w139*w321)/w141
-    w323 = cornering*w322
-    w324 = w20*w323
-    w325 = base1_11*w0 - base1_12*w294 + base1_13*w293
-    w326 = w0*base1_21 - base1_22*w294 + base1_23*w293
-    w327 = w0*base1_31 - base1_32*w294 + base1_33*w293
-    w328 = w88*(w46 - w52*w325 + w58*w326) + w20*(w63 - w68*w326 + w52*w327) + w119*(w74 - w58*w327 + w68*w325)
-    w329 = w74*w130 + w46*w133 + w63*w136
-    w330 = (w79*w328 + w83*w329)/w84
-    w331 = (w328/w84 - w139*w330)/w141
-    w332 = cornering*w331
-    w333 = w20*w332
-    w334 = w119*w300
-    w335 = w119*w304
-    w336 = w119*w308
-    w337 = w119*w314
-    w338 = w119*w323
-    w339 = w119*w332
-    w340 = w88*w300
-    w341 = w88*w304
-    w342 = w88*w308
-    w343 = w88*w314
-    w344 = w88*w323
-    w345 = w88*w332
-    w346 = w136*w249 - w250*w298 + w251*w299
-    w347 = normal_3*w346 + w58*w334 - w52*w301
-    w348 = normal_2*w346 + w68*w301 - w58*w340
-    w349 = normal_1*w346 - w68*w334 + w52*w340
-    w350 = base1_31*w347 + base1_21*w348 + base1_11*w349
-    w351 = w130*w249 - w250*w302 + w251*w303
-    w352 = normal_3*w351 + w58*w335 - w52*w305
-    w353 = normal_2*w351 + w68*w305 - w58*w341
-    w354 = normal_1*w351 - w68*w335 + w52*w341
-    w355 = base1_31*w352 + base1_21*w353 + base1_11*w354
-    w356 = w133*w249 - w250*w306 + w251*w307
-    w357 = normal_3*w356 + w58*w336 - w52*w309
-    w358 = normal_2*w356 + w68*w309 - w58*w342
-    w359 = normal_1*w356 - w68*w336 + w52*w342
-    w360 = base1_31*w357 + base1_21*w358 + base1_11*w359
-    w361 = w249*w311 - w250*w312 + w251*w313
-    w362 = normal_3*w361 + w58*w337 - w52*w315
-    w363 = normal_2*w361 + w68*w315 - w58*w343
-    w364 = normal_1*w361 - w68*w337 + w52*w343
-    w365 = base1_31*w362 + base1_21*w363 + base1_11*w364
-    w366 = w249*w320 - w250*w321 + w251*w322
-    w367 = normal_3*w366 + w58*w338 - w52*w324
-    w368 = normal_2*w366 + w68*w324 - w58*w344
-    w369 = normal_1*w366 - w68*w338 + w52*w344
-    w370 = base1_31*w367 + base1_21*w368 + base1_11*w369
-    w371 = w249*w329 - w250*w330 + w251*w331
-    w372 = normal_3*w371 + w58*w339 - w52*w333
-    w373 = normal_2*w371 + w68*w333 - w58*w345
-    w374 = normal_1*w371 - w68*w339 + w52*w345
-    w375 = base1_31*w372 + base1_21*w373 + base1_11*w374
-    w376 = base1_33*w347 + base1_23*w348 + base1_13*w349
-    w377 = base1_32*w347 + base1_22*w348 + base1_12*w349
-    w378 = base1_33*w352 + base1_23*w353 + base1_13*w354
-    w379 = base1_32*w352 + base1_22*w353 + base1_12*w354
-    w380 = base1_33*w357 + base1_23*w358 + base1_13*w359
-    w381 = base1_32*w357 + base1_22*w358 + base1_12*w359
-    w382 = base1_33*w362 + base1_23*w363 + base1_13*w364
-    w383 = base1_32*w362 + base1_22*w363 + base1_12*w364
-    w384 = base1_33*w367 + base1_23*w368 + base1_13*w369
-    w385 = base1_32*w367 + base1_22*w368 + base1_12*w369
-    w386 = base1_33*w372 + base1_23*w373 + base1_13*w374
-    w387 = base1_32*w372 + base1_22*w373 + base1_12*w374
-    w388 = w74*w334 + w63*w301 - w293*w376 + w294*w377 - w0*w350 + w46*w340
-    w389 = w74*w335 + w63*w305 - w293*w378 + w294*w379 - w0*w355 + w46*w341
-    w390 = w74*w336 + w63*w309 - w293*w380 + w294*w381 - w0*w360 + w46*w342
-    w391 = w74*w337 + w63*w315 - w293*w382 + w294*w383 - w0*w365 + w46*w343
-    w392 = w74*w338 + w63*w324 - w293*w384 + w294*w385 - w0*w370 + w46*w344
-    w393 = w74*w339 + w63*w333 - w293*w386 + w294*w387 - w0*w375 + w46*w345
+    w20 = w10*base1_13 - base1_12*w11
+    w21 = w10*base1_23 - w11*base1_22
+    w22 = w10*base1_33 - w11*base1_32
+    w23 = normal_1*w20 + normal_2*w21 + normal_3*w22
+    w24 = normal_1*w13 + normal_2*w15 + normal_3*w12
+    w25 = w24*w24 + w18*w18
+    w26 = normal_1*w22 - normal_3*w20
+    w27 = normal_2*w20 - normal_1*w21
+    w28 = normal_3*w21 - normal_2*w22
+    w29 = w14*w26 + w16*w27 + w17*w28
+    w30 = w29/w18
+    w31 = w2*center_1 + w1*center_2
+    w32 = w9*w31
+    w33 = w1*center_1 - w2*center_2
+    w34 = w4*center_3 - w0*w33
+    w35 = w32 + w7*w34
+    w36 = w7*w31
+    w37 = w36 - w9*w34
+    w38 = base1_23*w37 - base1_22*w35
+    w39 = phi1_t*w38
+    w40 = w7*w33 - w0*w9*w31
+    w41 = w9*w33 + w0*w7*w31
+    w42 = base1_22*w40 + base1_23*w41 - w4*base1_21*w31
+    w43 = psi1_t*w42
+    w44 = w0*center_3 + w4*w33
+    w45 = base1_21*w34 - w7*base1_23*w44 + w9*base1_22*w44
+    w46 = theta1_t*w45
+    w47 = y1_t + w39 + w43 + w46
+    w48 = base1_33*w37 - base1_32*w35
+    w49 = phi1_t*w48
+    w50 = base1_32*w40 + base1_33*w41 - w4*base1_31*w31
+    w51 = psi1_t*w50
+    w52 = base1_31*w34 - w7*base1_33*w44 + w9*base1_32*w44
+    w53 = theta1_t*w52
+    w54 = z1_t + w49 + w51 + w53
+    w55 = base1_13*w37 - base1_12*w35
+    w56 = phi1_t*w55
+    w57 = base1_12*w40 + base1_13*w41 - base1_11*w4*w31
+    w58 = psi1_t*w57
+    w59 = base1_11*w34 - w7*base1_13*w44 + base1_12*w9*w44
+    w60 = theta1_t*w59
+    w61 = x1_t + w56 + w58 + w60
+    w62 = w14*w47/w18 + w16*w54/w18 + w17*w61/w18
+    w63 = f.abs(w62)
+    w64 = normal_1*w14 - normal_2*w17
+    w65 = normal_2 - w15*w24
+    w66 = normal_2*tube + radius*w65/w18
+    w67 = phi1_t + w0*psi1_t
+    w68 = w7*theta1_t - w4*w9*psi1_t
+    w69 = w9*theta1_t + w4*w7*psi1_t
+    w70 = base1_11*w67 + base1_12*w68 + base1_13*w69
+    w71 = normal_1 - w13*w24
+    w72 = normal_1*tube + radius*w71/w18
+    w73 = base1_21*w67 + base1_22*w68 + base1_23*w69
+    w74 = z1_t + w49 + w51 + w53 - w66*w70 + w72*w73
+    w75 = normal_1*w26 - normal_2*w28
+    w76 = w64/w18
+    w77 = base1_32*w37 + base1_33*w35
+    w78 = phi1_t*w77
+    w79 = base1_33*w40 - base1_32*w41
+    w80 = psi1_t*w79
+    w81 = w9*base1_33*w44 + w7*base1_32*w44
+    w82 = theta1_t*w81
+    w83 = radius/w18
+    w84 = w30*radius*w65/(w18*w18) + (w24*w21 + w15*w23)*w83
+    w85 = base1_13*w68 - base1_12*w69
+    w86 = w30*radius*w71/(w18*w18) + w83*(w24*w20 + w13*w23)
+    w87 = base1_23*w68 - base1_22*w69
+    w88 = w76*(w80 - w78 + w82 - (w66*w85 - w70*w84) + w72*w87 - w73*w86)
+    w89 = normal_3 - w12*w24
+    w90 = normal_3*tube + radius*w89/w18
+    w91 = base1_31*w67 + base1_32*w68 + base1_33*w69
+    w92 = x1_t + w56 + w58 + w60 - w73*w90 + w66*w91
+    w93 = normal_2*w27 - normal_3*w26
+    w94 = w19/w18
+    w95 = base1_12*w37 + base1_13*w35
+    w96 = phi1_t*w95
+    w97 = base1_13*w40 - base1_12*w41
+    w98 = psi1_t*w97
+    w99 = w9*base1_13*w44 + w7*base1_12*w44
+    w100 = theta1_t*w99
+    w101 = w30*radius*w89/(w18*w18) + w83*(w24*w22 + w12*w23)
+    w102 = base1_33*w68 - base1_32*w69
+    w103 = w94*(w98 - w96 + w100 - (w90*w87 - w73*w101) + w66*w102 - w91*w84)
+    w104 = normal_3*w17 - normal_1*w16
+    w105 = y1_t + w39 + w43 + w46 - w72*w91 + w70*w90
+    w106 = normal_3*w28 - normal_1*w27
+    w107 = w104/w18
+    w108 = base1_22*w37 + base1_23*w35
+    w109 = phi1_t*w108
+    w110 = base1_23*w40 - base1_22*w41
+    w111 = psi1_t*w110
+    w112 = w9*base1_23*w44 + w7*base1_22*w44
+    w113 = theta1_t*w112
+    w114 = w111 - w109 + w113 - (w72*w102 - w91*w86) + w90*w85 - w70*w101
+    w115 = w74*w75/w18 - w64*w74*w30/(w18*w18) + w88 + w92*w93/w18 - w19*w92*w30/(w18*w18) + w103 + w105*w106/w18 - w104*w105*w30/(w18*w18) + w107*w114
+    w116 = w64*w74/w18 + w19*w92/w18 + w104*w105/w18
+    w117 = w116*w116
+    w118 = w117 + w63*w63
+    w119 = w26*w47/w18 - w30*w14*w47/(w18*w18) + (w111 - w109 + w113)*w14/w18
+    w120 = w27*w54/w18 - w30*w16*w54/(w18*w18) + (w80 - w78 + w82)*w16/w18
+    w121 = w28*w61/w18 - w30*w17*w61/(w18*w18) + (w98 - w96 + w100)*w17/w18
+    w122 = w119 + w120 + w121
+    w123 = f.abs_slope(w62)
+    w124 = (w23*w18/w25 - w30*w24/w25)*camber/cornering + w63*w115/w118 - w116*w122*w123/w118
+    w125 = camber*f.atan2(w24, w18)/cornering + f.atan2(w116, w63)
+    w126 = cornering*w19*w124/w18 + cornering*w125*(w93/w18 - w19*w29/(w18*w18*w18))
+    w127 = base1_11*w8 + w5*base1_12*w9 - w5*w7*base1_13
+    w128 = w8*base1_21 + w5*w9*base1_22 - w5*w7*base1_23
+    w129 = w8*base1_31 + w5*w9*base1_32 - w5*w7*base1_33
+    w130 = normal_1*w127 + normal_2*w128 + normal_3*w129
+    w131 = normal_1*w129 - normal_3*w127
+    w132 = normal_2*w127 - normal_1*w128
+    w133 = normal_3*w128 - normal_2*w129
+    w134 = w14*w131 + w16*w132 + w17*w133
+    w135 = normal_1*w131 - normal_2*w133
+    w136 = phi1_t*w81
+    w137 = w4*w7*base1_33*w31 - w4*w9*base1_32*w31 + w0*base1_31*w31
+    w138 = psi1_t*w137
+    w139 = base1_31*w44 + w7*base1_33*w34 - w9*base1_32*w34
+    w140 = theta1_t*w139
+    w141 = radius*w65*w134/(w18*w18*w18) + radius*(w24*w128 + w15*w130)/w18
+    w142 = base1_11*w4*psi1_t + w0*base1_12*w9*psi1_t - w0*w7*base1_13*psi1_t
+    w143 = radius*w71*w134/(w18*w18*w18) + radius*(w24*w127 + w13*w130)/w18
+    w144 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
+    w145 = w136 + w138 - w140 - (w66*w142 - w70*w141) + w72*w144 - w73*w143
+    w146 = normal_2*w132 - normal_3*w131
+    w147 = phi1_t*w99
+    w148 = w4*w7*base1_13*w31 - w4*base1_12*w9*w31 + base1_11*w0*w31
+    w149 = psi1_t*w148
+    w150 = base1_11*w44 + w7*base1_13*w34 - base1_12*w9*w34
+    w151 = theta1_t*w150
+    w152 = radius*w89*w134/(w18*w18*w18) + radius*(w24*w129 + w12*w130)/w18
+    w153 = w4*base1_31*psi1_t + w0*w9*base1_32*psi1_t - w0*w7*base1_33*psi1_t
+    w154 = w147 + w149 - w151 - (w90*w144 - w73*w152) + w66*w153 - w91*w141
+    w155 = normal_3*w133 - normal_1*w132
+    w156 = phi1_t*w112
+    w157 = w4*w7*base1_23*w31 - w4*w9*base1_22*w31 + w0*base1_21*w31
+    w158 = psi1_t*w157
+    w159 = base1_21*w44 + w7*base1_23*w34 - w9*base1_22*w34
+    w160 = theta1_t*w159
+    w161 = w156 + w158 - w160 - (w72*w153 - w91*w143) + w90*w142 - w70*w152
+    w162 = w74*w135/w18 - w64*w74*w134/(w18*w18*w18) + w64*w145/w18 + w92*w146/w18 - w19*w92*w134/(w18*w18*w18) + w19*w154/w18 + w105*w155/w18 - w104*w105*w134/(w18*w18*w18) + w104*w161/w18
+    w163 = w47*w131/w18 - w14*w47*w134/(w18*w18*w18) + w14*(w156 + w158 - w160)/w18
+    w164 = w54*w132/w18 - w16*w54*w134/(w18*w18*w18) + w16*(w136 + w138 - w140)/w18
+    w165 = w61*w133/w18 - w17*w61*w134/(w18*w18*w18) + w17*(w147 + w149 - w151)/w18
+    w166 = w163 + w164 + w165
+    w167 = camber*(w18*w130/w25 - w24*w134/(w18*w25))/cornering + w63*w162/w118 - w116*w123*w166/w118
+    w168 = cornering*w19*w167/w18 + cornering*w125*(w146/w18 - w19*w134/(w18*w18*w18))
+    w169 = w3*w7 - w0*w6*w9
+    w170 = w3*w9 + w0*w6*w7
+    w171 = base1_12*w169 - base1_11*w4*w6 + base1_13*w170
+    w172 = base1_22*w169 - w4*w6*base1_21 + base1_23*w170
+    w173 = base1_32*w169 - w4*w6*base1_31 + base1_33*w170
+    w174 = normal_1*w171 + normal_2*w172 + normal_3*w173
+    w175 = normal_1*w173 - normal_3*w171
+    w176 = normal_2*w171 - normal_1*w172
+    w177 = normal_3*w172 - normal_2*w173
+    w178 = w14*w175 + w16*w176 + w17*w177
+    w179 = normal_1*w175 - normal_2*w177
+    w180 = phi1_t*w79
+    w181 = w36 + w0*w9*w33
+    w182 = w0*w7*w33 - w32
+    w183 = base1_32*w181 - base1_33*w182 + w4*base1_31*w33
+    w184 = psi1_t*w183
+    w185 = theta1_t*w137
+    w186 = radius*w65*w178/(w18*w18*w18) + radius*(w24*w172 + w15*w174)/w18
+    w187 = radius*w71*w178/(w18*w18*w18) + radius*(w24*w171 + w13*w174)/w18
+    w188 = w74*w179/w18 - w64*w74*w178/(w18*w18*w18) + w64*(w180 - w184 + w185 + w70*w186 - w73*w187)/w18
+    w189 = normal_2*w176 - normal_3*w175
+    w190 = phi1_t*w97
+    w191 = base1_12*w181 - base1_13*w182 + base1_11*w4*w33
+    w192 = psi1_t*w191
+    w193 = theta1_t*w148
+    w194 = radius*w89*w178/(w18*w18*w18) + radius*(w24*w173 + w12*w174)/w18
+    w195 = w92*w189/w18 - w19*w92*w178/(w18*w18*w18) + w19*(w190 - w192 + w193 + w73*w194 - w91*w186)/w18
+    w196 = normal_3*w177 - normal_1*w176
+    w197 = phi1_t*w110
+    w198 = base1_22*w181 - base1_23*w182 + w4*base1_21*w33
+    w199 = psi1_t*w198
+    w200 = theta1_t*w157
+    w201 = w105*w196/w18 - w104*w105*w178/(w18*w18*w18) + w104*(w197 - w199 + w200 + w91*w187 - w70*w194)/w18
+    w202 = w188 + w195 + w201
+    w203 = w47*w175/w18 - w14*w47*w178/(w18*w18*w18) + w14*(w197 - w199 + w200)/w18
+    w204 = w54*w176/w18 - w16*w54*w178/(w18*w18*w18) + w16*(w180 - w184 + w185)/w18
+    w205 = w61*w177/w18 - w17*w61*w178/(w18*w18*w18) + w17*(w190 - w192 + w193)/w18
+    w206 = w203 + w204 + w205
+    w207 = camber*(w18*w174/w25 - w24*w178/(w18*w25))/cornering + w63*w202/w118 - w116*w123*w206/w118
+    w208 = cornering*w19*w207/w18 + cornering*w125*(w189/w18 - w19*w178/(w18*w18*w18))
+    w209 = cornering*w104*w124/w18 + cornering*w125*(w106/w18 - w104*w29/(w18*w18*w18))
+    w210 = cornering*w104*w167/w18 + cornering*w125*(w155/w18 - w104*w134/(w18*w18*w18))
+    w211 = cornering*w104*w207/w18 + cornering*w125*(w196/w18 - w104*w178/(w18*w18*w18))
+    w212 = cornering*w64*w124/w18 + cornering*w125*(w75/w18 - w64*w29/(w18*w18*w18))
+    w213 = cornering*w64*w167/w18 + cornering*w125*(w135/w18 - w64*w134/(w18*w18*w18))
+    w214 = cornering*w64*w207/w18 + cornering*w125*(w179/w18 - w64*w178/(w18*w18*w18))
+    w215 = f.sqrt(w117 + w62*w62)
+    w216 = cornering*w62*w125*trail*(w116*w115 + w62*w122)/(w215*w215*w215)
+    w217 = cornering*w125*trail*w122/w215 + cornering*w62*trail*w124/w215 - w216
+    w218 = normal_3*w217 + w72*w209 - cornering*w104*w125*w86/w18 - (w66*w126 - cornering*w19*w125*w84/w18)
+    w219 = normal_2*w217 + w90*w126 - cornering*w19*w125*w101/w18 - (w72*w212 - cornering*w64*w125*w86/w18)
+    w220 = normal_1*w217 - (w90*w209 - cornering*w104*w125*w101/w18) + w66*w212 - cornering*w64*w125*w84/w18
+    w221 = base1_31*w218 + base1_21*w219 + base1_11*w220
+    w222 = w38*w209 - cornering*w104*w125*w108/w18 + w55*w126 - cornering*w19*w125*w95/w18 - w221 + w48*w212 - cornering*w64*w125*w77/w18
+    w223 = cornering*w104*w125*w112/w18
+    w224 = cornering*w19*w125*w99/w18
+    w225 = cornering*w62*w125*trail*(w116*w162 + w62*w166)/(w215*w215*w215)
+    w226 = cornering*w125*trail*w166/w215 + cornering*w62*trail*w167/w215 - w225
+    w227 = normal_3*w226 + w72*w210 - cornering*w104*w125*w143/w18 - (w66*w168 - cornering*w19*w125*w141/w18)
+    w228 = normal_2*w226 + w90*w168 - cornering*w19*w125*w152/w18 - (w72*w213 - cornering*w64*w125*w143/w18)
+    w229 = normal_1*w226 - (w90*w210 - cornering*w104*w125*w152/w18) + w66*w213 - cornering*w64*w125*w141/w18
+    w230 = base1_31*w227 + base1_21*w228 + base1_11*w229
+    w231 = cornering*w64*w125*w81/w18
+    w232 = cornering*w104*w125*w110/w18
+    w233 = cornering*w19*w125*w97/w18
+    w234 = cornering*w62*w125*trail*(w116*w202 + w62*w206)/(w215*w215*w215)
+    w235 = cornering*w125*trail*w206/w215 + cornering*w62*trail*w207/w215 - w234
+    w236 = normal_3*w235 + w72*w211 - cornering*w104*w125*w187/w18 - (w66*w208 - cornering*w19*w125*w186/w18)
+    w237 = normal_2*w235 + w90*w208 - cornering*w19*w125*w194/w18 - (w72*w214 - cornering*w64*w125*w187/w18)
+    w238 = normal_1*w235 - (w90*w211 - cornering*w104*w125*w194/w18) + w66*w214 - cornering*w64*w125*w186/w18
+    w239 = base1_31*w236 + base1_21*w237 + base1_11*w238
+    w240 = cornering*w64*w125*w79/w18
+    w241 = cornering*w62*w125*trail/w215
+    w242 = cornering*w125
+    w243 = w242*w107
+    w244 = w242*w94
+    w245 = normal_3*w241 + w72*w243 - w66*w244
+    w246 = w242*w76
+    w247 = normal_2*w241 + w90*w244 - w72*w246
+    w248 = normal_1*w241 - w90*w243 + w66*w246
+    w249 = base1_33*w245 + base1_23*w247 + base1_13*w248
+    w250 = base1_33*w218 + base1_23*w219 + base1_13*w220
+    w251 = base1_32*w245 + base1_22*w247 + base1_12*w248
+    w252 = base1_32*w218 + base1_22*w219 + base1_12*w220
+    w253 = w223 + w45*w209 + w224 + w59*w126 - (w7*w249 + w9*w250) - (w7*w252 - w9*w251) + w231 + w52*w212
+    w254 = base1_33*w227 + base1_23*w228 + base1_13*w229
+    w255 = base1_32*w227 + base1_22*w228 + base1_12*w229
+    w256 = w45*w210 - cornering*w104*w125*w159/w18 + w59*w168 - cornering*w19*w125*w150/w18 - w9*w254 - w7*w255 + w52*w213 - cornering*w64*w125*w139/w18
+    w257 = cornering*w104*w125*w157/w18
+    w258 = cornering*w19*w125*w148/w18
+    w259 = base1_33*w236 + base1_23*w237 + base1_13*w238
+    w260 = base1_32*w236 + base1_22*w237 + base1_12*w238
+    w261 = cornering*w64*w125*w137/w18
+    w262 = w257 + w45*w211 + w258 + w59*w208 - w9*w259 - w7*w260 + w261 + w52*w214
+    w263 = w232 + w42*w209 + w233 + w57*w126 - (w4*w7*w250 - w4*w9*w249) + w4*w9*w252 + w4*w7*w251 - w0*w221 + w240 + w50*w212
+    w264 = w257 + w42*w210 + w258 + w57*w168 - (w4*w7*w254 - w0*w7*w249) + w4*w9*w255 - w0*w9*w251 - (w4*(base1_31*w245 + base1_21*w247 + base1_11*w248) + w0*w230) + w261 + w50*w213
+    w265 = w42*w211 - cornering*w104*w125*w198/w18 + w57*w208 - cornering*w19*w125*w191/w18 - w4*w7*w259 + w4*w9*w260 - w0*w239 + w50*w214 - cornering*w64*w125*w183/w18
+    w266 = w19*w63/(w18*w118) - w17*w116*w123/(w18*w118)
+    w267 = w104*w63/(w18*w118) - w14*w116*w123/(w18*w118)
+    w268 = w64*w63/(w18*w118) - w16*w116*w123/(w18*w118)
+    w269 = w64*(w48 - base1_11*w66 + base1_21*w72)/w18 + w19*(w55 - base1_21*w90 + base1_31*w66)/w18 + w104*(w38 - base1_31*w72 + base1_11*w90)/w18
+    w270 = w14*w38/w18 + w16*w48/w18 + w17*w55/w18
+    w271 = w63*w269/w118 - w116*w123*w270/w118
+    w272 = base1_12*w7 + w9*base1_13
+    w273 = w7*base1_22 + w9*base1_23
+    w274 = w7*base1_32 + w9*base1_33
+    w275 = w64*(w52 - w66*w272 + w72*w273)/w18 + w19*(w59 - w90*w273 + w66*w274)/w18 + w104*(w45 - w72*w274 + w90*w272)/w18
+    w276 = w14*w45/w18 + w16*w52/w18 + w17*w59/w18
+    w277 = w63*w275/w118 - w116*w123*w276/w118
+    w278 = base1_11*w0 - w4*base1_12*w9 + w4*w7*base1_13
+    w279 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
+    w280 = w0*base1_31 - w4*w9*base1_32 + w4*w7*base1_33
+    w281 = w64*(w50 - w66*w278 + w72*w279)/w18 + w19*(w57 - w90*w279 + w66*w280)/w18 + w104*(w42 - w72*w280 + w90*w278)/w18
+    w282 = w14*w42/w18 + w16*w50/w18 + w17*w57/w18
+    w283 = w63*w281/w118 - w116*w123*w282/w118
+    w284 = cornering*w62*w125*trail*(w19*w116/w18 + w17*w62/w18)/(w215*w215*w215)
+    w285 = cornering*w17*w125*trail/(w18*w215) + cornering*w62*trail*w266/w215 - w284
+    w286 = normal_3*w285 + cornering*w72*w104*w266/w18 - cornering*w66*w19*w266/w18
+    w287 = normal_2*w285 + cornering*w19*w90*w266/w18 - cornering*w64*w72*w266/w18
+    w288 = normal_1*w285 - cornering*w90*w104*w266/w18 + cornering*w64*w66*w266/w18
+    w289 = base1_31*w286 + base1_21*w287 + base1_11*w288
+    w290 = cornering*w104*w38*w266/w18 + cornering*w19*w55*w266/w18 - w289 + cornering*w64*w48*w266/w18
+    w291 = cornering*w62*w125*trail*(w104*w116/w18 + w14*w62/w18)/(w215*w215*w215)
+    w292 = cornering*w14*w125*trail/(w18*w215) + cornering*w62*trail*w267/w215 - w291
+    w293 = normal_3*w292 + cornering*w72*w104*w267/w18 - cornering*w66*w19*w267/w18
+    w294 = normal_2*w292 + cornering*w19*w90*w267/w18 - cornering*w64*w72*w267/w18
+    w295 = normal_1*w292 - cornering*w90*w104*w267/w18 + cornering*w64*w66*w267/w18
+    w296 = base1_31*w293 + base1_21*w294 + base1_11*w295
+    w297 = cornering*w104*w38*w267/w18 + cornering*w19*w55*w267/w18 - w296 + cornering*w64*w48*w267/w18
+    w298 = cornering*w62*w125*trail*(w64*w116/w18 + w16*w62/w18)/(w215*w215*w215)
+    w299 = cornering*w16*w125*trail/(w18*w215) + cornering*w62*trail*w268/w215 - w298
+    w300 = normal_3*w299 + cornering*w72*w104*w268/w18 - cornering*w66*w19*w268/w18
+    w301 = normal_2*w299 + cornering*w19*w90*w268/w18 - cornering*w64*w72*w268/w18
+    w302 = normal_1*w299 - cornering*w90*w104*w268/w18 + cornering*w64*w66*w268/w18
+    w303 = base1_31*w300 + base1_21*w301 + base1_11*w302
+    w304 = cornering*w104*w38*w268/w18 + cornering*w19*w55*w268/w18 - w303 + cornering*w64*w48*w268/w18
+    w305 = cornering*w62*w125*trail*(w116*w269 + w62*w270)/(w215*w215*w215)
+    w306 = cornering*w125*trail*w270/w215 + cornering*w62*trail*w271/w215 - w305
+    w307 = normal_3*w306 + cornering*w72*w104*w271/w18 - cornering*w66*w19*w271/w18
+    w308 = normal_2*w306 + cornering*w19*w90*w271/w18 - cornering*w64*w72*w271/w18
+    w309 = normal_1*w306 - cornering*w90*w104*w271/w18 + cornering*w64*w66*w271/w18
+    w310 = base1_31*w307 + base1_21*w308 + base1_11*w309
+    w311 = cornering*w104*w38*w271/w18 + cornering*w19*w55*w271/w18 - w310 + cornering*w64*w48*w271/w18
+    w312 = cornering*w62*w125*trail*(w116*w275 + w62*w276)/(w215*w215*w215)
+    w313 = cornering*w125*trail*w276/w215 + cornering*w62*trail*w277/w215 - w312
+    w314 = normal_3*w313 + cornering*w72*w104*w277/w18 - cornering*w66*w19*w277/w18
+    w315 = normal_2*w313 + cornering*w19*w90*w277/w18 - cornering*w64*w72*w277/w18
+    w316 = normal_1*w313 - cornering*w90*w104*w277/w18 + cornering*w64*w66*w277/w18
+    w317 = base1_31*w314 + base1_21*w315 + base1_11*w316
+    w318 = cornering*w104*w38*w277/w18 + cornering*w19*w55*w277/w18 - w317 + cornering*w64*w48*w277/w18
+    w319 = cornering*w62*w125*trail*(w116*w281 + w62*w282)/(w215*w215*w215)
+    w320 = cornering*w125*trail*w282/w215 + cornering*w62*trail*w283/w215 - w319
+    w321 = normal_3*w320 + cornering*w72*w104*w283/w18 - cornering*w66*w19*w283/w18
+    w322 = normal_2*w320 + cornering*w19*w90*w283/w18 - cornering*w64*w72*w283/w18
+    w323 = normal_1*w320 - cornering*w90*w104*w283/w18 + cornering*w64*w66*w283/w18
+    w324 = base1_31*w321 + base1_21*w322 + base1_11*w323
+    w325 = cornering*w104*w38*w283/w18 + cornering*w19*w55*w283/w18 - w324 + cornering*w64*w48*w283/w18
+    w326 = base1_33*w286 + base1_23*w287 + base1_13*w288
+    w327 = base1_32*w286 + base1_22*w287 + base1_12*w288
+    w328 = cornering*w104*w45*w266/w18 + cornering*w19*w59*w266/w18 - w9*w326 - w7*w327 + cornering*w64*w52*w266/w18
+    w329 = base1_33*w293 + base1_23*w294 + base1_13*w295
+    w330 = base1_32*w293 + base1_22*w294 + base1_12*w295
+    w331 = cornering*w104*w45*w267/w18 + cornering*w19*w59*w267/w18 - w9*w329 - w7*w330 + cornering*w64*w52*w267/w18
+    w332 = base1_33*w300 + base1_23*w301 + base1_13*w302
+    w333 = base1_32*w300 + base1_22*w301 + base1_12*w302
+    w334 = cornering*w104*w45*w268/w18 + cornering*w19*w59*w268/w18 - w9*w332 - w7*w333 + cornering*w64*w52*w268/w18
+    w335 = base1_33*w307 + base1_23*w308 + base1_13*w309
+    w336 = base1_32*w307 + base1_22*w308 + base1_12*w309
+    w337 = cornering*w104*w45*w271/w18 + cornering*w19*w59*w271/w18 - w9*w335 - w7*w336 + cornering*w64*w52*w271/w18
+    w338 = base1_33*w314 + base1_23*w315 + base1_13*w316
+    w339 = base1_32*w314 + base1_22*w315 + base1_12*w316
+    w340 = cornering*w104*w45*w277/w18 + cornering*w19*w59*w277/w18 - w9*w338 - w7*w339 + cornering*w64*w52*w277/w18
+    w341 = base1_33*w321 + base1_23*w322 + base1_13*w323
+    w342 = base1_32*w321 + base1_22*w322 + base1_12*w323
+    w343 = cornering*w104*w45*w283/w18 + cornering*w19*w59*w283/w18 - w9*w341 - w7*w342 + cornering*w64*w52*w283/w18
+    w344 = cornering*w104*w42*w266/w18 + cornering*w19*w57*w266/w18 - w4*w7*w326 + w4*w9*w327 - w0*w289 + cornering*w64*w50*w266/w18
+    w345 = cornering*w104*w42*w267/w18 + cornering*w19*w57*w267/w18 - w4*w7*w329 + w4*w9*w330 - w0*w296 + cornering*w64*w50*w267/w18
+    w346 = cornering*w104*w42*w268/w18 + cornering*w19*w57*w268/w18 - w4*w7*w332 + w4*w9*w333 - w0*w303 + cornering*w64*w50*w268/w18
+    w347 = cornering*w104*w42*w271/w18 + cornering*w19*w57*w271/w18 - w4*w7*w335 + w4*w9*w336 - w0*w310 + cornering*w64*w50*w271/w18
+    w348 = cornering*w104*w42*w277/w18 + cornering*w19*w57*w277/w18 - w4*w7*w338 + w4*w9*w339 - w0*w317 + cornering*w64*w50*w277/w18
+    w349 = cornering*w104*w42*w283/w18 + cornering*w19*w57*w283/w18 - w4*w7*w341 + w4*w9*w342 - w0*w324 + cornering*w64*w50*w283/w18
     return (
-        w147,
-        w195,
-        w238,
-        w240,
-        w241,
-        w242,
-        w244,
-        w245,
-        w246,
-        w258,
-        w259 + w72*w241 + w260 + w61*w195 - w265 + w266 + w42*w245,
-        w267 + w72*w242 + w268 + w61*w238 - w273 + w274 + w42*w246,
-        w283,
-        w286,
-        w292,
-        w295,
-        w296,
+        w126,
+        w168,
+        w208,
+        w209,
+        w210,
+        w211,
+        w212,
+        w213,
+        w214,
+        w222,
+        w223 + w38*w210 + w224 + w55*w168 - w230 + w231 + w48*w213,
+        w232 + w38*w211 + w233 + w55*w208 - w239 + w240 + w48*w214,
+        w253,
+        w256,
+        w262,
+        w263,
+        w264,
+        w265,
+        cornering*w19*w266/w18,
+        cornering*w19*w267/w18,
+        cornering*w19*w268/w18,
+        cornering*w19*w271/w18,
+        cornering*w19*w277/w18,
+        cornering*w19*w283/w18,
+        cornering*w104*w266/w18,
+        cornering*w104*w267/w18,
+        cornering*w104*w268/w18,
+        cornering*w104*w271/w18,
+        cornering*w104*w277/w18,
+        cornering*w104*w283/w18,
+        cornering*w64*w266/w18,
+        cornering*w64*w267/w18,
+        cornering*w64*w268/w18,
+        cornering*w64*w271/w18,
+        cornering*w64*w277/w18,
+        cornering*w64*w283/w18,
+        w290,
         w297,
-        w301,
-        w305,
-        w309,
-        w315,
-        w324,
-        w333,
+        w304,
+        w311,
+        w318,
+        w325,
+        w328,
+        w331,
         w334,
-        w335,
-        w336,
         w337,
-        w338,
-        w339,
         w340,
-        w341,
-        w342,
         w343,
         w344,
         w345,
-        w72*w334 + w61*w301 - w350 + w42*w340,
-        w72*w335 + w61*w305 - w355 + w42*w341,
-        w72*w336 + w61*w309 - w360 + w42*w342,
-        w72*w337 + w61*w315 - w365 + w42*w343,
-        w72*w338 + w61*w324 - w370 + w42*w344,
-        w72*w339 + w61*w333 - w375 + w42*w345,
-        w76*w334 + w65*w301 - w9*w376 - w7*w377 + w49*w340,
-        w76*w335 + w65*w305 - w9*w378 - w7*w379 + w49*w341,
-        w76*w336 + w65*w309 - w9*w380 - w7*w381 + w49*w342,
-        w76*w337 + w65*w315 - w9*w382 - w7*w383 + w49*w343,
-        w76*w338 + w65*w324 - w9*w384 - w7*w385 + w49*w344,
-        w76*w339 + w65*w333 - w9*w386 - w7*w387 + w49*w345,
-        w388,
-        w389,
-        w390,
-        w391,
-        w392,
-        w393,
+        w346,
+        w347,
+        w348,
+        w349,
     )
 
 
