@@ -18,6 +18,7 @@ from children import child, command_line
 from click.testing import CliRunner
 from mechanisms import FREE_DISK
 from sampling import sample
+from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
 import mbstab
@@ -30,7 +31,7 @@ from mbstab.analysis.simulate.tolerances import TOLERANCES as SIMULATE
 from mbstab.cli import main
 from mbstab.compiler import form
 from mbstab.errors import MbstabError, ModelFileError, SimulationError, UsageError
-from mbstab.model.dependencies import uneven_in_time
+from mbstab.model.dependencies import uneven
 from mbstab.model.expressions import parse
 from mbstab.model.library import installed_models
 
@@ -663,7 +664,7 @@ forces: {f: {type: force, at: p, vector: [smooth_start((t - 5)/0.2) - smooth_sta
 
 
 @pytest.mark.parametrize(
-    ("text", "uneven"),
+    ("text", "limits"),
     [
         ("omega*t", False),
         ("-(2*t + 1)/T - t*sin(a)", False),
@@ -674,10 +675,40 @@ forces: {f: {type: force, at: p, vector: [smooth_start((t - 5)/0.2) - smooth_sta
         ("2**t", True),
         ("sin(t)", True),
         ("omega*smooth_start(t/T)", True),
+        ("-k*p.x*sin(p.x)*rate(p.x)**2 + exp(c)/m", False),
+        ("exp(-(p.x/w)**2)", True),
+        ("max(rate(p.x), 0, w)", True),
+        ("c/(1 + p.x**2)", True),
     ],
 )
-def test_only_functions_of_time_that_may_rest_limit_the_steps(text, uneven):
-    assert uneven_in_time(parse(text)) is uneven
+def test_only_functions_that_may_rest_limit_the_steps(text, limits):
+    assert uneven(parse(text), ["p.x"]) is limits
+
+
+BUMP = """
+mbstab: 1
+tables: {road: {x: [-500, 99.8, 100, 100.2, 500], y: [0, 0, 0.05, 0, 0]}}
+bodies: {p: {type: planar_point, mass: 300}}
+constraints: {cruise: {nonholonomic: rate(p.x) - 20}}
+forces:
+  f: {type: expression, on: {p.y: "-30000*(p.y - HEIGHT) - 1000*rate(p.y)"}}
+reference: {coordinates: {p: {x: 0, y: 0}}, rates: {p: {x: 20, y: 0}}}
+"""
+
+
+@pytest.mark.parametrize(
+    "options", sample([{}, {"compiled": True}, {"method": "radau"}, {"solver": "Radau"}], 2), ids=str
+)
+def test_a_short_bump_far_down_an_even_road_is_met(options):
+    sim = mbstab.loads(BUMP.replace("HEIGHT", "linear(p.x, road)")).simulate(8.0, tol=1e-6, **options)
+
+    def rate(t, y):
+        road = np.interp(20.0 * t, [99.8, 100.0, 100.2], [0.0, 0.05, 0.0])
+        return [y[1], -(30000.0 * (y[0] - road) + 1000.0 * y[1]) / 300.0]
+
+    exact = solve_ivp(rate, (0.0, 8.0), [0.0, 0.0], t_eval=sim.times, max_step=1e-3, rtol=1e-10, atol=1e-12).y[0]
+    assert np.max(np.abs(exact)) > 3e-3
+    assert np.max(np.abs(sim.q[:, 1] - exact)) < 1e-5
 
 
 @pytest.mark.parametrize("options", sample([{"method": "radau"}, {"solver": "Radau"}, {"solver": "BDF"}], 3), ids=str)

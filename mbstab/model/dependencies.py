@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Container
 
 from mbstab.errors import Location
-from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node
+from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node, in_motion
 from mbstab.model.schema import Model
 
 _WORD = re.compile(r"[^\W\d][\w.]*")
@@ -65,9 +66,21 @@ def expressions_in(value: object) -> list[Expression]:
     return found
 
 
-def uneven_in_time(expression: Expression) -> bool:
-    """Whether an expression may rest for a while and then change: it is not of the first degree in the time ``t``."""
-    return _degree(expression.root) > 1
+def uneven(expression: Expression, coordinates: Container[str]) -> bool:
+    """Whether an expression may be the same for a while, or along a way, and then change.
+
+    It may if it is not of the first degree in the time ``t``, or contains a quotient or a function of the motion, such
+    as a table, that may be flat and then have a bump.
+    """
+    return _degree(expression.root) > 1 or any(
+        (isinstance(node, Call) and node.function not in _NEVER_FLAT and in_motion(node, coordinates))
+        or (isinstance(node, Binary) and node.operator == "/" and in_motion(node.right, coordinates))
+        for node in expression.walk()
+    )
+
+
+_NEVER_FLAT = ("sin", "cos", "tan", "asin", "acos", "atan", "sqrt", "log")
+"""Functions that change wherever their argument does."""
 
 
 def _degree(node: Node) -> int:

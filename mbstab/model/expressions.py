@@ -188,10 +188,7 @@ class Expression:
     def pieced(self, coordinates: Container[str]) -> bool:
         """Whether it is piecewise in the motion: a function with a kink or a joint, of a coordinate or its rate."""
         return any(
-            isinstance(node, Call)
-            and node.function in PIECED
-            and any(isinstance(x, Rate) or (isinstance(x, Name) and moves(x.name, coordinates)) for x in _below(node))
-            for node in self.walk()
+            isinstance(node, Call) and node.function in PIECED and in_motion(node, coordinates) for node in self.walk()
         )
 
     def coefficients(self, names: Mapping[str, Any], arithmetic: Arithmetic) -> list[Any]:
@@ -324,11 +321,10 @@ def moves(name: str, coordinates: Container[str]) -> bool:
     return name in coordinates or is_measure(name)
 
 
-def _below(node: Node) -> Iterator[Node]:
-    """Yield the nodes that a node contains."""
-    for part in _parts(node):
-        yield part
-        yield from _below(part)
+def in_motion(node: Node, coordinates: Container[str]) -> bool:
+    """Whether a node contains what changes with the motion: a coordinate, its rate or a measure."""
+    names, rates = node.used
+    return bool(rates) or any(moves(name, coordinates) for name in names)
 
 
 def _parts(node: Node) -> tuple[Node, ...]:

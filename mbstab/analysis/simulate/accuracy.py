@@ -14,7 +14,7 @@ from mbstab.analysis.simulate.steppers.interface import Method, Options
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.arithmetic import array_arithmetic
-from mbstab.model.dependencies import uneven_in_time
+from mbstab.model.dependencies import uneven
 
 
 class Work:
@@ -152,13 +152,9 @@ class Work:
 
 
 def longest_step(follower: Follower) -> float:
-    """Return the longest step (s): with functions of time that may rest, about the distance of two output times."""
+    """Return the longest step (s): where functions of time or of the motion may rest, about that of the output."""
     system = follower.system
-
-    def uneven() -> bool:
-        return any(map(uneven_in_time, system.scene.written))
-
-    if not system.remember("uneven", None, uneven):
+    if not system.remember("uneven", None, lambda: any(uneven(x, system.names) for x in system.scene.written)):
         return math.inf
     times = follower.times
     duration = float(times[-1] - times[0])

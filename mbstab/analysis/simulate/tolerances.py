@@ -125,8 +125,8 @@ class Tolerances:
     clear_pulse: Final = 0.05
     """Fraction of a function's range, or of a number of cells, above which a deviation counts."""
     longest_step_parts: Final = (100.0, 1000.0)
-    """With functions of time that may rest, a step is at most that of the output, between these fractions of the
-    duration."""
+    """With functions of time or of the motion that may rest, a step is at most that of the output, between these
+    fractions of the duration."""
     roundings_of_power: Final = 8.0
     """Powers are known to this many roundings of the terms of which they are sums."""
     roundings_of_time: Final = 8.0
