@@ -65,6 +65,13 @@ def test_a_force_that_takes_energy_near_rest_leaves_the_minimum_of_the_energy_to
     assert "minimum" in found.reasons[0]
 
 
+@pytest.mark.parametrize(("linear", "kinds"), [("", {"center"}), (" - 1e-18*v1", {"undecided"})])
+def test_a_cubic_damper_alone_leaves_the_eigenvalues_on_the_axis(linear, kinds):
+    result = rails({1: "-c*v1**3" + linear}, (1,)).eig()
+    assert result.verdict == "stable"
+    assert {e.kind for e in result.eigenvalues} == kinds
+
+
 @pytest.mark.parametrize("force", FEEDS)
 def test_a_force_that_feeds_some_motion_is_not_taken_for_drag(force):
     assert rails({1: force}).eig().verdict in ("undecided", "marginally stable")

@@ -439,7 +439,7 @@ def test_two_zero_eigenvalues_too_many_at_the_critical_speed_are_undecided(name,
     usual, critical = shipped(name).eig(), shipped(name).eig(**parameters)
     assert critical.verdict == "undecided"
     assert critical.counts.neutral == usual.counts.neutral
-    assert "no symmetry or family of motions explains it: a critical state" in critical.reasons[0]
+    assert "no symmetry or family of motions was found that explains it: a critical state" in critical.reasons[0]
     assert all(abs(e.value) <= e.error_bound for e in critical.eigenvalues if e.kind == "undecided")
 
 

@@ -276,7 +276,7 @@ REFUSED = {
 }
 # No verdict, with these words of the first reason.
 UNDECIDED = {
-    "one soft joint among 1e15": "no symmetry or family of motions explains it",
+    "one soft joint among 1e15": "no symmetry or family of motions was found that explains it",
     **{f"rolling disk, spin {x} rad/s": "no symmetry" for x in ("100", "1e4", "1e6")},
     **{f"rolling disk, {x} beside critical": "no symmetry" for x in ("0.001", "1e-09", "-1e-12", "1e-14", "1e-15")},
     **{f"{name}, 1e-15 beside critical": "eigenvalues lie within" for name in ("top", "Ziegler")},

@@ -1,5 +1,7 @@
 """What is wrong with a file is told with what mends it."""
 
+import math
+
 import pytest
 from click.testing import CliRunner
 
@@ -166,3 +168,72 @@ def test_a_sweep_that_is_undecided_everywhere_says_what_tells_more(first, last, 
     answer = CliRunner().invoke(main, [*arguments, "--plot", "none"])
     assert answer.exit_code == 0, answer.stderr
     assert ("hint: mbstab eig with --set omega=6.5 says what is open there" in answer.stdout) == told
+
+
+FALLING = """
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  disk: {type: planar, mass: 1, inertia: 1}
+forces:
+  f: {type: expression, on: {disk.x: -200*disk.x, disk.y: -100*disk.y - 500*disk.y**2}}
+reference:
+  rates: {disk: {theta: 1e4}}
+"""
+
+
+@pytest.mark.parametrize("force", ["-100*disk.y - 500*disk.y**2", "-100*disk.y"])
+def test_a_spin_about_a_place_where_forces_do_not_balance_is_told_with_the_acceleration(force):
+    # With the soft spring the disk falls out of its reach, although it is stiff where the reference is.
+    answer = mbstab.loads(FALLING.replace("-100*disk.y - 500*disk.y**2", force)).eig()
+    assert answer.verdict == "undecided"
+    (reason,) = answer.reasons
+    assert "forces do not balance (disk.y accelerates with -9.81 m/s^2)" in reason
+    assert "find: steady" in reason
+
+
+@pytest.mark.parametrize(
+    ("forces", "word"),
+    [("{}", "stable up to symmetry"), ("{f: {type: expression, on: {b.z: -100*b.z}}}", "undecided")],
+)
+def test_a_spin_in_free_fall_is_steady_but_for_the_fall(forces, word):
+    # Nothing depends on place or speed of the fall: its disturbances are those without gravity.
+    body = "bodies: {b: {type: spatial, mass: 1, inertia: [1, 1, 2]}}\nreference: {rates: {b: {psi: 3}}}\n"
+    assert mbstab.loads(f"mbstab: 1\ngravity: [0, 0, -9.81]\n{body}forces: {forces}\n").eig().verdict == word
+
+
+SAGGING = """
+mbstab: 1
+parameters: {Omega: 50}
+gravity: [0, -9.81, 0]
+ground: {points: {A: [0, 0, -0.2], B: [0, 0, 0.6]}}
+bodies:
+  one: {type: spatial, mass: 2, inertia: [0.02, 0.02, 0.03], points: {L: [0, 0, -0.2], R: [0, 0, 0.2]}}
+  two: {type: spatial, mass: 1, inertia: [0.01, 0.01, 0.015], points: {L: [0, 0, -0.2], R: [0, 0, 0.2]}}
+forces:
+  b1: {type: bushing, between: [one.L, ground.A], stiffness: [2e4, 2e4, 1e5]}
+  b2: {type: bushing, between: [two.R, ground.B], stiffness: [2e4, 2e4, 1e5]}
+  shaft:
+    type: bushing
+    between: [one.R, two.L]
+    stiffness: [1e6, 1e6, 1e5]
+    torsional_stiffness: [3000, 3000, 500]
+    torsional_damping: [1, 1, 0.1]
+reference:
+  find: steady
+  steady: {axis: z, rate: 0}
+  rates: {one: {psi: Omega}, two: {psi: Omega}}
+  guess: {two: {z: 0.4}}
+"""
+
+
+def test_a_sagging_rotor_with_inner_damping_is_told_to_need_a_drive():
+    with pytest.raises(MbstabError) as error:
+        mbstab.loads(SAGGING).eig()
+    assert "forces.shaft takes 0.00241 W from the motion" in str(error.value)
+    assert "hold the speed by a drive" in str(error.value)
+    drive = "drives:\n  spin: {type: coordinate, coordinate: one.psi, velocity: Omega}\nreference:"
+    motion = mbstab.loads(SAGGING.replace("reference:", drive)).motion()
+    # The bend of the shaft turns on the spot: its damper sees the rate of the bend in the turning shaft.
+    bend = motion.q[3] - motion.q[9]
+    assert math.isclose(50.0**2 * bend**2, 0.00241, rel_tol=0.01)

@@ -129,7 +129,7 @@ def test_at_its_flutter_load_zieglers_column_is_critical():
 def test_at_the_critical_spin_the_disk_has_two_more_zeros_than_symmetries_explain():
     result = answer("rolling_disk", omega="sqrt(m*g*R*I_t/(I_a*(I_a + m*R**2)))")
     assert (zeros(result), len(result.eigenvalues), result.verdict) == ((6, 4), 4, "undecided")
-    assert "no symmetry or family of motions explains it" in result.reasons[0]
+    assert "no symmetry or family of motions was found that explains it" in result.reasons[0]
 
 
 def test_next_to_a_critical_spin_the_digits_decide():

@@ -230,7 +230,7 @@ class Problem:
         """Return the solution that some strategies lead to."""
         balance = Balance(self.system, self.finder.sizes, self.family, self.known, self.held)
         search = Search(balance, self.finder, start)
-        c = self._rates(start) if c is None else c
+        c = self.rates(start) if c is None else c
         try:
             with np.errstate(all="ignore"):
                 at, strategy = search.solve(start, c, allowed)
@@ -325,7 +325,7 @@ class Problem:
             place = self.scene.model.reference.location
             raise ModelFileError([self.scene.model.document.problem(place, "reference", message, hint)])
 
-    def _rates(self, q: Array) -> Array:
+    def rates(self, q: Array) -> Array:
         """Return starting values of the rates: given ones, and for the others those that fit the constraints best."""
         c = np.array([self.known.get(k, 0.0) for k in range(self.family.size)])
         free = [k for k in range(self.family.size) if k not in self.known]

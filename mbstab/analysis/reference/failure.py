@@ -87,6 +87,7 @@ class Asked(Protocol):
 
     @property
     def start(self) -> Array: ...  # noqa: D102
+    def rates(self, q: Array) -> Array: ...  # noqa: D102
 
 
 class Failure:
@@ -99,7 +100,7 @@ class Failure:
     """
 
     def __init__(self, problem: Asked, search: Search) -> None:
-        self.search, self.finder, self.family = search, problem.finder, problem.family
+        self.search, self.finder, self.family, self.rates = search, problem.finder, problem.family, problem.rates
         self.system, self.scene, self.held, self.start = problem.system, problem.scene, problem.held, problem.start
 
     def error(self, state: State | None, cause: MbstabError | None = None) -> MbstabError:
@@ -137,6 +138,9 @@ class Failure:
         if pulled := self._nothing_holds(state):
             lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
             hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
+        elif drained := self._drained(state):
+            lines.append(drained)
+            hint = "hold the speed by a drive, such as {type: coordinate, coordinate: body.psi, velocity: …}"
         return EquilibriumError("\n".join([*lines, f"hint: {hint}{turns_and_degrees(self.scene)}"]))
 
     def _reason(self, state: State, cause: MbstabError | None) -> tuple[str, str]:
@@ -316,3 +320,25 @@ class Failure:
         weights = np.max(changes * np.outer(sizes, sizes), axis=0)
         loose = (load >= 1e-6) & (weights <= 1e-9 * np.max(weights)) & ~np.any(state.J, axis=0)
         return self.system.names[int(np.argmax(np.where(loose, load, 0.0)))] if np.any(loose) else ""
+
+    def _drained(self, state: State) -> str:
+        """Return what takes power at the given rates where neither a force nor a row gives any, in words."""
+        q, time = state.q, self.scene.time
+        if not self.family.size or not any(self.scene.rates.values()):
+            return ""
+        u = self.family.basis(q) @ self.rates(q)
+        if np.any(self.system.dynamics(q, 0.0 * u, time).V):
+            return ""
+        taken, given, size = dict[str, float](), 0.0, 0.0
+        for path, part in self.system.parts():
+            moving, still = part.dynamics(q, u, time), part.dynamics(q, 0.0 * u, time)
+            if np.any(moving.M):  # its inertia does no work in a steady motion
+                continue
+            taken[path] = float((moving.F0 - still.F0) @ u)
+            given -= float(still.F0 @ u)
+            size += float(np.abs(moving.F0) @ np.abs(u))
+        total = sum(taken.values(), 0.0)
+        if total <= 2.0 * given or total <= TOLERANCES.coordinate_rounding * size:
+            return ""
+        most = max(taken, key=lambda path: taken[path])
+        return f"{most} takes {taken[most]:.3g} W from the motion there, and nothing gives any: it slows down"

@@ -26,6 +26,7 @@ from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.linear.sparse_pencil import product
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
+from mbstab.analysis.spectrum.census import resting
 from mbstab.analysis.spectrum.named_motions import Telling, Told, Whirl, mirrored
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.states_alone import at_rest_beside_states
@@ -152,11 +153,23 @@ def kind_in(s: complex, disc: Disc, verdict: Verdict, grounds: Grounds) -> str:
         return ("un" if disc.side == "right" else "") + f"stable {form}"
     if verdict.zeros and disc.holds_zero:
         return verdict.zeros
-    # Where a conserved energy has a minimum, all eigenvalues lie on the axis.
-    held = verdict.word in (STABLE, STABLE_UP_TO) and grounds.structure.work.conserved
-    if (disc.side == "axis" or held) and s.imag:
+    held = s.imag and verdict.word in (STABLE, STABLE_UP_TO) and _both_ways(grounds)
+    if (disc.side == "axis" and s.imag) or held:
         return "center"
     return "undecided"
+
+
+def _both_ways(grounds: Grounds) -> bool:
+    """Whether the linearized equations are the same backwards in time: then all eigenvalues lie on the axis if stable.
+
+    So they are with a conserved energy, and about a rest where no force has a linear part in the speeds, as a cubic
+    damper.
+    """
+    motion, system = grounds.motion, grounds.system
+    if grounds.structure.work.conserved or np.any(motion.u):
+        return grounds.structure.work.conserved
+    known = system.remember("resting", motion.q.tobytes(), lambda: resting(system, motion.q, motion.time, system.n_n))
+    return known.conservative
 
 
 def _eigenvalue(placed: Placed, i: int, kind: str, modes: Modes, together: int) -> Eigenvalue:

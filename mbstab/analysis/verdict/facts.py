@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import RandomNumbers, norms
+from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares, norms
 from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
 from mbstab.analysis.reference.coefficients import matrices_in
@@ -39,9 +39,12 @@ if TYPE_CHECKING:
     from mbstab.analysis.verdict.reversor import Reversor
 
 ADVICE = (
-    "if a rest is meant, forces do not balance there (find: equilibrium solves for it); "
     "if it follows a symmetry, declare it with reference.steady; if it is periodic, give reference.period; "
     "or describe the motion so that it stands still"
+)
+BALANCED = (
+    "where forces balance, find: equilibrium finds a rest, and find: steady a steady motion, beside spins with "
+    "steady: {axis: z, rate: 0}; "
 )
 
 
@@ -150,21 +153,21 @@ class Grounds:
             driven = bool(affine_drives(self.system))
         if not np.any(self.motion.u) and not driven:
             return ""
-        generator = linear.generator or _standing(self.linear)
         # The same motion may follow several symmetries; one that holds for all elements is enough.
-        others = [g for g in self.motion.generators if g is not generator]
+        first = linear.generator or _standing(self.linear)
+        ways = [first, *(g for g in self.motion.generators if g is not first)]
+        followed = [g for g in ways if not self._accelerating(g)]
+        if not followed:
+            unbalanced = f"the reference is no steady motion: forces do not balance{self._accelerating(first)}"
+            return f"{unbalanced}; {self._advice(first)}"
         if driven:
-            first = ""
-            for other in (generator, *others):
-                if not (broken := self.invariance.keeps_time(other)):
-                    return ""
-                first = first or broken
-            return f"the motion is not known to be steady: {first} changes along it"
-        if any(self.invariance.steady(g) for g in (generator, *others)):
+            broken = [self.invariance.keeps_time(g) for g in followed]
+            return f"the motion is not known to be steady: {broken[0]} changes along it" if all(broken) else ""
+        if any(self.invariance.steady(g) for g in followed):
             return ""
         return (
-            f"the motion is not known to be steady: that of now and that of later ({generator}) are not the same by a "
-            f"symmetry of the scene; {ADVICE}"
+            f"the motion is not known to be steady: that of now and that of later ({followed[0]}) are not the same by "
+            f"a symmetry of the scene; {ADVICE}"
         )
 
     def _frozen(self) -> str:
@@ -180,22 +183,39 @@ class Grounds:
         if linear.frozen:
             along = f", and change {size} along the motion{least}" if not linear.constant else ""
             return f"frozen-time (asked for): not a stability verdict; the coefficients are those of an instant{along}"
-        advice = "; ".join(x for x in (spun(self.system, self.motion.u), ADVICE) if x)
+        standing = _standing(linear)
+        advice = "; ".join(x for x in (spun(self.system, self.motion.u), self._advice(standing)) if x)
         return (
             f"frozen-time: not a stability verdict; the coefficients of the linearized equations change {size} along "
-            f"the motion{least}{self._accelerating()}; {advice}"
+            f"the motion{least}{self._accelerating(standing)}; {advice}"
         )
 
-    def _accelerating(self) -> str:
-        """Name the coordinate that accelerates most: a reference out of balance is the usual reason for a change."""
+    def _accelerating(self, generator: Generator) -> str:
+        """Name the coordinate that leaves a steady motion most: forces out of balance are the usual reason.
+
+        A fall along a shift to whose place and speed nothing is sensitive leaves disturbances as they are about a
+        steady motion.
+        """
         motion = self.motion
-        scale = motion.spaces.scale
-        size = np.abs(motion.a / scale)
-        if not np.any(motion.a) or forces_balance(self.system, motion, (motion.dynamics.M @ motion.a) * scale):
+        scale, excess = motion.spaces.scale, motion.a - generator.acceleration(motion.q)
+
+        def balances() -> bool:
+            return not np.any(excess) or forces_balance(self.system, motion, (motion.dynamics.M @ excess) * scale)
+
+        if balances():
             return ""
-        worst = int(np.argmax(size))
+        if falling := [item.direction / scale for item in self.invariance.boosts]:
+            Y = np.array(falling).T
+            excess = excess - scale * (Y @ least_squares(Y, excess / scale, rcond=TOLERANCES.independent_direction))
+            if balances():
+                return ""
+        worst = int(np.argmax(np.abs(excess / scale)))
         name = self.linear.names[worst]
-        return f" ({name} accelerates with {motion.a[worst]:.4g} {per_second(self.system.units[worst], 2)})"
+        return f" ({name} accelerates with {excess[worst]:.4g} {per_second(self.system.units[worst], 2)})"
+
+    def _advice(self, generator: Generator) -> str:
+        """Return what may be meant instead of a motion that is not steady."""
+        return BALANCED * bool(self._accelerating(generator)) + ADVICE
 
     def kink(self, order: int, resisting: frozenset[str] = frozenset()) -> str:
         """Return why the equations are not known to have `order` derivatives at the reference; empty: they have.

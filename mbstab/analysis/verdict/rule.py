@@ -571,12 +571,13 @@ def _unplaced(disc: Disc, facts: Facts) -> str:
     many = disc.count > 1
     if disc.holds_zero and not disc.radius:
         what = f"{disc.count} eigenvalues are" if many else "an eigenvalue is"
-        return f"{what} exactly zero, and no symmetry or family of motions explains it: a critical state"
+        return f"{what} exactly zero, and no symmetry or family of motions was found that explains it: a critical state"
     if disc.holds_zero:
         what = f"{disc.count} eigenvalues lie" if many else "an eigenvalue lies"
         return (
-            f"{what} within {disc.radius:.1e} 1/s of zero, and no symmetry or family of motions explains it: a "
-            "critical state, or motions so slow that rounding hides on which side of the imaginary axis they are"
+            f"{what} within {disc.radius:.1e} 1/s of zero, and no symmetry or family of motions was found that "
+            "explains it: a critical state, or motions so slow that rounding hides on which side of the imaginary axis "
+            "they are"
         )
     known = abs(disc.centre.real) > disc.radius
     value = f"{show(disc.centre if known else complex(0.0, disc.centre.imag))} 1/s"
