@@ -19,6 +19,13 @@ ROTOR = (
     "reference: {find: steady, steady: {axis: z, rate: 0}, rates: {disk: {psi: 100}}}\n"
 )
 
+CORNERING = (
+    "bodies: {car: {type: planar, mass: 1000, inertia: 1000}}\n"
+    "forces:\n"
+    "  a: {type: tyre, at: car, cornering_stiffness: 1e4}\n"
+    "reference: {rates: {car: {x: 10}}}\n"
+)
+
 CASES = {
     "bodies:\n  rod: {type: planar}\n   b: {type: planar}\n": ("5:4", "indented by 3 blanks"),
     "bodies: {rod: {type: planar mass: 1}}\n": ("3:", "lacks a comma"),
@@ -59,6 +66,20 @@ CASES = {
     ),
     ROD + "constraints: {c: {holonomic: rod.x**2 + rod.y**2}}\nreference: {coordinates: {rod: {x: 0, y: 0}}}\n": (
         "4:", "one constraint for each"
+    ),
+    CORNERING.replace("x: 10", "theta: 10"): ("5:", "at rest or turning on the spot"),
+    HELD + "states: {z: {rate: y - z}}\n": ("5:", "coordinates are written with their body, such as rod.y"),
+    HELD + "states: {z: {rate: -z, initial: 3}}\n": ("5:", "stands under initial: coordinates:"),
+    HELD + "tables: {T: {x: [0, 1], y: [0, 1]}}\nstates: {z: {rate: \"table(T, rod.x)\"}}\n": (
+        "6:", "the table comes last: table(x, T)"
+    ),
+    HELD + "forces: {c: {type: pid, joint: pivot, of: angle(pivot), P: 3, setpoint: 1}}\n": ("5:", "mean 'target'?"),
+    HELD + "forces: {c: {type: bearing, between: [rod, ground], stiffness: 1, kxx: 1}}\n": (
+        "5:", "kxx is a key of the type rotor_bearing"
+    ),
+    CORNERING.replace("1e4", "-1e4"): ("5:", "the other sign have it negative"),
+    CORNERING.replace("1e4", "1e4, camber_stiffness: 10"): (
+        "5:", "a tyre has camber_stiffness in spatial scenes only, and this one is planar"
     ),
     ROTOR.replace("INERTIA", "[0.01, 0.012, 0.02]"): ("5:", "only with equal moments of inertia xx and yy"),
 }  # fmt: skip

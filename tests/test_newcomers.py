@@ -33,6 +33,9 @@ MISTAKES = {
     "degrees without their unit": ("theta: 0", "theta: 90", "90 rad are 14.3 turns, and degrees are written 90*deg"),
     "a list": ("value: 1,", "value: [1, 2],", "a single number stands without brackets"),
     "a digit first": ("rod: {type", "1rod: {type", "begin with a letter"),
+    "gravity of a spatial scene": ("[0, -9.81]", "[0, -9.81, 0]", "the scene is planar: its vectors have x and y"),
+    "friction of a joint": ("[rod.top, ground]", "[rod.top, ground], friction: 0.1", "is the damping of a spring"),
+    "friction as a force": ("stiffness: k}", "stiffness: k}\n  f: {type: friction, joint: pin}", "is the damping of a"),
     "another unit": ("unit: N*m/rad", "unit: N/m", "'k' has the unit N/m, expected N*m/rad"),
 }
 
@@ -84,3 +87,57 @@ def test_drives_of_angles_are_told_as_degrees_and_drives_of_lengths_are_not():
         "type: revolute, between: [rod.top, ground]", "type: prismatic, between: [rod, ground], axis: x"
     )
     assert mbstab.loads(along.replace("k: {value: 2, unit: N*m/rad}", "k: 2")).check().warnings == []
+
+
+def test_degrees_without_their_unit_in_a_guess_are_told():
+    free = MODEL.replace("forces:\n  sp: {type: joint_spring, joint: pin, stiffness: k}\n", "")
+    found = free.replace("coordinates:\n    rod: {theta: 0}", "find: equilibrium\n  guess: {rod: {theta: 30}}")
+    (warning,) = mbstab.loads(found).eig().warnings
+    assert warning.startswith("reference.guess.rod.theta: 30 rad are 4.77 turns")
+    assert "30*deg" in warning
+    assert not mbstab.loads(found.replace("30}", "30*deg}")).eig().warnings
+
+
+@pytest.mark.parametrize(
+    ("added", "place"),
+    [
+        ("constraints: {c: {nonholonomic: rate(rod.x) + rate(rod.theta)}}", "17:45: constraints.c.nonholonomic"),
+        ("outputs: {o: rod.x - rod.theta}", "17:20: outputs.o"),
+        ("states: {z: {unit: m, rate: angle(pin) - z - vx(rod.end)}}", "17:40: states.z.rate"),
+        ("outputs: {o: rod.x - 1*rod.theta, p: rod.x + rod.y, q: rod.x*rod.theta, r: angle(pin) + rod.theta}", ""),
+    ],
+)
+def test_a_length_and_an_angle_that_are_added_are_told(added, place):
+    warnings = [text for text in mbstab.loads(MODEL + added, "m.yaml").motion().warnings if "length" in text]
+    if place:
+        assert warnings[0].startswith(f"m.yaml:{place}: units of the terms differ by a length")
+    assert len(warnings) == bool(place)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "told"),
+    [
+        ("[0, -9.81]", "[0, -1e200]", r"1e200 in gravity\[1\] \(m.yaml:7:14\)"),
+        ("unit: N*m/rad", "unit: N*m/rad}\n  b: {value: 1e250", r"1e250 in parameters.b"),
+    ],
+)
+def test_a_number_of_extreme_size_is_named_where_the_computation_fails(right, wrong, told):
+    text = MODEL.replace(right, wrong).replace("stiffness: k", "stiffness: b" if "b:" in wrong else "stiffness: k")
+    with pytest.raises(MbstabError, match=told):
+        mbstab.loads(text.replace("b}", "b*1}"), "m.yaml").eig()
+
+
+def test_a_folder_is_no_model_and_hides_no_example(tmp_path, monkeypatch):
+    (tmp_path / "pendulum").mkdir()
+    (tmp_path / "pendulum" / "mine.yaml").write_text(MODEL)
+    with pytest.raises(MbstabError, match=r"is a folder\nhint: name a model file in it: mine.yaml"):
+        mbstab.load(tmp_path / "pendulum")
+    monkeypatch.chdir(tmp_path)
+    assert mbstab.load("pendulum").eig().verdict == "stable"
+
+
+def test_rates_of_states_are_no_constraints_of_a_check():
+    report = mbstab.loads(MODEL + "states: {z: {rate: rod.theta - z}}").check()
+    assert (report.states, report.n_nonholonomic) == (1, 1)
+    assert [name for name, *_ in report.constraints] == ["pin"]
+    assert "nonholonomic rows   0, rank 0" in str(report)

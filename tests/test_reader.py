@@ -972,7 +972,10 @@ def test_an_override_reaches_the_parameters_that_depend_on_it(swept: Model) -> N
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"lenght": "1"}, "model.yaml has no parameter 'lenght'\nhint: did you mean 'length'?"),
+        (
+            {"lenght": "1"},
+            r"model.yaml has no parameter 'lenght'\nhint: did you mean 'length'\? parameters: length, twice, n$",
+        ),
         ({"zzz": "1"}, "no parameter 'zzz'\nhint: parameters: length, twice, n"),
         ({"n": "nan"}, "n=nan: 'nan' is not a number\nhint: values must be finite"),
         ({"n": "-inf"}, "n=-inf: '-inf' is not a number"),

@@ -17,6 +17,7 @@ from mbstab.analysis.reference.requested import reference_motion
 from mbstab.api.printing import printed
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import FLOAT
+from mbstab.model.doubts import extreme_numbers
 from mbstab.model.parameters import Latest, bound, evaluate_parameters
 from mbstab.model.reader import with_counts
 from mbstab.model.schema import Model, after_number
@@ -34,7 +35,12 @@ T = TypeVar("T")
 
 def asked(question: Callable[P, T]) -> Callable[P, T]:
     """Return a question whose failures can be acted on, and whose answer prints as that of the command."""
-    ask = guarded(question)
+
+    def numbers(*args: P.args, **kwargs: P.kwargs) -> list[str]:
+        assert isinstance(args[0], Core)
+        return extreme_numbers(args[0].model)
+
+    ask = guarded(question, numbers)
 
     @functools.wraps(question)
     def inner(*args: P.args, **kwargs: P.kwargs) -> T:

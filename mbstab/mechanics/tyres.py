@@ -130,10 +130,11 @@ _CAMBER_SLIP: dict[str, tuple[tuple[str, int], ...]] = {"planar": (), "spatial":
 _FORCE = (("cornering", 1), ("trail", 1))
 _MAGIC = tuple((name, 1) for name in ("peak", "shape_factor", "curvature_factor"))
 _AT_REST = (
-    "the slip of a tyre has no value where its wheel does not move over the ground: give speeds under reference: rates:"
-    " (or reference: steady: {direction: x, speed: …}, where a motion is looked for), or hold a wheel that stands by a "
-    "contact instead; an aligning moment has none where its wheel moves straight sideways; a cornering stiffness or a "
-    "peak that changes with the motion must stay positive"
+    "the slip of a tyre has no value where its wheel does not move over the ground, at rest or turning on the spot: "
+    "give speeds under reference: rates: (or reference: steady: {direction: x, speed: …}, where a motion is looked "
+    "for, or a turn about an axis beside the wheel), or hold a wheel that stands by a contact instead; an aligning "
+    "moment has none where its wheel moves straight sideways; a cornering stiffness or a peak that changes with the "
+    "motion must stay positive"
 )
 
 ELEMENTS = tuple(
@@ -265,6 +266,8 @@ _STIFFNESS = (
         "N/rad",
         required=True,
         sign="positive",
+        instead="a positive stiffness gives a side force against the slip; data whose slip or force has the other sign "
+        "have it negative",
     ),
     Field(
         "camber_stiffness",

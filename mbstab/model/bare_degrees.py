@@ -11,17 +11,20 @@ from mbstab.model.schema import Entry, Model, Quantity, is_angle
 
 
 def bare_degrees(model: Model) -> list[str]:
-    """Return warnings about bare numbers of more than a turn to which forces and drives hold angles.
+    """Return warnings about bare numbers of more than a turn as angles of a state, or to which something holds angles.
 
     Turns that are meant are written with ``pi`` or ``deg``, or stand in a parameter.
     """
     entries = (*model.entries["forces"].values(), *model.entries["drives"].values())
+    angles = [(f"{entry.called}, {key}", number) for entry in entries for key, number in _angles(model, entry)]
+    for state in (model.reference.coordinates, model.reference.guess, model.initial.coordinates):
+        given = ((name, value) for name, value in state.items() if "." in name and is_angle(name))
+        angles += [(value.path, number) for name, value in given for _, number in _numbers(name, value)]
     return list(
         dict.fromkeys(
-            f"{entry.called}, {key}: {number.text} rad are {float(number.text) / (2.0 * math.pi):.3g} turns\n"
+            f"{where}: {number.text} rad are {float(number.text) / (2.0 * math.pi):.3g} turns\n"
             f"hint: degrees are written {number.text}*deg; turns that are meant, with 2*pi"
-            for entry in entries
-            for key, number in _angles(model, entry)
+            for where, number in angles
             if float(number.text) > 2.0 * math.pi
         )
     )

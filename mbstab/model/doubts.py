@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 from mbstab.model.bare_degrees import bare_degrees
-from mbstab.model.schema import Entry, Model
+from mbstab.model.dependencies import equations_of, expressions_in
+from mbstab.model.expressions import Number
+from mbstab.model.numbers import is_extreme
+from mbstab.model.schema import Entry, Model, Quantity
 
 
 def doubts(model: Model) -> list[str]:
-    """Return warnings about a model: bare numbers that look like degrees, wheels that nothing holds in mesh."""
-    return bare_degrees(model) + loose_trains(model)
+    """Return warnings about a model: sums of unlike terms, numbers that look like degrees, wheels that do not mesh."""
+    return model.document.doubts + bare_degrees(model) + loose_trains(model)
+
+
+def extreme_numbers(model: Model) -> list[str]:
+    """Return the numbers of a model whose powers leave the range of double precision, each with its place."""
+    found = [
+        f"{name}={x.given.setting}" for name, x in model.parameters.items() if x.given and is_extreme(x.given.setting)
+    ]
+    written = [x.expression for x in model.parameters.values() if x.given is None]
+    for quantity in expressions_in([written, equations_of(model), model.reference]):
+        if isinstance(quantity, Quantity):
+            numbers = [node.text for node in quantity.walk() if isinstance(node, Number) and is_extreme(node.text)]
+            found += [f"{text} in {quantity.path} ({quantity.location})" for text in numbers]
+    return list(dict.fromkeys(found))[:3]
 
 
 def loose_trains(model: Model) -> list[str]:

@@ -287,7 +287,10 @@ def filled_in(expression: Expression, definitions: Mapping[str, Expression], tab
             case Call() if CALLED[node.function].knots >= 0 and isinstance(node.arguments[-1], Name):
                 x, name = put(node.arguments[0], at, depth + 1), _word_of(node.arguments[-1])
                 if name not in tables:
-                    raise ExpressionError(f"there is no table {name!r}", here, suggestion(name, tables))
+                    hint = suggestion(name, tables) or "tables: " + (", ".join(tables) or "none")
+                    if isinstance(node.arguments[0], Name) and node.arguments[0].name in tables:
+                        hint = f"the table comes last: {node.function}(x, {node.arguments[0].name})"
+                    raise ExpressionError(f"there is no table {name!r}", here, hint)
                 points = tables[name].points(node.function)
                 return Call(node.function, (x, *(Number(text, here) for text in points)), here)
             case Call():

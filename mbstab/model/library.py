@@ -62,7 +62,7 @@ def find_model(name: str) -> FoundModel:
     if visible(name, lines=False) != name:
         raise UsageError(f"{name!r}: the name contains characters that cannot be seen\nhint: rename the file")
     try:
-        if path.exists():
+        if path.exists() and not path.is_dir():
             return FoundModel(path, False)
     except (OSError, ValueError):  # the system refuses the name
         raise UsageError(f"{name!r} is not a file name") from None
@@ -70,6 +70,10 @@ def find_model(name: str) -> FoundModel:
         example = models_folder() / (name if name.endswith(SUFFIX) else name + SUFFIX)
         if example.is_file():
             return FoundModel(example, True)
+    if path.is_dir():
+        inside = [model.name for model in sorted(path.glob(f"*{SUFFIX}"))]
+        there = ", ".join(inside[:5]) + ", …" * (len(inside) > 5)
+        raise UsageError(f"{name} is a folder\nhint: name a model file{f' in it: {there}' if inside else ''}")
     known = {model.stem: model.stem for model in installed_models()} if path.name == name else {}
     known |= {beside.stem: beside.name for beside in _beside(path)}
     near = nearest(path.stem, known)

@@ -46,16 +46,18 @@ class NodeReader:
         known: Iterable[str],
         home: Callable[[str], str] = lambda key: "",
         others: dict[str, str] | None = None,
+        instead: Callable[[str], str] = lambda key: "",
     ) -> set[str]:
         """Refuse every key that is not among the known ones; return those that are likely to be meant.
 
-        `home` returns a hint where a key belongs that is like no known one, or an empty string; `others` has the known
-        keys by what they are called elsewhere.
+        `home` returns a hint where a key belongs that is like no known one, or an empty string; `instead` a hint that
+        counts even where a known key is alike; `others` has the known keys by what they are called elsewhere.
         """
         known, meant = list(known), set[str]()
         for key, scalar in node.keys.items():
             if key not in known:
-                hint = suggestion((others or {}).get(key, key), known) or home(key) or "known keys: " + ", ".join(known)
+                hint = instead(key) or suggestion((others or {}).get(key, key), known) or home(key)
+                hint = hint or "known keys: " + ", ".join(known)
                 value = node.entries[key]
                 if isinstance(value, Scalar) and value.empty:
                     # As {value: 0,5} and {description: long, thin} are read.

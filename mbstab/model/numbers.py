@@ -82,3 +82,12 @@ def all_of(condition: Any) -> bool:
 def nominal(x: Number) -> float:
     """Return a number as a float, the first one of an array."""
     return float(x.flat[0]) if hasattr(x, "flat") else float(x)
+
+
+def is_extreme(value: object) -> bool:
+    """Return whether something is a number whose powers leave the range of double precision."""
+    try:
+        size = abs(float(value))  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return size > 1e60 or 0.0 < size < 1e-60

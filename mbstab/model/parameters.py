@@ -28,6 +28,9 @@ from mbstab.model.units import UNITS, exact_factor, parse_unit
 
 T = TypeVar("T")
 
+LISTED = 20
+"""Parameters that a message lists."""
+
 
 class Latest(Generic[T]):
     """Keeps what was made last of the settings of parameters; a copy keeps nothing."""
@@ -92,7 +95,10 @@ def require_parameter(model: Model, name: str) -> Parameter:
     if name not in model.parameters:
         if name in model.document.counts:
             raise UsageError(f"{name} is a count of {model.name}, not a parameter\nhint: use --set {name}=…")
-        hint = suggestion(name, model.parameters) or "parameters: " + (", ".join(model.parameters) or "none")
+        names = list(model.parameters)
+        more = f", … ({len(names)} in all)" if len(names) > LISTED else ""
+        listed = f"parameters: {', '.join(names[:LISTED]) or 'none'}{more}"
+        hint = " ".join(x for x in (suggestion(name, names), listed) if x)
         raise UsageError(f"{model.name} has no parameter {name!r}\nhint: {hint}")
     return model.parameters[name]
 

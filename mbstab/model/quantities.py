@@ -81,6 +81,7 @@ class QuantityReader:
             self._check_widths(expression)
             if not made:
                 self.check_unit(expression, unit)
+                self.doubt_sums(expression, node, path)
         except ExpressionError as error:
             self.complain(node, path, error)
             return None
@@ -124,6 +125,8 @@ class QuantityReader:
             motions = self.names.joints[name].motions
             return f"{name!r} is a joint: " + " or ".join(f"{x}({name})" for x in motions) if motions else ""
         own = [x for x in self.names.coordinates if x.startswith(f"{name}.")]
+        if not own and (some := next((x for x in self.names.coordinates if x.endswith(f".{name}")), "")):
+            return f"coordinates are written with their body, such as {some}"
         return f"{name!r} is a body: it has the coordinates {', '.join(own)}" if own else ""
 
     def _check_widths(self, expression: Expression) -> None:
@@ -209,10 +212,29 @@ class QuantityReader:
         ExpressionError
             If quantities of different dimensions are added, or a function gets one.
         """
+        return units.dimension_of(expression, {**self._moving_in(expression), **self.names.units})
+
+    def _moving_in(self, expression: Expression) -> dict[str, units.Known]:
+        """Return what is known of the dimensions of coordinates, measures and states."""
         names = {*expression.names(), *expression.rates()}
         # A speed such as vx(point) counts as the rate of itself.
-        moving = {name: units.moving(x.removesuffix("/s")) for name in names if (x := self.unit_of(name))}
-        return units.dimension_of(expression, {**moving, **self.names.units})
+        return {name: units.moving(x.removesuffix("/s")) for name in names if (x := self.unit_of(name))}
+
+    def doubt_sums(self, expression: Expression, node: Scalar, path: str) -> None:
+        """Note a warning about a length to which an angle is added without a factor."""
+        moving = self._moving_in(expression)
+        if len(moving) > 1:
+            position = units.length_beside_angle(expression, {**moving, **self.names.units})
+            if position is not None:
+                document = self.nodes.document
+                place = document.locate(node, position)
+                if any(told.startswith(f"{place}: ") for told in document.doubts):
+                    return  # in another repetition of the same text
+                document.doubts.append(
+                    f"{place}: {path}: units of the terms differ by a length, as those of a length and an angle\n"
+                    "hint: write the radius that makes a length of an angle, such as r*body.theta, or 1*body.theta "
+                    "where it is 1 m"
+                )
 
     def unit_of(self, name: str) -> str:
         """Return the unit of a coordinate, a state or a measure; of others an empty text."""
@@ -242,11 +264,14 @@ class QuantityReader:
                 return self.zero(node, path)
         dimension = self.names.dimension
         if not isinstance(node, Sequence):
-            self.nodes.complain(node, path, f"expected a list of {dimension} numbers{_in_brackets(unit)}")
+            hint = "for example [1, 2]" if dimension == 2 else "for example [1, 2, 3]"
+            self.nodes.complain(node, path, f"expected a list of {dimension} numbers{_in_brackets(unit)}", hint)
             return self.zero(node, path)
         if len(node.items) != dimension:
             message = f"expected {dimension} numbers{_in_brackets(unit)}, got {len(node.items)}"
-            self.nodes.complain(node, path, message)
+            scene = "planar: its vectors have x and y" if dimension == 2 else "spatial: its vectors have x, y and z"
+            hint = f"the scene is {scene}" if len(node.items) == 5 - dimension else ""
+            self.nodes.complain(node, path, message, hint)
             return self.zero(node, path)
         return self.components(node.items, node, path, unit, time)
 

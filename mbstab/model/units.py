@@ -303,6 +303,21 @@ def _infer(node: Node, names: Mapping[str, Known]) -> Known:
             return times(_plain(left), _plain(right), 1 if node.operator == "*" else -1)
 
 
+def length_beside_angle(expression: Expression, names: Mapping[str, Known]) -> int | None:
+    """Return the position of a sum of a length and an angle that move, or of their rates; None if there is none.
+
+    With a factor, if only a bare number, either may be meant in the unit of the other.
+    """
+    for node in expression.walk():
+        if isinstance(node, Binary) and node.operator in "+-":
+            one, other = _infer(node.left, names), _infer(node.right, names)
+            if not isinstance(one, str) and not isinstance(other, str):
+                ratio = times(_plain(one), _plain(other), -1)
+                if UNITS["m"][1] in (ratio, times(NONE, ratio, -1)):
+                    return node.position
+    return None
+
+
 def bare_factor(node: Node) -> str | None:
     """Return a number that is a factor of an expression and may be meant with a unit; None if there is none."""
     match node:

@@ -18,9 +18,10 @@ def check_text(report: CheckReport, title: str) -> str:
     """Return the answer of ``mbstab check`` as text."""
     lines = [title, ""] if title else []
     kind = "planar" if report.dimension == 2 else "spatial"
+    states = report.states  # each has a row of its own
     coordinates = sum(len(own) for _, own, _ in report.bodies)
     counts = [counted(len(report.bodies), "body", "bodies"), counted(coordinates, "coordinate")]
-    counts += [counted(report.n_q - coordinates, "first-order state")] if report.n_q > coordinates else []
+    counts += [counted(report.states, "first-order state")] if report.states else []
     counts += [] if any(report.gravity) else ["no gravity"]
     lines += [
         f"{kind} scene, {', '.join(counts)}",
@@ -35,7 +36,8 @@ def check_text(report: CheckReport, title: str) -> str:
         lines.append(table(["constraint", "type", "holonomic\nrows", "nonholonomic\nrows"], rows, left=(0, 1)))
     lines += [
         f"holonomic rows      {report.n_holonomic}, rank {report.rank_holonomic}{_gap(report.gaps[0])}",
-        f"nonholonomic rows   {report.n_nonholonomic}, rank {report.rank_nonholonomic}{_gap(report.gaps[1])}",
+        f"nonholonomic rows   {report.n_nonholonomic - states}, rank {report.rank_nonholonomic - states}"
+        f"{_gap(report.gaps[1])}",
         f"degrees of freedom  {report.degrees_of_freedom}",
         f"finite eigenvalues  {report.n_f}",
         f"reference           {'at rest' if report.at_rest else 'in motion'}",

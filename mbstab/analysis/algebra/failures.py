@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import ParamSpec, TypeVar
 
 import numpy as np
 
 from mbstab.errors import MbstabError, NumericalError
+from mbstab.model.numbers import is_extreme
 
 FAILURES = (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 """Errors of equations that have no value at a trial."""
@@ -17,8 +18,13 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-def guarded(function: Callable[P, T]) -> Callable[P, T]:
-    """Return a function whose overflows, divisions by zero and similar failures raise a `NumericalError`."""
+def guarded(
+    function: Callable[P, T], numbers: Callable[P, Iterable[str]] = lambda *args, **kwargs: ()
+) -> Callable[P, T]:
+    """Return a function whose overflows, divisions by zero and similar failures raise a `NumericalError`.
+
+    `numbers` returns what may be the cause, from the same arguments: numbers of extreme size, in words.
+    """
 
     @functools.wraps(function)
     def inner(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -26,7 +32,8 @@ def guarded(function: Callable[P, T]) -> Callable[P, T]:
             with np.errstate(over="raise", divide="raise", invalid="raise", under="ignore"):
                 return function(*args, **kwargs)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
-            found = [f"{name}={value}" for name, value in kwargs.items() if _is_extreme(value)]
+            found = [f"{name}={value}" for name, value in kwargs.items() if is_extreme(value)]
+            found += numbers(*args, **kwargs)
             where = f"at {' and '.join(found)}, or numbers" if found else "for numbers"
             raise NumericalError(
                 f"the computation left the range of double precision ({error})\n"
@@ -39,12 +46,3 @@ def guarded(function: Callable[P, T]) -> Callable[P, T]:
             ) from error
 
     return inner
-
-
-def _is_extreme(value: object) -> bool:
-    """Return whether an argument is a number whose powers leave the range of double precision."""
-    try:
-        size = abs(float(value))  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        return False
-    return size > 1e60 or 0.0 < size < 1e-60

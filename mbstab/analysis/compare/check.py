@@ -28,8 +28,8 @@ class CheckReport(Answer):
         In m/s², in ground axes.
     bodies : list of (name, coordinates, mass in kg)
     constraints : list of (name, type, holonomic rows, nonholonomic rows)
-    n_q, n_holonomic, n_nonholonomic, rank_holonomic, rank_nonholonomic, n_f : int
-        As in `mbstab.analysis.spectrum.results.Counts`.
+    n_q, n_holonomic, n_nonholonomic, rank_holonomic, rank_nonholonomic, n_f, states : int
+        As in `mbstab.analysis.spectrum.results.Counts`: the rates of the states count as nonholonomic rows.
     gaps : tuple of float
         Ratio of the singular values on both sides of each of the two rank decisions.
     redundant : list of str
@@ -56,6 +56,7 @@ class CheckReport(Answer):
     rank_holonomic: int
     rank_nonholonomic: int
     n_f: int
+    states: int
     gaps: tuple[float, float]
     redundant: list[str]
     symmetries: list[str]
@@ -93,6 +94,7 @@ def check_scene(system: System) -> CheckReport:
         rank_holonomic=spaces.C.rank,
         rank_nonholonomic=spaces.W.rank,
         n_f=spaces.n_f if motion.massless is None else linearize(system, motion).n_f,
+        states=len(system.states[0]),
         gaps=(spaces.C.gap, spaces.W.gap),
         redundant=[str(item) for item in motion.redundant],
         symmetries=[item.name for item in symmetries(system, motion)],
@@ -108,7 +110,7 @@ def check_scene(system: System) -> CheckReport:
 def _constraints(system: System) -> list[tuple[str, str, int, int]]:
     model = system.scene.model
     found = []
-    for section in model.order:
+    for section in (section for section in model.order if section != "states"):
         for entry in model.entries[section].values():
             mine = [i for i, row in enumerate(system.rows) if (row.section, row.name) == (section, entry.name)]
             if mine:

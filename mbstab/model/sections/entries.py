@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from collections.abc import Mapping as MappingType
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 from mbstab.errors import Location, suggestion
 from mbstab.mechanics.catalogue import ROWS, Field, Kind, Part, PartError
@@ -60,6 +61,19 @@ STATE_KIND = Kind(
 
 MADE_STATE_KIND = replace(STATE_KIND, fields=(Field("rate", "made rate", STATE_FIELDS["rate"], required=True),))
 """A state of a controller or a motor."""
+
+ELSEWHERE = {"setpoint": "target", "set_point": "target", "desired": "target"}
+"""Keys by what they are called elsewhere."""
+
+STARTING = ("initial", "value", "start", "x0")
+
+FRICTION = ("friction", "friction_coefficient", "coulomb", "mu")
+
+RUBBING = (
+    "nothing sticks or rubs by itself: friction that grows with the speed is the damping of a spring; dry friction of "
+    "what goes on sliding is a force, type: expression, on: {body.x: -mu*N*tanh(rate(body.x)/w)} with a small speed w"
+)
+"""What there is instead of friction."""
 
 Found = dict[str, tuple[Kind, Mapping]]
 """Entries by name whose types are known, but whose fields have not been read yet."""
@@ -302,7 +316,7 @@ class EntryReader:
         scene = "planar" if dimension == 2 else "spatial"
         message = f"the type {name!r} does not exist in a {scene} scene" if other else f"unknown type {name!r}"
         elsewhere = [x for x in KINDS if any(kind_name == name for kind_name, _ in KINDS[x])]
-        hint = suggestion(name, here) or "known types: " + ", ".join(here)
+        hint = RUBBING if name in FRICTION else suggestion(name, here) or "known types: " + ", ".join(here)
         if elsewhere and not other:
             hint = (
                 f"{name!r} is a type of {' and '.join(elsewhere)}: is the line '{elsewhere[0]}:' missing or indented?"
@@ -314,7 +328,10 @@ class EntryReader:
         path = f"{section}.{name}"
         fields = [field for field in kind.fields if self.names.dimension in field.dimensions and not field.made]
         typed = [] if kind is STATE_KIND else ["type"]
-        misspelt = self.nodes.known_keys(node, path, [*typed, *[field.name for field in fields]])
+        known = [*typed, *[field.name for field in fields]]
+        misspelt = self.nodes.known_keys(
+            node, path, known, partial(self._of_another, section), ELSEWHERE, partial(self._not_here, section, kind)
+        )
         reading, told = Reading(self.quantities, node, path), len(self.nodes.document.problems)
         for field in fields:
             item = node.entries.get(field.name)
@@ -335,6 +352,31 @@ class EntryReader:
             self.parts[name] = part or Part(dict.fromkeys(self.parts[name].states, "0"), "0")
         places = {field.name: node.entries[field.name].location for field in fields if field.name in node.entries}
         return Entry(section, name, kind, reading.values, node.location, places)
+
+    def _of_another(self, section: str, key: str) -> str:
+        """Return which types of a section have a key, as a hint; empty: none."""
+        kinds: MappingType[tuple[str, int], Kind] = KINDS.get(section, {})
+        having = [
+            name
+            for (name, dimension), kind in kinds.items()
+            if dimension == self.names.dimension and any(field.name == key and not field.made for field in kind.fields)
+        ]
+        return f"{key} is a key of the type{'s' * (len(having) > 1)} {', '.join(having)}" if having else ""
+
+    def _not_here(self, section: str, kind: Kind, key: str) -> str:
+        """Return why an entry of this scene cannot have a key, as a hint; empty: nothing is known of it."""
+        if section == "states" and key in STARTING:
+            return (
+                "where it starts stands under initial: coordinates:, and at the reference under reference: coordinates:"
+            )
+        if key in FRICTION and section in ("joints", "contacts", "forces"):
+            return RUBBING
+        here, there = ("planar", "spatial") if self.names.dimension == 2 else ("spatial", "planar")
+        kinds: MappingType[tuple[str, int], Kind] = KINDS.get(section, {})
+        other = kinds.get((kind.name, 5 - self.names.dimension), kind)
+        if any(field.name == key and not field.made for field in (*kind.fields, *other.fields)):
+            return f"a {kind.name} has {key} in {there} scenes only, and this one is {here}"
+        return ""
 
     def _check_given(self, reading: Reading, kind: Kind) -> None:
         """Refuse keys that exclude each other, or that need one which is missing."""

@@ -31,6 +31,7 @@ def read_outputs(quantities: QuantityReader, node: YamlNode | None, entries: Ent
             expression = _parsed(item.text, names.definitions, names.tables, entries)
             coordinates = [x for x in names.coordinates if not names.unread(x)]
             _check(expression, entries, quantities.places, coordinates, names.parameters)
+            quantities.doubt_sums(expression, item, path)
         except ExpressionError as error:
             if any(nodes.faulty(f"{section}.{x}") for section in names.written for x in _named(item.text)):
                 continue  # what it names has a problem of its own
