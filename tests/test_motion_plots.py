@@ -194,6 +194,38 @@ def test_the_axis_of_energies_does_not_magnify_rounding(pendulum):
     assert upper.get_ylabel() == "energy (J)"
 
 
+def test_energies_that_are_rounding_are_a_line_of_zero(pendulum):
+    noise = 1e-117 * np.sin(np.arange(len(pendulum.times)))
+    rest = replace(pendulum, kinetic=np.abs(noise), potential=noise, work=0.0 * noise, peak=1e-12)
+    for axes in drawn("energy", rest).axes:
+        assert axes.get_ylim() == (-1.0, 1.0)
+        assert all(not np.any(line.get_ydata()) for line in curves(axes))
+        assert [text.get_text() for text in axes.texts] == ["zero but for rounding"]
+    # A drift of some units in the last place.
+    steps = 2e-15 * (np.arange(len(pendulum.times)) % 5)
+    flying = replace(pendulum, kinetic=7.0 + steps, potential=0.0 * steps, work=0.0 * steps)
+    upper, lower = drawn("energy", flying).axes
+    assert upper.get_ylim()[1] > 7.0
+    assert not np.any(curves(lower)[0].get_ydata())
+    drifting = replace(flying, kinetic=7.0 + 1e3 * steps)
+    assert np.ptp(curves(drawn("energy", drifting).axes[1])[0].get_ydata()) == pytest.approx(8e-12, rel=1e-2)
+
+
+def test_kinetic_energy_that_changes_by_errors_only_is_not_magnified(pendulum):
+    error = 1e-6 * np.sin(np.arange(len(pendulum.times)))
+    sim = replace(pendulum, kinetic=16.0 + error, potential=error, work=0.0 * error)
+    figure = drawn("energy", sim)
+    assert "kinetic energy" in legend(figure)
+    assert figure.axes[0].get_ylim()[1] > 16.0
+    swinging = replace(sim, potential=-error)  # their sum is constant
+    assert "kinetic energy less 16 J" in legend(drawn("energy", swinging))
+
+
+def test_residuals_that_are_all_zero_have_no_entry_in_the_legend(pendulum):
+    still = replace(pendulum, residuals=pendulum.residuals * [0.0, 1.0])
+    assert legend(drawn("residuals", still)) == ["velocities"]
+
+
 def test_a_phase_plane_has_rates_over_coordinates_and_marked_ends(pendulum):
     figure = drawn("phase:rod.theta", pendulum)
     (axes,) = figure.axes
@@ -311,6 +343,31 @@ def test_shapes_have_the_sizes_and_axes_of_the_file():
     for name, bounds in expected.items():
         np.testing.assert_allclose(extent[name], bounds, atol=2e-3, err_msg=name)
     assert drawing.masses == [7]
+
+
+@pytest.mark.parametrize("along", ["x", "y", "z"])
+@pytest.mark.parametrize("shape", ["cylinder, radius: 0.5, length: 3", "disk, radius: 0.7", "hoop, radius: 0.4"])
+def test_round_bodies_show_that_they_turn_from_every_side(shape, along):
+    """Something seen moves when a body turns about its axis, and does not lie along an axis of the body."""
+    text = (
+        f"mbstab: 1\nbodies:\n  a: {{type: spatial, mass: 1, shape: {{type: {shape}, along: {along}}}}}\n"
+        "reference:\n  coordinates: {a: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}\n"
+    )
+    (piece,) = Sketch.of(mbstab.loads(text).system()).pieces
+    axis = "xyz".index(along)
+    c, s = np.cos(0.3), np.sin(0.3)
+    turned = np.roll(np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]), axis, axis=(0, 1))
+    for towards in np.vstack([np.eye(3), -np.eye(3)]):
+        ends = [
+            {tuple(np.round((x - (x @ towards)[:, None] * towards)[[0, -1]].ravel(), 6) + 0.0) for x in seen}
+            for seen in (
+                [x for x in piece.outline.placed(frame, np.zeros(3)).seen(towards) if len(x) == 2]
+                for frame in (np.eye(3), turned)
+            )
+        ]
+        thin = not shape.startswith("cylinder") and not towards[axis]
+        assert thin or ends[0] != ends[1]
+        assert thin or all(ends)
 
 
 def test_drawn_shapes_are_where_positions_and_rotations_say(disk):

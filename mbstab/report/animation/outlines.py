@@ -20,6 +20,10 @@ WINDINGS = 6
 ROUND = 49
 """Points of a circle, the first and the last the same."""
 
+MARKED = ROUND // 6
+"""Point of a circle to which a radius is drawn, which shows rotation: off the axes of a body, along which its other
+lines often lie."""
+
 FINE = 145
 """Points of a circle to which others are offset."""
 
@@ -119,22 +123,28 @@ def _rod(length: float) -> Outline:
 def _cylinder(radius: float, length: float) -> Outline:
     heights = (-0.5 * length, 0.5 * length) if length else (0.0,)
     ends = [_circle(radius, height) for height in heights]
-    marks = [line((0.0, 0.0, height), end[0]) for height, end in zip(heights, ends, strict=True)]
-    # A radius shows rotation. A thin disk shows both faces at once.
+    spokes = [line((0.0, 0.0, height), end[MARKED]) for height, end in zip(heights, ends, strict=True)]
+    # A thin disk shows both faces at once.
     faces = [line((0.0, 0.0, -1.0)), line((0.0, 0.0, 1.0))] if length else [line((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))]
-    return Outline((*ends, *marks), np.concatenate(ends), (*faces, *faces))
+    # From the side lines along the mantle show rotation: of three, one is always well in front.
+    sides = (MARKED, MARKED + ROUND // 3, MARKED + 2 * (ROUND // 3)) if length else ()
+    along = [line(*(end[k] for end in ends)) for k in sides]
+    outwards = [line((*_circle(1.0)[k, :2], 0.0)) for k in sides]
+    return Outline((*ends, *spokes, *along), np.concatenate(ends), (*faces, *faces, *outwards))
 
 
 def _cone(radius: float, length: float) -> Outline:
     base, tip = _circle(radius, -0.25 * length), np.array([0.0, 0.0, 0.75 * length])
     # A radius of the base and a line on the mantle show rotation.
-    down, out = line((0.0, 0.0, -1.0)), line((length, 0.0, radius))
-    strokes = (base, line((0.0, 0.0, -0.25 * length), base[0]), line(base[0], tip))
+    x, y = _circle(length)[MARKED, :2]
+    down, out = line((0.0, 0.0, -1.0)), line((x, y, radius))
+    strokes = (base, line((0.0, 0.0, -0.25 * length), base[MARKED]), line(base[MARKED], tip))
     return Outline(strokes, np.vstack([base, tip]), (down, down, out))
 
 
 def _hoop(radius: float) -> Outline:
-    return Outline((_circle(radius), line((0.85 * radius, 0.0, 0.0), (radius, 0.0, 0.0))))
+    circle = _circle(radius)
+    return Outline((circle, line((0.0, 0.0, 0.0), circle[MARKED])))
 
 
 def _box(x: float, y: float, z: float) -> Outline:

@@ -43,8 +43,14 @@ BROAD: dict[str, Any] = {"color": "0.75", "linestyle": "-", "linewidth": 4.5}
 LITTLE = 0.5
 """Kinetic energy that changes by less than this fraction of its maximum is drawn relative to its minimum."""
 
+UNBALANCED = 3.0
+"""Energies that change by less than this many times their imbalance change by errors."""
+
 FLAT = 1e-11
 """Values that vary by less than this fraction of their size vary by rounding, and are drawn as constant."""
+
+ROUNDED = 1e-14
+"""Energy drift below this fraction of the energies is rounding, and is drawn as zero."""
 
 NARROW = 1e-3
 """If values vary by less than this fraction of their size, their common part is written once, at the axis."""
@@ -449,6 +455,9 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
     number = 0
     for panel, here in zip(shown, axes, strict=True):
         values = [np.asarray(curve.values(sim), dtype=float) for curve in panel.curves]
+        if panel.curves[0].unit == "J" and 0.0 < np.max(np.abs(values), initial=0.0) <= _least(panel, sim):
+            values = [0.0 * y for y in values]
+            here.text(0.5, 0.75, "zero but for rounding", transform=here.transAxes, ha="center")
         base = _common(np.concatenate(values)) if not panel.logarithmic else 0.0
         for curve, y in zip(panel.curves, values, strict=True):
             below = curve.name == panel.beneath
@@ -461,10 +470,11 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
                 here.plot(*decimated(sim.times, y - base), **style, zorder=2.5 if below else 3)
             if len(values) > 1:
                 number += not below
-                handles.append(Line2D([], [], **style, label=curve.label))
+                if not panel.logarithmic or np.any(y > 0.0):
+                    handles.append(Line2D([], [], **style, label=curve.label))
         text = panel.text
         if not panel.logarithmic:
-            size = base if panel.beneath != "sum" else _energies(sim)
+            size = base if panel.beneath != "sum" or not np.any(values) else _energies(sim)
             text = panel.said(_room(here, "y", np.concatenate(values) - base, size))
         else:
             _set_decades(here, np.concatenate(values))
@@ -485,6 +495,13 @@ def _energies(sim: Simulation) -> float:
     return float(max(np.max(np.abs(x), initial=0.0) for x in (sim.kinetic, sim.potential, sim.work)))
 
 
+def _least(panel: Panel, sim: Simulation) -> float:
+    """Return the size of energies in a panel that are more than rounding (J)."""
+    if WORDS["drift"] in panel.curves:
+        return ROUNDED * max(_energies(sim), sim.energy_scale)
+    return FLAT * sim.energy_scale
+
+
 def _set_decades(axes: Axes, values: Array) -> None:
     """Show whole decades of positive values; those below `EXACT` are drawn there."""
     values = np.maximum(values[values > 0.0], EXACT)
@@ -499,10 +516,14 @@ def _set_decades(axes: Axes, values: Array) -> None:
 
 
 def _at_work(panel: Panel, sim: Simulation) -> tuple[Quantity, ...]:
-    """Return the curves of a panel, without work if there is none, and energies on a scale that shows their change."""
+    """Return the curves of a panel, without work if there is none, and energies on a scale that shows their change.
+
+    A change of the kinetic energy that is an error, as energies do not balance better, is not magnified.
+    """
     idle = sim.conservative and len(panel.curves) > 1
     curves = (curve for curve in panel.curves if not (idle and curve is WORDS["work"]))
-    if panel.beneath != "sum" or not FLAT * np.max(sim.kinetic) < np.ptp(sim.kinetic) < LITTLE * np.max(sim.kinetic):
+    noise = max(FLAT * float(np.max(sim.kinetic)), UNBALANCED * float(np.max(np.abs(sim.imbalance))))
+    if panel.beneath != "sum" or not noise < np.ptp(sim.kinetic) < LITTLE * np.max(sim.kinetic):
         return tuple(curves)
     least = float(np.min(sim.kinetic))
     kinetic = Quantity("kinetic", "J", lambda sim: sim.kinetic - least, f"kinetic energy less {least:.6g} J")
