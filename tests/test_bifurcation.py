@@ -9,6 +9,7 @@ import pytest
 from test_cli import run
 
 import mbstab
+from mbstab.errors import UsageError
 from mbstab.report.export import sweep_csv, sweep_data, to_json
 from mbstab.report.pictures.bifurcation import _pieces, bifurcation, shown_names
 from mbstab.report.pictures.scales import Axis
@@ -70,6 +71,14 @@ def test_curves_go_round_folds_and_tell_stable_from_unstable(truss):
     assert np.max(np.diff(np.sort(heights))) < 0.02
     figure = bifurcation(truss, Axis("P", "N"), "truss")
     assert figure.axes[0].get_ylabel() == "apex.y (m)"
+
+
+def test_a_reference_that_does_not_depend_on_the_parameter_has_no_empty_picture():
+    swept = TRUSS.sweep("m", np.linspace(1.0, 2.0, 5))
+    with pytest.raises(UsageError, match="no coordinate of the reference depends on m"):
+        bifurcation(swept, Axis("m", "kg"), "")
+    (axes,) = bifurcation(swept, Axis("m", "kg"), "", ["apex.y"]).axes
+    assert len(axes.get_lines()) == 1
 
 
 def test_what_the_parameter_changes_is_drawn_and_the_rest_counted():

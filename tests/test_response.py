@@ -16,7 +16,7 @@ from mbstab.analysis.response.response import answer
 from mbstab.analysis.response.transfer import channels
 from mbstab.analysis.response.zeros import TransferZeros
 from mbstab.errors import NumericalError, UsageError
-from mbstab.report.pictures.responses import response_picture
+from mbstab.report.pictures.responses import nyquist, response_picture
 from mbstab.report.responses import decibels, phase, response_data, response_text
 
 
@@ -397,6 +397,39 @@ def test_outputs_over_time_share_a_panel_if_they_share_a_unit():
         answer(mbstab.load("whipple_bicycle.yaml").state_space(), points=20, duration=1.0, impulse=True), ""
     )
     assert [axes.get_ylabel() for axes in bicycle.axes] == ["after a unit impulse (rad/(N·m·s))"]
+
+
+def test_what_grows_is_drawn_until_it_has_grown_a_thousand_times():
+    """Nothing of the first second would be seen of x'' = 16 x after 5 s: e^20."""
+    text = (
+        "mbstab: 1\nbodies: {p: {type: planar_point, mass: 1}}\nconstraints: {rail: {holonomic: p.y}}\n"
+        "forces: {spring: {type: expression, on: {p.x: k*p.x}}}\nparameters: {k: 16}\n"
+        "inputs: {push: {type: force, at: p, direction: x}}\noutputs: {x: p.x}\n"
+        "reference: {coordinates: {p: {x: 0, y: 0}}}\n"
+    )
+    model = mbstab.loads(text)
+    for k, last, said in ((16, np.log(1e3) / 4.0, "grow without bound, and are drawn up to 1.73 s"), (-16, 5.0, "")):
+        (axes,) = response_picture(answer(model.state_space(k=k), points=20, duration=5.0), "").axes
+        assert axes.get_xlim() == pytest.approx((0.0, last))
+        assert axes.get_lines()[0].get_xdata()[-1] == pytest.approx(last)
+        assert (said or "time (s)") in axes.get_xlabel().replace("\n", " ")
+        assert bool(said) == ("grow" in axes.get_xlabel())
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("differential.yaml", "at 0, 148.7 rad/s"),
+        ("rack_and_pinion.yaml", "at 6.751 rad/s"),
+        ("zener.yaml", ""),
+        ("car_trailer.yaml", ""),  # neutral motions that neither input nor output knows
+    ],
+)
+def test_nyquist_diagrams_tell_where_they_close_at_infinity(name, text):
+    figure = nyquist(answer(mbstab.load(name).state_space(), points=40), "")
+    said = [x.get_text() for x in figure.legends[0].get_texts() if "infinity" in x.get_text()]
+    assert len(said) == bool(text)
+    assert all(text in x for x in said)
 
 
 def test_fast_oscillations_over_time_are_drawn_as_they_are():

@@ -195,6 +195,11 @@ def test_the_picture_has_a_panel_for_each_eigenvalue_and_the_longest_bar_first(t
     assert [len(panel.patches) for panel in figure.axes] == [8, 16, 8]  # a pair has two bars for each parameter
     assert [panel.get_yticklabels()[0].get_text() for panel in figure.axes] == ["x_S", "x_H", "w"]
     assert figure.axes[2].patches[0].get_width() == pytest.approx(0.01 * 1.02 * 21.1149432666, rel=1e-9)
+    # 25 parameters move each eigenvalue; the picture and the table say what they leave out.
+    found = load("whipple_bicycle.yaml").sensitivities(v=5)
+    moving = sum(np.sum((np.abs(x.slopes) > x.errors) & (found.values != 0.0)) for x in found.derivatives)
+    (text,) = (text.get_text() for text in figure.legends[0].get_texts() if "not drawn" in text.get_text())
+    assert text == f"not drawn: {moving - 24} bars of less effect"
     arguments = ["eig", "pendulum.yaml", "--sensitivity", "--plot", "sensitivity", "--pictures", f"{tmp_path}/a"]
     assert CliRunner().invoke(main, arguments).exit_code == 0
     assert (tmp_path / "a-sensitivity.png").read_bytes().startswith(b"\x89PNG")

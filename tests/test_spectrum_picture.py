@@ -1,14 +1,19 @@
 """Pictures of eigenvalues in the complex plane, and of multipliers."""
 
+import re
+from itertools import combinations
+
 import numpy as np
 import pytest
 from matplotlib.text import Text
 
 import mbstab
+from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.cli import main
 from mbstab.report.pictures.drawing import house_style, titled_figure
 from mbstab.report.pictures.point_labels import PointLabels
 from mbstab.report.pictures.spectrum import spectrum
+from mbstab.report.pictures.stability_map import stability_map
 
 
 def drawn(figure):
@@ -74,6 +79,78 @@ def test_a_label_stands_beside_its_own_marker(far, angle):
             for place in axes.transData.transform([(0.0, 0.0), other])
         )
         assert own < wrong
+
+
+def pointers(axes):
+    """The lines from labels to their points: from the middle of the text."""
+    found = []
+    for text in axes.texts:
+        if text.arrow_patch is not None:
+            box = Text.get_window_extent(text)
+            found.append((0.5 * (box.min + box.max), axes.transData.transform(text.xy)))
+    return found
+
+
+def crosses(one, other):
+    """Whether two lines cross, apart from common ends."""
+    (a, b), (c, d) = one, other
+
+    def side(p, q, r):
+        return np.sign(np.linalg.det(np.array([q - p, r - p])))
+
+    return side(a, b, c) * side(a, b, d) < 0.0 and side(c, d, a) * side(c, d, b) < 0.0
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("wide", [0.05, 0.15, 0.4])
+def test_labels_do_not_overlap_and_their_pointers_do_not_cross(seed, wide):
+    """What has no room is in the legend; markers that cover each other share a label."""
+    places = 0.45 + wide * np.random.default_rng(seed).random((9, 2))
+    with house_style():
+        figure, (axes,) = titled_figure("", heights=(5.0,))
+        axes.set_xlim(0.0, 1.0)
+        axes.set_ylim(0.0, 1.0)
+        labels = PointLabels(axes)
+        for n, (x, y) in enumerate(places.tolist()):
+            axes.plot(x, y, "o", zorder=5)
+            labels.add(x, y, f"value {n}")
+        left_out = labels.left_out()
+        labels.draw()
+        figure.draw_without_rendering()
+    written = " ".join([text.get_text() for text in axes.texts] + [label.text for label in left_out])
+    assert sorted(re.findall(r"\d", written)) == [str(n) for n in range(9)]
+    boxes = [Text.get_window_extent(text) for text in axes.texts]
+    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+    assert not any(crosses(a, b) for a, b in combinations(pointers(axes), 2))
+
+
+def test_markers_that_cover_each_other_share_a_label():
+    with house_style():
+        _, (axes,) = titled_figure("", heights=(5.0,))
+        axes.set_xlim(0.0, 1.0)
+        axes.set_ylim(0.0, 1.0)
+        labels = PointLabels(axes)
+        for x, text in ((0.5, "u = 5.9 m/s"), (0.505, "u = 10.7 m/s"), (0.9, "u = 55 m/s")):
+            labels.add(x, 0.5, text)
+        labels.draw()
+    assert [text.get_text() for text in axes.texts] == ["u = 5.9, 10.7 m/s", "u = 55 m/s"]
+
+
+def test_numbers_of_crowded_branches_stand_beside_their_curves():
+    """Where there is room along a curve, no pointer is needed."""
+    x = np.linspace(0.0, 1.0, 51)
+    heights = (-3000.0, -5000.0, -7500.0, -14000.0)
+    branches = np.column_stack([-50.0 + 40.0 * x + 3j, -50.0 + 40.0 * x - 3j, *(h - 20.0 * x for h in heights)])
+    unstable = np.zeros(len(x), dtype=int)
+    axes = stability_map(Sweep("q", x, branches, unstable, 0, (), (), {}), "q", "").axes[0]
+    numbers = {text.get_text(): text for text in axes.texts}
+    assert set(numbers) == {"1, 2", "3", "4", "5", "6"}
+    axes.figure.draw_without_rendering()
+    for text, curve in zip("3456", heights, strict=True):
+        assert numbers[text].arrow_patch is None
+        box = Text.get_window_extent(numbers[text])
+        levels = {h: axes.transData.transform([(0.5, h - 10.0)])[0, 1] for h in heights}
+        assert min(heights, key=lambda h: max(box.y0 - levels[h], levels[h] - box.y1)) == curve
 
 
 def test_fast_eigenvalues_do_not_hide_slow_ones():

@@ -36,7 +36,7 @@ def test_crossings_without_a_value_are_counted():
             figure = campbell(swept, "omega (rad/s)", "")
         shown = texts(figure)
         (left_out,) = (int(text.split()[0]) for text in shown if text.endswith("crossings without their value"))
-        placed = [text.get_text() for text in figure.axes[0].texts]
+        placed = [part for text in figure.axes[0].texts for part in text.get_text().split(", ")]
         values = [text for text in placed if re.fullmatch(r"[0-9.]+", text)]
         assert len(values) + left_out == len({(round(c.value, 3), c.frequency) for c in crossings})
         assert {f"{w:.4g}" for w in frequencies} <= set(values)  # of the order 1, though the last in the list

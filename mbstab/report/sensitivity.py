@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbstab.errors import counted
 from mbstab.model.schema import Model, after_number
 from mbstab.report import WIDTH
 from mbstab.report.modes import value_text
@@ -35,6 +36,8 @@ def sensitivity_text(found: Sensitivities, model: Model) -> str:
         if rows:
             heads = ["parameter", "unit", "dλ/dp (1/s per unit)", "per percent (1/s)", "error"]
             lines.append(table(heads, rows, left=(0, 1)))
+            if still := len(found.order(item)) - len(rows):
+                lines[-1] += f"{counted(still, 'other parameter')}: 0 within the error\n"
         else:
             lines += ["  no parameter moves it", ""]
     for name, reason in found.missing.items():

@@ -175,7 +175,7 @@ class View:
         directions = np.array([first, np.cross(plane.normal, first)])
         places = (self.frames.positions - self.shift[:, None] - plane.origin) @ directions.T
         low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
-        room = 0.15 * float(np.max(high - low)) + 0.5 * self.width
+        room = 0.15 * float(np.max(high - low)) + 0.3 * self.width
         return (*directions, low - room, high + room)
 
     @property

@@ -64,7 +64,7 @@ def shown_names(result: Sweep, asked: Sequence[str]) -> tuple[list[str], int]:
     Raises
     ------
     UsageError
-        If one that is asked for does not exist.
+        If one that is asked for does not exist, or none depends on the parameter.
     """
     paths = (result, *result.beyond)
     units = _units(result)
@@ -88,6 +88,11 @@ def shown_names(result: Sweep, asked: Sequence[str]) -> tuple[list[str], int]:
                 distinct.append(name)
         chosen += distinct[:MOST]
         left += len(varying) - len(distinct[:MOST])
+    if not chosen and any(np.any(np.isfinite(x)) for x in columns.values()):
+        raise UsageError(
+            f"--plot path: no coordinate of the reference depends on {result.parameter}\n"
+            "hint: --coordinate draws one all the same; --plot map shows the eigenvalues"
+        )
     return chosen, left
 
 

@@ -18,8 +18,11 @@ from mbstab.report.pictures.sweep_curves import SweepCurves
 CLOSE, FREE = 0.01, 0.08
 """Parts of the panel: branches closer than this coincide, those farther apart than this do not hide a label."""
 
-MOST = 100
-"""Points of a curve at which a label may stand."""
+MOST, STANDS = 100, 25
+"""Points of a curve whose distances to others are found, and those at which its label may stand."""
+
+CROWDED = 40.0
+"""Cost of a label where a curve meets another one; see the costs of `mbstab.report.pictures.point_labels`."""
 
 
 def number_branches(axes: Axes, result: Sweep, curves: SweepCurves, x: Array, y: Array) -> PointLabels:
@@ -63,8 +66,11 @@ def add_branches(
         named |= set(same.tolist())
         text = _text(result, [shown[m] for m in same], word)
         if text:
-            k = int(np.nanargmax(_room(places, n, alike) + CLOSE * order))  # of equal ones the last
-            labels.add(float(x[k, n]), float(y[k, n]), text, marked=False, ink=curves.ink[shown[n]])
+            room = _room(places, n, alike) + CLOSE * order  # of equal ones the last
+            free = np.flatnonzero(~np.isnan(room))
+            free = free[:: max(1, len(free) // STANDS)]
+            along = np.column_stack([x[free, n], y[free, n]])
+            labels.add_along(along, CROWDED * (1.0 - room[free] / FREE), text, curves.ink[shown[n]])
 
 
 def _text(result: Sweep, numbers: Sequence[int], word: str | None) -> str:
@@ -107,8 +113,8 @@ def _room(places: Array, n: int, same: Mask) -> Array:
     return room
 
 
-def number_entries(labels: Sequence[PointLabels]) -> list[Artist]:
+def number_entries(numbered: bool) -> list[Artist]:
     """Return the legend entry of the numbers of branches, if there are any."""
     text = "number of a branch"
     entry = Line2D([], [], linestyle="", marker="$1$", color="k", markersize=5.5, markeredgewidth=0.2, label=text)
-    return [entry] if any(label.wanted for label in labels) else []
+    return [entry] * numbered

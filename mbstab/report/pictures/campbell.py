@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from mbstab.report.pictures.branch_labels import add_branches
 from mbstab.report.pictures.curves import BEYOND_INK, INK, THIN, Mask, draw_branch
 from mbstab.report.pictures.drawing import draw_legend, house_style, legend_marker
 from mbstab.report.pictures.over_parameter import legend_entries, panels_over_parameter
-from mbstab.report.pictures.point_labels import LABELS, PointLabels
+from mbstab.report.pictures.point_labels import LABELS, Label, PointLabels, label_entries
 from mbstab.report.pictures.scales import Axis, decade, number_text, set_logarithmic, upward_range
 from mbstab.report.pictures.sweep_curves import TINY, SweepCurves
 
@@ -78,8 +79,11 @@ def campbell(result: Sweep, label: Axis | str, title: str, highest: float = math
         handles = _branch_entries(result, frequency)
         labels = PointLabels(axes)
         add_branches(labels, result, curves, (curves.x[:, None], frequency), "branch ")
+        unwritten = 0
         if result.orders:
-            handles += _draw_orders(labels, result, curves)
+            entries, unwritten = _draw_orders(labels, result, curves)
+            handles += entries
+        handles += _without_room(labels.left_out(), unwritten)
         draw_legend(figure, handles + legend_entries(curves, _oscillates, unlabelled))
         labels.draw()
         return figure
@@ -120,6 +124,9 @@ def _set_scale(axes: Axes, frequency: Array, largest: float) -> None:
 ROOM = 0.4
 """Part of the panel that each crossing with a number has (square inches); those of orders near 1 come first."""
 
+STANDS, DISLIKED = 9, 60.0
+"""Places at which an order may have its name, and the cost of one so many lengths of the line from the best."""
+
 _LINE: dict[str, Any] = {"color": "0.25", "linewidth": 1.1}
 MARKERS = {
     "forward": ("^", "crossing, forward whirl"),
@@ -129,8 +136,18 @@ MARKERS = {
 """Marker of crossings by whirl, and its text."""
 
 
-def _draw_orders(labels: PointLabels, result: Sweep, curves: SweepCurves) -> list[Artist]:
-    """Draw the lines of orders and their crossings; return the legend entries."""
+def _without_room(labels: Sequence[Label], crossings: int) -> list[Artist]:
+    """Return the legend entries of branches whose labels have no room, and the number of crossings without value."""
+    crossings += sum(1 + label.text.count(",") for label in labels if label.marked)
+    handles = label_entries([label for label in labels if not label.marked])
+    if crossings:
+        text = f"{counted(crossings, 'crossing')} without {'its' if crossings == 1 else 'their'} value"
+        handles.append(Line2D([], [], linestyle="none", label=text))
+    return handles
+
+
+def _draw_orders(labels: PointLabels, result: Sweep, curves: SweepCurves) -> tuple[list[Artist], int]:
+    """Draw the lines of orders and their crossings; return the legend entries, and how many have no value."""
     axes, label, style = labels.axes, curves.label, _LINE
     dots: Any = (0, (1.5, 1.8))
     x = (np.geomspace if label.logarithmic else np.linspace)(*axes.get_xlim(), 2001)  # bent by a logarithmic axis
@@ -161,16 +178,13 @@ def _draw_orders(labels: PointLabels, result: Sweep, curves: SweepCurves) -> lis
             written.add(here)
         else:
             left_out += 1
-    handles += shown.values()
-    if left_out:
-        text = f"{counted(left_out, 'crossing')} without {'its' if left_out == 1 else 'their'} value"
-        handles.append(Line2D([], [], linestyle="none", label=text))
-    return handles
+    return [*handles, *shown.values()], left_out
 
 
 def _name_excitation(labels: PointLabels, x: Array, line: Array, text: str) -> None:
     """Write the name of an excitation line where it leaves the picture, on the right or on the left."""
     inside = np.flatnonzero((line <= labels.axes.get_ylim()[1]) & ((x > 0.0) | (x[-1] <= 0.0)))
     if len(inside):
-        k = inside[int(0.95 * (len(inside) - 1))] if x[-1] > 0.0 else inside[len(inside) // 20]
-        labels.add(float(x[k]), float(line[k]), text, marked=False)
+        parts = np.linspace(0.95, 0.55, STANDS)
+        at = inside[((parts if x[-1] > 0.0 else 1.0 - parts) * (len(inside) - 1)).astype(int)]
+        labels.add_along(np.column_stack([x[at], line[at]]), DISLIKED * (0.95 - parts), text)

@@ -20,7 +20,7 @@ from mbstab.compiler.system import Array
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure, unstable_patch
-from mbstab.report.pictures.scales import Axis, typeset
+from mbstab.report.pictures.scales import Axis, number_text, typeset
 from mbstab.report.responses import decibels, phase, unit
 
 STYLES = ("-", "--", "-.", ":")
@@ -44,6 +44,13 @@ PEAK = 60.0
 
 PERIOD, MOST = 16.0, 4000
 """Points of a period of the fastest oscillation, and of all outputs over time."""
+
+ON_AXIS, NEAR_POLE, POLES = 1e-9, 1e-4, 4
+"""Real parts of poles on the imaginary axis are below this part of their modulus, values are large within this part
+of their frequency, or of the least one, and as many are named."""
+
+GROWN = 1e3
+"""Responses over time are drawn until what grows fastest has grown by this factor."""
 
 RING = np.tan(np.linspace(-1.5, 1.5, 81))
 """Frequencies around a resonance, from the middle in half widths: equal steps along its circle."""
@@ -106,7 +113,8 @@ def _over_time(result: Response, title: str) -> Figure:
     handles = []
     fastest = float(np.max(result.poles.imag, initial=0.0))
     count = min(math.ceil(PERIOD * fastest * (result.x[-1] - result.x[0]) / (2.0 * math.pi)), MOST)
-    x = np.linspace(result.x[0], result.x[-1], max(count, len(result.x)))
+    last, told = _seen_until(result)
+    x = np.linspace(result.x[0], last, max(count, len(result.x)))
     for k, channel in enumerate(result.channels):
         handles.append(_entry(channel, result.kind, _style(k)))
         panels[units.index(of[k])].plot(x, channel.step(x, result.kind == "impulse"), **_style(k))
@@ -115,12 +123,23 @@ def _over_time(result: Response, title: str) -> Figure:
         goals = list(dict.fromkeys(c.goal for c, other in zip(result.channels, of, strict=True) if other == own))
         name = f"{goals[0]} " if len(goals) == 1 else ""
         axes.set_ylabel(f"{name}after a unit {result.kind}" + (f" ({shown})" if shown else ""))
-        axes.set_xlim(result.x[0], result.x[-1])
+        axes.set_xlim(x[0], x[-1])
         axes.tick_params(labelbottom=axes is panels[-1])
         axes.grid(color="0.85", linewidth=0.6)
-    panels[-1].set_xlabel("time (s)")
+    panels[-1].set_xlabel(f"time (s){told}")
     draw_legend(figure, handles)
     return figure
+
+
+def _seen_until(result: Response) -> tuple[float, str]:
+    """Return the last time that is drawn, and what is said about it: what grows would soon hide its beginning."""
+    first, last = float(result.x[0]), float(result.x[-1])
+    growing = (channel for channel, text in zip(result.channels, result.growth, strict=True) if text)
+    rates = [float(np.max(np.linalg.eigvals(channel.A).real, initial=0.0)) for channel in growing]
+    until = math.log(GROWN) / max(rates) if max(rates, default=0.0) > 0.0 else math.inf
+    if not first < until < last:
+        return last, ""
+    return until, f"; the responses grow without bound, and are drawn up to {until:.3g} s"
 
 
 def _finish(upper: Axes, lower: Axes, across: str) -> None:
@@ -241,8 +260,34 @@ def nyquist(result: Response, title: str) -> Figure:
                 )
             )
         handles.append(Line2D([], [], color="0.3", linewidth=0.6, label="negative frequencies"))
+        if text := _closing(result):
+            handles.append(Line2D([], [], linestyle="none", label=text))
         draw_legend(figure, handles)
         return figure
+
+
+def _closing(result: Response) -> str:
+    """Return the legend's text on poles on the imaginary axis, which the contour passes on their right side.
+
+    There curves close at infinity, clockwise, by half a turn for each pole.
+    """
+    assert result.exact is not None
+    sizes = np.abs(result.poles)
+    known = result.poles[(np.abs(result.poles.real) <= ON_AXIS * sizes) & (result.poles.imag > 0.0)]
+    heights = np.unique([float(f"{w:.9g}") for w in known.imag.tolist()])
+    away = np.array([0.1, 0.001]) * NEAR_POLE
+    # Each seen from two distances; what grows on the way has the pole.
+    pairs = {0.0: result.x[0] * away, **{w: w * (1.0 + away) for w in heights.tolist()}}
+    found = []
+    for w, pair in pairs.items():
+        values, _ = result.exact.over(pair)
+        sizes = np.abs([values[result.exact.number(channel)] for channel in result.channels])
+        if np.any(sizes[:, 1] > 10.0 * sizes[:, 0]):
+            found.append(w)
+    if not found:
+        return ""
+    at = ", ".join(number_text(w, found[-1], 4) for w in found[:POLES]) + ", …" * (len(found) > POLES)
+    return f"poles on the imaginary axis, at {at} rad/s: curves close there at infinity, clockwise"
 
 
 def _everywhere(result: Response) -> tuple[Array, list[Any]]:

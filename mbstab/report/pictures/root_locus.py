@@ -15,7 +15,7 @@ from mbstab.report.pictures.branch_labels import number_branches, number_entries
 from mbstab.report.pictures.curves import BEYOND_INK, draw_branch
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, legend_marker, titled_figure
 from mbstab.report.pictures.over_parameter import branch_entries, legend_entries
-from mbstab.report.pictures.point_labels import LABELS, PointLabels
+from mbstab.report.pictures.point_labels import LABELS, PointLabels, label_entries
 from mbstab.report.pictures.scales import Axis, axis_range, set_real_scale
 from mbstab.report.pictures.spectrum import equal_damping, name_damping
 from mbstab.report.pictures.sweep_curves import SweepCurves
@@ -53,10 +53,10 @@ def root_locus(result: Sweep, label: Axis | str, title: str) -> Figure:
         labels = _draw_critical_points(axes, curves)
         if curves.marked:
             handles.append(legend_marker("D", 7.0, "critical value"))
-        draw_legend(
-            figure, handles + branch_entries(curves) + number_entries([numbers]) + legend_entries(curves) + lines
-        )
+        handles += branch_entries(curves) + number_entries(bool(numbers.wanted))
         labels.wanted += numbers.wanted
+        handles += label_entries(labels.left_out())
+        draw_legend(figure, handles + legend_entries(curves) + lines)
         labels.draw()
         name_damping(axes)
         return figure

@@ -20,6 +20,9 @@ from mbstab.report.pictures.drawing import text_width
 SQUEEZED = 40.0
 """The axis of real parts is logarithmic if the largest is this many times that of the rightmost eigenvalue."""
 
+SHORT = 0.25
+"""At half of the values of a parameter, the rightmost eigenvalue counts as this part of its largest at least."""
+
 
 DEPTH = 1e-4
 """Part of the largest number below which a logarithmic axis is linear in any case."""
@@ -177,7 +180,9 @@ def set_real_scale(axes: Axes, which: str, real: Array, largest: float) -> None:
     """Set the axis of the real parts: logarithmic far from zero if those near zero would be compressed."""
     known = real[~np.isnan(real).any(axis=1)] if real.shape[1] else real[:0]
     size = float(np.max(np.abs(known), initial=0.0))
-    near = float(np.max(np.abs(np.max(known, axis=1)), initial=0.0)) if known.size else 0.0
+    rightmost = np.abs(np.max(known, axis=1)) if known.size else np.zeros(1)
+    # A short stretch of large values does not decide.
+    near = max(float(np.median(rightmost)), SHORT * float(np.max(rightmost)))
     lo, hi = axis_range(real, largest)
     beyond = 0.08 if which == "x" else 0.03  # zero is shown, and something of both sides
     lo, hi = min(lo, -beyond * (hi - lo)), max(hi, beyond * (hi - lo))

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from mbstab.analysis.spectrum.sensitivity import Derivatives, Sensitivities
+from mbstab.errors import counted
 from mbstab.report.modes import value_text
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.drawing import draw_legend, house_style, longest, titled_figure
@@ -38,7 +40,10 @@ def sensitivity_bars(found: Sensitivities, title: str) -> Figure:
         order = [k for k in found.order(item) if abs(item.slopes[k]) > item.errors[k] and found.values[k]]
         if order:
             panels.append((item, order))
-    panels = _fitting(panels[:PANELS])
+    drawn = _fitting(panels[:PANELS])
+    eigenvalues = len(panels) - len(drawn)
+    parameters = sum(len(order) for _, order in panels[: len(drawn)]) - sum(len(order) for _, order in drawn)
+    panels = drawn
     with house_style():
         heights = [2.0 * EDGE + BAR * len(order) for _, order in panels] or [1.0]
         figure, axes = titled_figure(title, heights, above=0.2, gap=GAP, stretched=False)
@@ -69,6 +74,10 @@ def sensitivity_bars(found: Sensitivities, title: str) -> Figure:
             Patch(facecolor="0.15", label="real part: damping"),
             Patch(facecolor="w", edgecolor="0.15", hatch="/////", label="imaginary part: frequency"),
         ]
+        left_out = [counted(eigenvalues, "eigenvalue")] * (eigenvalues > 0)
+        left_out += [f"{counted(parameters, 'bar')} of less effect"] * (parameters > 0)
+        if left_out:
+            handles.append(Line2D([], [], linestyle="none", label=f"not drawn: {', '.join(left_out)}"))
         draw_legend(figure, handles)
         return figure
 

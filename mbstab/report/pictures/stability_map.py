@@ -16,7 +16,7 @@ from mbstab.report.pictures.branch_labels import number_branches, number_entries
 from mbstab.report.pictures.curves import BEYOND_INK, INK, THIN, draw_branch
 from mbstab.report.pictures.drawing import draw_legend, house_style
 from mbstab.report.pictures.over_parameter import branch_entries, legend_entries, panels_over_parameter
-from mbstab.report.pictures.point_labels import PointLabels
+from mbstab.report.pictures.point_labels import PointLabels, label_entries
 from mbstab.report.pictures.scales import Axis, set_real_scale, upward_range
 from mbstab.report.pictures.sweep_curves import TINY, SweepCurves
 
@@ -74,7 +74,8 @@ def stability_map(result: Sweep, label: Axis | str, title: str) -> Figure:
             handles.append(Line2D([], [], color="k", linewidth=THIN, linestyle="--", label="imaginary part (≥ 0)"))
         for name in {"real", "imaginary"} - by_name.keys():
             handles.append(Line2D([], [], linestyle="", label=f"all {name} parts are 0"))
-        handles += branch_entries(curves) + number_entries(numbers)
+        left_out = label_entries([label for labels in numbers for label in labels.left_out()])
+        handles += branch_entries(curves) + number_entries(any(labels.wanted for labels in numbers)) + left_out
         draw_legend(figure, handles + legend_entries(curves, unlabelled=unlabelled))
         for labels in numbers:
             labels.draw()
