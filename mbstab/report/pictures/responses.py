@@ -287,7 +287,7 @@ def _closing(result: Response) -> str:
     if not found:
         return ""
     at = ", ".join(number_text(w, found[-1], 4) for w in found[:POLES]) + ", …" * (len(found) > POLES)
-    return f"poles on the imaginary axis, at {at} rad/s: curves close there at infinity, clockwise"
+    return f"poles on the imaginary axis,\nat {at} rad/s: curves\nclose there clockwise at infinity"
 
 
 def _everywhere(result: Response) -> tuple[Array, list[Any]]:
