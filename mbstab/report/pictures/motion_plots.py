@@ -7,7 +7,6 @@ A further quantity is one entry of `FUNCTIONS` or `WORDS`, a further picture of 
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -15,10 +14,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name
 from mbstab.analysis.simulate.result import Simulation
@@ -30,6 +27,7 @@ from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated, thinned
 from mbstab.report.pictures.drawing import EXACT, draw_legend, house_style, legend_marker, panel_width, titled_figure
 from mbstab.report.pictures.scales import typeset, with_minus_sign
+from mbstab.report.pictures.value_axes import FLAT, common_part, set_decades, set_room
 
 MOST = 12
 """Maximum number of curves in a picture: more could not be distinguished."""
@@ -46,14 +44,8 @@ LITTLE = 0.5
 UNBALANCED = 3.0
 """Energies that change by less than this many times their imbalance change by errors."""
 
-FLAT = 1e-11
-"""Values that vary by less than this fraction of their size vary by rounding, and are drawn as constant."""
-
 ROUNDED = 1e-14
 """Energy drift below this fraction of the energies is rounding, and is drawn as zero."""
-
-NARROW = 1e-3
-"""If values vary by less than this fraction of their size, their common part is written once, at the axis."""
 
 TITLES = {
     "m": "length",
@@ -458,7 +450,7 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
         if panel.curves[0].unit == "J" and 0.0 < np.max(np.abs(values), initial=0.0) <= _least(panel, sim):
             values = [0.0 * y for y in values]
             here.text(0.5, 0.75, "zero but for rounding", transform=here.transAxes, ha="center")
-        base = _common(np.concatenate(values)) if not panel.logarithmic else 0.0
+        base = common_part(np.concatenate(values)) if not panel.logarithmic else 0.0
         for curve, y in zip(panel.curves, values, strict=True):
             below = curve.name == panel.beneath
             style = BROAD if below else _curve_style(number if len(values) > 1 else 0)
@@ -475,9 +467,9 @@ def _draw_panels(picture: Picture, sim: Simulation, title: str) -> Figure:
         text = panel.text
         if not panel.logarithmic:
             size = base if panel.beneath != "sum" or not np.any(values) else _energies(sim)
-            text = panel.said(_room(here, "y", np.concatenate(values) - base, size))
+            text = panel.said(set_room(here, "y", np.concatenate(values) - base, size))
         else:
-            _set_decades(here, np.concatenate(values))
+            set_decades(here, np.concatenate(values))
         text = text if not base else f"{text}, less {with_minus_sign(f'{base:.12g}')}"
         here.set_ylabel(text)
         here.set_xlim(float(sim.times[0]), max(float(sim.times[-1]), np.nextafter(float(sim.times[0]), np.inf)))
@@ -500,19 +492,6 @@ def _least(panel: Panel, sim: Simulation) -> float:
     if WORDS["drift"] in panel.curves:
         return ROUNDED * max(_energies(sim), sim.energy_scale)
     return FLAT * sim.energy_scale
-
-
-def _set_decades(axes: Axes, values: Array) -> None:
-    """Show whole decades of positive values; those below `EXACT` are drawn there."""
-    values = np.maximum(values[values > 0.0], EXACT)
-    if not len(values):
-        axes.text(0.5, 0.5, "all are exactly zero", transform=axes.transAxes, ha="center")
-        axes.set_yticks([])
-        return
-    low, high = math.floor(math.log10(np.min(values)) + 1e-9), math.ceil(math.log10(np.max(values)) - 1e-9)
-    axes.set_yscale("log")
-    axes.set_ylim(0.8 * 10.0**low, 1.25 * 10.0 ** max(high, low + 1))
-    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _at_work(panel: Panel, sim: Simulation) -> tuple[Quantity, ...]:
@@ -554,11 +533,11 @@ def _draw_phases(picture: Picture, sim: Simulation, title: str) -> Figure:
     handles.append(Line2D([], [], color="k", linestyle="", marker="s", markersize=5, label=end))
     for which, column in (("x", 0), ("y", 1)):
         values = np.concatenate([pair[column] for pair in pairs])
-        base = _common(values)
+        base = common_part(values)
         for line in axes.get_lines():
             shifted = np.asarray(line.get_xdata() if which == "x" else line.get_ydata()) - base
             (line.set_xdata if which == "x" else line.set_ydata)(shifted)
-        text = Panel(tuple(pair[column] for pair in picture.phases)).said(_room(axes, which, values - base, base))
+        text = Panel(tuple(pair[column] for pair in picture.phases)).said(set_room(axes, which, values - base, base))
         text = text if not base else f"{text}, less {with_minus_sign(f'{base:.12g}')}"
         (axes.set_xlabel if which == "x" else axes.set_ylabel)(text)
     axes.yaxis.set_label_coords(-0.57 / panel_width(), 0.5)
@@ -570,40 +549,3 @@ def _draw_phases(picture: Picture, sim: Simulation, title: str) -> Figure:
 
 def _curve_style(number: int) -> dict[str, Any]:
     return {"color": INK[number % len(INK)], "linestyle": DASHES[number % len(DASHES)], "linewidth": THIN}
-
-
-def _common(values: Array) -> float:
-    """Return the common part of values that differ little: their mean with as few digits as possible; else 0."""
-    low, high = _range(values)
-    size = max(abs(low), abs(high))
-    if not FLAT * size < high - low < NARROW * size:
-        return 0.0
-    return float(f"{0.5 * (low + high):.{math.ceil(math.log10(size / (high - low))) + 1}g}")
-
-
-def _range(values: Array) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
-
-
-def _room(axes: Axes, which: str, values: Array, whole: float = 0.0) -> int:
-    """Set the range of an axis; return the power of ten of its numbers.
-
-    Rounding errors are not magnified, neither those of the values nor those of `whole`, of which they are a part or
-    from which they differ.
-    """
-    low, high = _range(values)
-    size = max(abs(low), abs(high))
-    flat = high - low <= FLAT * max(size, abs(whole))
-    if flat and size <= FLAT * abs(whole):
-        size = abs(whole)
-    margin = 0.1 * size or 1.0 if flat else 0.06 * (high - low)
-    (axes.set_xlim if which == "x" else axes.set_ylim)(low - margin, high + margin)
-    if not size or 5e-3 < size < 1e5:
-        return 0
-    power = max(3 * math.floor(math.log10(size) / 3.0), -300)
-    axis = axes.xaxis if which == "x" else axes.yaxis
-    axis.set_major_formatter(
-        FuncFormatter(lambda value, _: with_minus_sign(f"{round(value / 10.0**power, 6) + 0.0:g}"))
-    )
-    return power
