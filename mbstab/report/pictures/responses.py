@@ -45,9 +45,9 @@ PEAK = 60.0
 PERIOD, MOST = 16.0, 4000
 """Points of a period of the fastest oscillation, and of all outputs over time."""
 
-ON_AXIS, NEAR_POLE, POLES = 1e-9, 1e-4, 4
-"""Real parts of poles on the imaginary axis are below this part of their modulus, values are large within this part
-of their frequency, or of the least one, and as many are named."""
+ON_AXIS, STILL, NEAR_POLE, POLES = 1e-9, 1e-6, 1e-4, 4
+"""Real parts of poles on the imaginary axis are below this part of their modulus, poles at 0 below this part of the
+largest, values are large within this part of the frequency of a pole, and as many poles are named."""
 
 GROWN = 1e3
 """Responses over time are drawn until what grows fastest has grown by this factor."""
@@ -275,14 +275,17 @@ def _closing(result: Response) -> str:
     sizes = np.abs(result.poles)
     known = result.poles[(np.abs(result.poles.real) <= ON_AXIS * sizes) & (result.poles.imag > 0.0)]
     heights = np.unique([float(f"{w:.9g}") for w in known.imag.tolist()])
-    away = np.array([0.1, 0.001]) * NEAR_POLE
-    # Each seen from two distances; what grows on the way has the pole.
-    pairs = {0.0: result.x[0] * away, **{w: w * (1.0 + away) for w in heights.tolist()}}
+    away = np.array([0.1, 0.001])
+    # Each seen from two distances; what grows on the way, by more than its errors, has the pole.
+    pairs = {w: w * (1.0 + away * NEAR_POLE) for w in heights.tolist()}
+    still = sizes <= STILL * np.max(sizes, initial=0.0)
+    if np.any(still):
+        pairs = {0.0: min([result.x[0], *sizes[~still].tolist()]) * away, **pairs}
+    numbers = [result.exact.number(channel) for channel in result.channels]
     found = []
     for w, pair in pairs.items():
-        values, _ = result.exact.over(pair)
-        sizes = np.abs([values[result.exact.number(channel)] for channel in result.channels])
-        if np.any(sizes[:, 1] > 10.0 * sizes[:, 0]):
+        values, errors = (np.array([np.abs(x[n]) for n in numbers]) for x in result.exact.over(pair))
+        if np.any((values[:, 1] > 10.0 * values[:, 0]) & np.all(errors < 0.1 * values, axis=1)):
             found.append(w)
     if not found:
         return ""
