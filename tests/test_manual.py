@@ -153,22 +153,25 @@ def test_every_command_option_key_and_verdict_is_found():
 ENGINEERS = {
     "control": (
         "anti-windup, bandwidth, controllability, crossover frequency, feedforward, gain scheduling, lead filter, "
-        "LQG, LQR, MIMO, notch, observability, overshoot, PID tuning, pole placement, pole-zero map, rise time, "
+        "LQG, LQR, MIMO, notch, observability, overshoot, PD control, impedance control, sensor, PID tuning, pole placement, pole-zero map, rise time, "
         "root locus, settling time, stability margin, time constant, logarithmic decrement"
     ),
     "robots, rotors and vehicles": (
         "balancing, base excitation, Denavit, earthquake, flexible joint, harmonic drive, inverse dynamics, inverse "
-        "kinematics, Jeffcott rotor, noise, oil whip, payload, resonance, SCARA, trajectory, understeer"
+        "kinematics, Jeffcott rotor, noise, oil whip, payload, resonance, SCARA, trajectory, understeer, suspension, "
+        "rotating damping, journal bearing, overhung, quarter car, end effector, torsional vibration, flywheel, "
+        "self-aligning torque, stability threshold, satellite, Segway, uneven road"
     ),
     "mechanics": (
         "backlash, Baumgarte, centre of gravity, center of mass, circulatory, Coriolis, Coulomb, eigenfrequency, "
         "finite element, gimbal lock, Grübler, hysteresis, impact, Kelvin-Voigt, Lagrange multiplier, Maxwell "
         "element, modal analysis, natural frequency, Newton-Euler, operating point, products of inertia, "
-        "quaternion, Rayleigh damping, stick-slip, Stribeck, virtual work"
+        "quaternion, nutation, precession, small oscillations, angular momentum, inertia tensor, Lagrangian, pulley, "
+        "singularity, rolling without slipping, brake squeal, Rayleigh damping, stick-slip, Stribeck, virtual work"
     ),
     "nonlinear dynamics": (
         "chaos, hunting, Hurwitz, limit cycle, Lyapunov exponent, Mathieu, parametric resonance, phase portrait, "
-        "Poincaré, poincare map, Routh"
+        "Poincaré, poincare map, Routh, snaking"
     ),
     "numerical work": "CAD, Jupyter, Monte Carlo, notebook, optimization",
 }
@@ -185,7 +188,7 @@ def test_the_words_of_engineers_are_explained_first(field, words):
 @pytest.mark.parametrize(
     "words",
     ["riccati", "observer", "saturation", "dead time", "pade", "Padé", "sampling", "delay", "Hopf", "Nyquist", "Bode",
-     "gyroscopic", "buckling", "Floquet", "transfer function", "Kalman filter", "singular values", "gears"],
+     "gyroscopic", "buckling", "Floquet", "transfer function", "Kalman filter", "singular values", "gears", "cite"],
 )  # fmt: skip
 def test_other_words_are_found(words):
     assert said("--search", *words.split()).exit_code == 0
