@@ -153,8 +153,9 @@ def test_every_command_option_key_and_verdict_is_found():
 ENGINEERS = {
     "control": (
         "anti-windup, bandwidth, controllability, crossover frequency, feedforward, gain scheduling, lead filter, "
-        "LQG, LQR, MIMO, notch, observability, overshoot, PD control, impedance control, sensor, PID tuning, pole placement, pole-zero map, rise time, "
-        "root locus, settling time, stability margin, time constant, logarithmic decrement"
+        "LQG, LQR, MIMO, notch, observability, overshoot, PD control, sensor, PID tuning, pole "
+        "placement, pole-zero map, rise time, root locus, settling time, stability "
+        "margin, time constant, logarithmic decrement"
     ),
     "robots, rotors and vehicles": (
         "balancing, base excitation, Denavit, earthquake, flexible joint, harmonic drive, inverse dynamics, inverse "
