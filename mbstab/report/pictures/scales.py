@@ -20,7 +20,7 @@ from mbstab.report.pictures.drawing import text_width
 SQUEEZED = 40.0
 """The axis of real parts is logarithmic if the largest is this many times that of the rightmost eigenvalue."""
 
-SHORT = 0.25
+SHORT = 0.5
 """At half of the values of a parameter, the rightmost eigenvalue counts as this part of its largest at least."""
 
 
