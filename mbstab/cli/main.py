@@ -8,6 +8,7 @@ import errno
 import gc
 import io
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -23,6 +24,7 @@ from mbstab.cli import commands
 from mbstab.cli.common import one_thread_by_default
 from mbstab.cli.output import say, show, stdout_failure
 from mbstab.errors import MbstabError, OutputError, suggestion
+from mbstab.report import set_width
 
 STREAM = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 """Errors of writing to a stream."""
@@ -194,6 +196,8 @@ def main() -> None:
     --verify contradicts, 130 stopped by Ctrl-C, 143 by a request to terminate (SIGTERM).
     """
     one_thread_by_default()
+    if sys.stdout.isatty():
+        set_width(shutil.get_terminal_size().columns)
 
 
 ROOM = 2**16

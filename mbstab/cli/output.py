@@ -19,6 +19,7 @@ import click
 
 from mbstab.errors import OutputError, UsageError, suggestion, visible
 from mbstab.records import dataclass
+from mbstab.report import WIDTH, set_width
 from mbstab.report.files import whole_file
 from mbstab.report.picture_sizes import SIZES, sized
 
@@ -321,6 +322,8 @@ def output_options(*formats: str, unnamed: str = "") -> Callable[[F], F]:
         )
         @functools.wraps(command)
         def run(*arguments: Any, format_: str | None, output: Path | None, **options: Any) -> Any:
+            if output is not None:  # a file is as wide as ever, whatever the terminal
+                set_width(WIDTH)
             return command(*arguments, output=Output.of(output, format_, formats, unnamed), **options)
 
         return run  # type: ignore[return-value]

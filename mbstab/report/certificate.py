@@ -8,7 +8,7 @@ from typing import Any
 
 from mbstab.analysis.proof.certify import Certificate
 from mbstab.analysis.verdict.rule import Modulo
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.tables import decimals, table
 
 SHOWN = 20
@@ -142,7 +142,7 @@ def _in_unit(x: Fraction, result: Certificate) -> str:
 
 
 def _wrapped(text: str, indent: str) -> list[str]:
-    return wrap(text, width=WIDTH, initial_indent=indent, subsequent_indent=indent + "  " if indent else "")
+    return wrap(text, width=width(), initial_indent=indent, subsequent_indent=indent + "  " if indent else "")
 
 
 def _number(x: Any) -> str:

@@ -8,7 +8,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from mbstab.errors import counted
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.tables import eigenvalue, number, table
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _outcome_row(n: int, x: Outcome, digits: int) -> list[str]:
 
 
 def _filled(text: str) -> list[str]:
-    return wrap(text, width=WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+    return wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
 
 
 ROUNDING = "rounding of data"
@@ -88,12 +88,12 @@ def _error_tables(result: Comparison) -> list[str]:
     blocks: list[list[int]] = []
     room = 0
     for i in shown:
-        width = max(map(len, _head(result, i).splitlines())) + 2
-        if width > room:
+        wide = max(map(len, _head(result, i).splitlines())) + 2
+        if wide > room:
             blocks.append([])
-            room = WIDTH - 4 - max(map(len, [ROUNDING, *names]))
+            room = width() - 4 - max(map(len, [ROUNDING, *names]))
         blocks[-1].append(i)
-        room -= width
+        room -= wide
     texts = []
     for block in blocks:
         rows = [

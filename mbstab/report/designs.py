@@ -12,7 +12,7 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import evaluate_parameters
 from mbstab.model.reader import read_model_text
 from mbstab.model.schema import Model, after_number
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.tables import eigenvalue, number, table
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def design_text(found: Design, model: Model, given: Mapping[str, str], proofs: S
     """
     task = found.task
     lines = [model.title, ""] if model.title else []
-    lines += [*wrap(_goal(found, model), WIDTH), ""]
+    lines += [*wrap(_goal(found, model), width()), ""]
     rows = []
     for name, value in found.values.items():
         parameter = model.parameters[name]
@@ -50,10 +50,10 @@ def design_text(found: Design, model: Model, given: Mapping[str, str], proofs: S
     if found.active:
         lines.append("limited by")
         lines += [f"  {_active(x, model)}" for x in found.active]
-    lines += wrap("; ".join([counted(found.steps, "step"), *filter(None, [found.ended])]), WIDTH)
-    lines += [*wrap(f"checked {_at(found.worst, model)}: {found.result.verdict}", WIDTH, subsequent_indent="  ")]
+    lines += wrap("; ".join([counted(found.steps, "step"), *filter(None, [found.ended])]), width())
+    lines += [*wrap(f"checked {_at(found.worst, model)}: {found.result.verdict}", width(), subsequent_indent="  ")]
     for text in _statements(proofs, found, model):
-        lines += wrap(f"proof {text}", WIDTH, subsequent_indent="  ")
+        lines += wrap(f"proof {text}", width(), subsequent_indent="  ")
     lines += ["", "again: " + " ".join(f"--set {name}={text}" for name, text in given.items())]
     return "\n".join(lines) + "\n"
 
@@ -89,18 +89,18 @@ def _gain(found: Design, model: Model) -> list[str]:
             lines.append("no motion was found about which all disturbances decay")
     else:
         own, lines = model.parameters[task.parameter], []
-        for when, ends, width in (
+        for when, ends, size in (
             ("before", found.interval_before, found.first),
             ("now", found.interval, found.best),
         ):
             text = "no stable value was found"
             if ends is not None:
-                text = f"{_interval(own.name, ends, model)}, {number(width / own.factor, 8)} wide"
+                text = f"{_interval(own.name, ends, model)}, {number(size / own.factor, 8)} wide"
             lines.append(f"stable {when}: {text}")
         lines.append(f"(as {found.checked} values show: what is narrower than their distance may be missed)")
     if task.limits.least is not None:
         lines.append(f"at least {task.limits.least:g} was asked for: {'' if found.reached else 'not '}reached")
-    return [part for line in lines for part in wrap(line, WIDTH, subsequent_indent="  ")]
+    return [part for line in lines for part in wrap(line, width(), subsequent_indent="  ")]
 
 
 def _active(x: Active, model: Model) -> str:

@@ -12,7 +12,7 @@ from mbstab.analysis.linear.methods import DEFAULT
 from mbstab.analysis.verdict.rule import Verdict
 from mbstab.analysis.verdict.wording import show
 from mbstab.errors import counted
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.modes import UNKNOWN, modes_table, shapes_text, value_text
 from mbstab.report.tables import eigenvalue, number, table
 
@@ -34,7 +34,7 @@ def eigen_text(result: EigenResult, title: str, shapes: bool = False) -> str:
     told = [e for e, _ in shown if e.motions]
     if len(bodies) > 1:
         if not shapes and any(len(e.motions) > 1 for e in told):
-            lines.append("Motion of each mode, relative to the largest and to the size of the scene:")
+            lines += wrap("Motion of each mode, relative to the largest and to the size of the scene:", width())
             lines.append(modes_table(told))
         lines.append("Share of the kinetic energy of each mode:")
         lines.append(_participation(shown, bodies))
@@ -49,7 +49,7 @@ def verdict_lines(judged: Verdict) -> list[str]:
     """Return a verdict and its grounds, in sentences."""
     lines = [f"Verdict: {judged.word}"]
     for reason in judged.reasons:
-        lines += wrap(reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ")
+        lines += wrap(reason, width=width(), initial_indent="  ", subsequent_indent="  ")
     return lines
 
 
@@ -75,7 +75,7 @@ def precise_text(result: PreciseResult, title: str) -> str:
     lines += wrap(
         f"{result.digits} digits, computed with {result.working_digits} in {result.seconds:.1f} s; smallest pivot that "
         f"counts {result.kept}, largest that counts as zero {result.dropped}, relative to the matrix",
-        width=WIDTH,
+        width=width(),
     )
     return "\n".join(lines) + "\n"
 
@@ -98,7 +98,7 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
     heads = ["eigenvalue\n(1/s)", "freq.\n(Hz)", "damping\nratio", "doubles or\nhalves in s", "error\nbound", "type"]
     named = [f"{e.name} {value_text(e)}" for e, _ in shown if e.name]
     text = table(heads, rows, left=(5,))
-    return text + "".join(f"{line}\n" for line in wrap(f"named: {', '.join(named)}", WIDTH)) if named else text
+    return text + "".join(f"{line}\n" for line in wrap(f"named: {', '.join(named)}", width())) if named else text
 
 
 def _eigenvalue_row(e: Eigenvalue) -> list[str]:
@@ -167,7 +167,7 @@ def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str
             continue
         order = sorted(bodies, key=lambda name: -e.participation.get(name, 0.0))
         strong = [f"{name} {e.participation[name]:.1%}" for name in order if e.participation.get(name, 0.0) >= 0.0005]
-        rows.append([value_text(e), _fitting(strong, WIDTH - 28) or "no mass moves"])
+        rows.append([value_text(e), _fitting(strong, width() - 28) or "no mass moves"])
     return table(["eigenvalue (1/s)", "bodies"], rows, left=(1,))
 
 
@@ -180,7 +180,7 @@ def _without_shape(shown: Sequence[tuple[Eigenvalue, int]]) -> list[str]:
             "has no mode shape of its own" if len(members) == 1 else f"{len(members)}× have no mode shapes of their own"
         )
         text = f"{value} {none}: {members[0].together} eigenvalues are not told apart there, and share those listed"
-        lines += [*wrap(text, width=WIDTH), ""]
+        lines += [*wrap(text, width=width()), ""]
     return lines
 
 
@@ -203,18 +203,18 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
     rows += f"{counted(c.n_nonholonomic - states, 'nonholonomic row')} (rank {c.rank_nonholonomic - states})"
     critical = f", {c.critical} critical" if c.critical else ""
     found = f"{c.expected} expected, {c.found} found, {c.neutral} of them neutral{critical}; method {result.method}"
-    rows = fill(rows, WIDTH, subsequent_indent="  ")
-    lines = [rows, *wrap(f"finite eigenvalues: {found}", width=WIDTH, subsequent_indent="  ")]
+    rows = fill(rows, width(), subsequent_indent="  ")
+    lines = [rows, *wrap(f"finite eigenvalues: {found}", width=width(), subsequent_indent="  ")]
     if c.massless:
-        lines += wrap(f"without mass: {'; '.join(c.massless)}", width=WIDTH, subsequent_indent="  ")
+        lines += wrap(f"without mass: {'; '.join(c.massless)}", width=width(), subsequent_indent="  ")
     if c.counted:
         number = "not counted" if c.unstable_proven is None else str(c.unstable_proven)
         lines = [rows, f"finite eigenvalues: {c.expected}, of which {c.found} were looked for; method {result.method}"]
-        lines += wrap(f"right of the imaginary axis: {number}, {c.counted}", width=WIDTH)
+        lines += wrap(f"right of the imaginary axis: {number}, {c.counted}", width=width())
     if result.period is not None:
         lines.append(f"period {result.period:.6g} s; frequencies count up to whole multiples of its inverse")
     if result.frame:
-        lines += wrap(f"in the frame of the steady motion: {result.frame}", width=WIDTH, subsequent_indent="  ")
+        lines += wrap(f"in the frame of the steady motion: {result.frame}", width=width(), subsequent_indent="  ")
     if result.shifts:
         lines.append("neutral pairs are shifts and tilts that rotate with the motion")
     if c.infinite or c.undefined:
@@ -232,8 +232,8 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
             f"independent holonomic row and one for each nonholonomic row; their exact values are {where}, the "
             f"largest error is {c.extra_error:.0e} 1/s"
         )
-        lines += wrap(text, width=WIDTH)
+        lines += wrap(text, width=width())
     if c.neutral and result.neutral_directions:
-        shown = _fitting(result.neutral_directions, 3 * WIDTH)
-        lines += wrap(f"neutral eigenvalues belong to: {shown}", width=WIDTH, subsequent_indent="  ")
+        shown = _fitting(result.neutral_directions, 3 * width())
+        lines += wrap(f"neutral eigenvalues belong to: {shown}", width=width(), subsequent_indent="  ")
     return lines

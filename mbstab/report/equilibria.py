@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from mbstab.errors import counted
 from mbstab.model.schema import Model
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
@@ -22,16 +22,16 @@ def equilibrium_text(found: Sequence[Equilibrium], model: Model) -> str:
         lines += [f"{len(found)} distinct solutions", ""]
     for place, item in enumerate(found, 1):
         kind = "Equilibrium" if str(item.steady) == "rest" else f"Steady motion ({item.steady})"
-        lines += wrap(kind + (f" {place} of {len(found)}" if len(found) > 1 else ""), width=WIDTH)
+        lines += wrap(kind + (f" {place} of {len(found)}" if len(found) > 1 else ""), width=width())
         lines += [text for text in (_state_table(item, model), _reaction_table(item), _effort_table(item)) if text]
         lines += wrap(
             f"found by {item.strategy} in {counted(item.iterations, 'step')}; largest imbalance {item.residual:.1e} of "
             f"what balances ({item.unbalanced[0]:.1e} N, {item.unbalanced[1]:.1e} N*m)",
-            width=WIDTH,
+            width=width(),
         )
         apart = f", apart from {', '.join(item.symmetries)}" if item.symmetries else ""
         text = f"isolated{apart}" if item.isolated else f"not isolated: {'; '.join(item.open)}{apart}"
-        lines += [*wrap(text, width=WIDTH, subsequent_indent="  "), ""]
+        lines += [*wrap(text, width=width(), subsequent_indent="  "), ""]
         if item.timed:
             lines.insert(-1, f"at t = {item.motion.time:g} s: forces or drives depend on time")
         if item.motion.redundant:

@@ -6,7 +6,7 @@ import math
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def _row(x: Integration) -> list[str]:
 
 
 def _filled(text: str) -> list[str]:
-    return wrap(text, width=WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+    return wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
 
 
 def integrations_data(result: Integrations, model: str, title: str) -> dict[str, Any]:

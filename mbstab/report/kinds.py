@@ -9,7 +9,7 @@ from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.catalogue import Field, Kind
 from mbstab.model.fields.catalogue import kind_of
 from mbstab.model.schema import ALONG, PART_FIELDS
-from mbstab.report import WIDTH
+from mbstab.report import width
 
 SCENES = {(2,): "planar scenes", (3,): "spatial scenes", (2, 3): "all scenes"}
 
@@ -18,9 +18,9 @@ def kinds_text(kinds: Sequence[Kind]) -> str:
     """Return the description and the keys of each type."""
     lines: list[str] = []
     for kind in kinds:
-        lines += wrap(f"{kind.name}: {kind.doc} ({SCENES[kind.dimensions]})", WIDTH, subsequent_indent="  ")
+        lines += wrap(f"{kind.name}: {kind.doc} ({SCENES[kind.dimensions]})", width(), subsequent_indent="  ")
         for field in (field for field in kind.fields if not field.made):
-            lines += wrap(_field(field), WIDTH, initial_indent="  ", subsequent_indent="      ")
+            lines += wrap(_field(field), width(), initial_indent="  ", subsequent_indent="      ")
         lines.append("")
     return "\n".join(lines)
 
@@ -29,16 +29,16 @@ def shapes_text() -> str:
     """Return the shapes of bodies and of their parts, with their keys."""
     lines: list[str] = []
     for kind in SHAPES.values():
-        lines += wrap(f"{kind.name}: {kind.doc}", WIDTH, subsequent_indent="  ")
+        lines += wrap(f"{kind.name}: {kind.doc}", width(), subsequent_indent="  ")
         for field in kind.fields:
-            lines += wrap(_field(field), WIDTH, initial_indent="  ", subsequent_indent="      ")
+            lines += wrap(_field(field), width(), initial_indent="  ", subsequent_indent="      ")
         if kind.axis is not None:
             text = f"along: {ALONG} [default {'xyz'[kind.axis]}]"
-            lines += wrap(text, WIDTH, initial_indent="  ", subsequent_indent="      ")
+            lines += wrap(text, width(), initial_indent="  ", subsequent_indent="      ")
         lines.append("")
     lines.append("entries of parts: have besides (those of drawing only: at)")
     for key, doc in PART_FIELDS.items():
-        lines += wrap(f"{key}: {doc}", WIDTH, initial_indent="  ", subsequent_indent="      ")
+        lines += wrap(f"{key}: {doc}", width(), initial_indent="  ", subsequent_indent="      ")
     return "\n".join(lines) + "\n"
 
 
@@ -46,7 +46,7 @@ def keys_text(keys: Mapping[str, str]) -> str:
     """Return the keys of a section without types, with their meaning."""
     lines: list[str] = []
     for key, doc in keys.items():
-        lines += wrap(f"{key}: {doc}", WIDTH, subsequent_indent="    ")
+        lines += wrap(f"{key}: {doc}", width(), subsequent_indent="    ")
     return "\n".join(lines) + "\n"
 
 

@@ -7,7 +7,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.tables import table
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[s
     smallest = 1e-15 * max(abs(x) for values in matrix for x in values)
     cells = [[f"{x:.6g}" if abs(x) > smallest else "." for x in values] for values in matrix]
     widths = [max(len(head), *(len(row[j]) for row in cells)) + 2 for j, head in enumerate(columns)]
-    start, room = 0, WIDTH - max(map(len, rows))
+    start, room = 0, width() - max(map(len, rows))
     while start < len(columns):
         stop, used = start + 1, widths[start]
         while stop < len(columns) and used + widths[stop] <= room:
@@ -63,7 +63,7 @@ def linearize_text(
             for name, m in hidden.items()
         ]
         lines.append(table(["matrix", "size", "not zero", "largest"], rows, left=(0,)))
-        lines += wrap(f"matrices with more than {LARGE} rows or columns: --full shows them", width=WIDTH)
+        lines += wrap(f"matrices with more than {LARGE} rows or columns: --full shows them", width=width())
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
@@ -72,9 +72,9 @@ def _linear_summary(linear: Linearization) -> list[str]:
     n_n = len(linear.J) - linear.n_h
     rows = f"{counted(linear.n_h, 'holonomic row')}, {counted(n_n, 'nonholonomic row')}"
     text = f"{counted(len(linear.M), 'coordinate')}, {rows}, {counted(linear.n_f, 'state')} after deflation"
-    lines = wrap(text, width=WIDTH)
+    lines = wrap(text, width=width())
     if linear.generator is not None and linear.generator.turns:
-        lines += wrap(f"in the frame of the steady motion: {linear.generator}", width=WIDTH, subsequent_indent="  ")
+        lines += wrap(f"in the frame of the steady motion: {linear.generator}", width=width(), subsequent_indent="  ")
     return [*lines, ""]
 
 
@@ -90,5 +90,5 @@ def _signals(control: ControlModel) -> list[str]:
             name + (f" ({unit})" if unit not in ("", "1") else "") for name, unit in zip(names, units, strict=True)
         ]
         text = f"{what}: {', '.join(shown) or 'none'}"
-        lines += wrap(text, width=WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+        lines += wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
     return [*lines, ""]

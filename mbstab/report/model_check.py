@@ -7,7 +7,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from mbstab.errors import counted
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def check_text(report: CheckReport, title: str) -> str:
         if items:
             lines += ["", f"{head}:"]
             for item in items:
-                lines += wrap(item, width=WIDTH, initial_indent="  ", subsequent_indent="    ")
+                lines += wrap(item, width=width(), initial_indent="  ", subsequent_indent="    ")
     return "\n".join(lines) + "\n"
 
 

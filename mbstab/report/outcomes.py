@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from mbstab.errors import visible
 from mbstab.records import dataclass
-from mbstab.report import WIDTH
+from mbstab.report import width
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.expectations import Outcome
@@ -53,7 +53,7 @@ def tested_text(models: Sequence[Tested], failures_only: bool) -> str:
                 place = f"{'ok  ' if x.passed else 'FAIL'} {x.location}: "
                 lines += wrap(
                     f"{x.what}: {x.detail}",
-                    width=WIDTH,
+                    width=width(),
                     initial_indent=place,
                     subsequent_indent=" " * 5,
                     break_long_words=False,

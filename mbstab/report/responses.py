@@ -9,7 +9,7 @@ import numpy as np
 
 from mbstab.errors import counted
 from mbstab.model.words import UNSTABLE
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.export import in_unit, to_csv
 from mbstab.report.tables import eigenvalue, table
 
@@ -111,20 +111,20 @@ def _frequency_row(k: int, omega: Any, values: Any, angles: Any, errors: Any) ->
 
 def _zeros_text(zeros: Zeros) -> list[str]:
     if zeros.doubt:
-        return wrap(f"zeros: not decided: {zeros.doubt}", WIDTH)
+        return wrap(f"zeros: not decided: {zeros.doubt}", width())
     if zeros.vanishes:
         return ["the output does not respond to the input: nothing but gains of 0 leads from one to the other"]
     # One of each pair stands for both.
     pairs = [(z if abs(z) > e else 0j, e) for z, e in zip(zeros.values, zeros.errors, strict=True) if z.imag >= 0.0]
     each = [f"{eigenvalue(z)} ± {e:.0e}" for z, e in pairs]
-    lines = wrap(f"zeros (1/s, with errors): {', '.join(each) or 'none'}", WIDTH)
+    lines = wrap(f"zeros (1/s, with errors): {', '.join(each) or 'none'}", width())
     words = {True: "minimum phase", False: "not minimum phase", None: "whether it is minimum phase is not decided"}
     reserve = ", as far as rounding errors tell" if zeros.hidden and zeros.minimum_phase is not None else ""
     lines.append(words[zeros.minimum_phase] + reserve)
     if zeros.hidden:
         what = "that the input does not reach or the output does not see, as far as rounding errors tell"
         listed = ", ".join(eigenvalue(s) for s in zeros.hidden if s.imag >= 0.0)
-        lines += wrap(f"{counted(len(zeros.hidden), 'eigenvalue')} {what}: {listed}", WIDTH)
+        lines += wrap(f"{counted(len(zeros.hidden), 'eigenvalue')} {what}: {listed}", width())
     return lines
 
 
@@ -132,7 +132,7 @@ def _largest_text(found: LargestGain) -> list[str]:
     what = f"{found.value:.10g} {_at(found.frequency)}, relative error at most {found.tolerance:g}"
     if not np.isfinite(found.value):
         what = f"{'none' if np.isnan(found.value) else 'infinite'}: {found.reason}"
-    return wrap(f"largest gain (H∞ norm): {what}", WIDTH)
+    return wrap(f"largest gain (H∞ norm): {what}", width())
 
 
 def _at(frequency: float) -> str:
@@ -152,9 +152,9 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
         said = f"{loop} {'stable' if found.closed else 'unstable'}"
         if found.closed and not zeros.hidden_decaying:
             said += ", apart from hidden eigenvalues that do not decay"
-    lines = wrap(said, WIDTH)
+    lines = wrap(said, width())
     if found.doubt:
-        return lines + wrap(f"margins: not decided: {found.doubt}", WIDTH)
+        return lines + wrap(f"margins: not decided: {found.doubt}", width())
     if found.always_real:
         lines.append("gain margins: none; the response is real at all frequencies")
     else:
@@ -162,16 +162,16 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
             f"× {x.factor:.{_digits(x.error / x.factor)}g} ({decibels(x.factor):.4g} dB) {_at(x.frequency)}"
             for x in found.gain
         ]
-        lines += wrap(f"gain margins: {', '.join(each) or 'none'}", WIDTH)
+        lines += wrap(f"gain margins: {', '.join(each) or 'none'}", width())
     each = [
         f"{x.phase:.{_digits(x.error / 180.0)}g}° (delay {x.delay:.{_digits(x.error / 180.0)}g} s) at "
         f"{x.frequency:.6g} rad/s"
         for x in found.phase
     ]
-    lines += wrap(f"phase margins: {', '.join(each) or 'none'}", WIDTH)
+    lines += wrap(f"phase margins: {', '.join(each) or 'none'}", width())
     if found.no_delay:
         said = "any delay, however small, makes the loop unstable: the gain stays above 1 at high frequencies"
-        lines += wrap(said, WIDTH)
+        lines += wrap(said, width())
     return lines
 
 
@@ -265,14 +265,14 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
         lines += [table(heads[:shown], [row[:shown] for row in body]), *_left_out(len(speeds), "speeds")]
         for which in (peak, *others):
             text = _peak_text(which, result.speeds, angle, unit, factor)
-            lines += wrap(text if which is peak else f"further {text}", WIDTH)
+            lines += wrap(text if which is peak else f"further {text}", width())
         lines.append("")
     if np.any(result.unstable):
         ends = " to ".join(f"{x:.6g}" for x in np.unique(speeds[result.unstable][[0, -1]]))
         lines += wrap(
             f"Unstable at {int(np.sum(result.unstable))} of {len(speeds)} speeds, {ends} {unit}: these amplitudes are "
             "those of the steady solution, which the rotor leaves.",
-            WIDTH,
+            width(),
         )
     return "\n".join(lines).rstrip("\n") + "\n"
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from mbstab.errors import counted
 from mbstab.model.schema import Model, after_number
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.modes import value_text
 from mbstab.report.tables import number, table
 
@@ -30,7 +30,7 @@ def sensitivity_text(found: Sensitivities, model: Model) -> str:
         e = found.eigenvalue(item)
         lines.append(f"{e.name}{': ' if e.name else ''}{value_text(e)} 1/s")
         if item.missing:
-            lines += [*wrap(f"no derivatives: {item.missing}", WIDTH, initial_indent="  "), ""]
+            lines += [*wrap(f"no derivatives: {item.missing}", width(), initial_indent="  "), ""]
             continue
         rows = [row for _, row in _rows(found, item, model)]
         if rows:
@@ -41,7 +41,7 @@ def sensitivity_text(found: Sensitivities, model: Model) -> str:
         else:
             lines += ["  no parameter moves it", ""]
     for name, reason in found.missing.items():
-        lines += wrap(f"{name}: no derivatives: {reason}", WIDTH, subsequent_indent="  ")
+        lines += wrap(f"{name}: no derivatives: {reason}", width(), subsequent_indent="  ")
     return "\n".join(lines) + "\n"
 
 
@@ -131,7 +131,7 @@ def critical_text(result: Sweep, model: Model) -> str:
     for c, slopes in _critical(result):
         lines.append(f"{own.name} = {number(c.value / own.factor, 10)}{after_number(own.unit)}, {c.kind}")
         if slopes.missing:
-            lines += [*wrap(f"no derivatives: {slopes.missing}", WIDTH, initial_indent="  "), ""]
+            lines += [*wrap(f"no derivatives: {slopes.missing}", width(), initial_indent="  "), ""]
             continue
         entries = dict(_critical_entries(slopes, model, own.factor))
         rows = [
@@ -142,7 +142,7 @@ def critical_text(result: Sweep, model: Model) -> str:
         heads = ["parameter", "unit", f"d{own.name}/dp", "per percent", "error"]
         lines += [table(heads, rows, left=(0, 1))] if rows else ["  no parameter moves it", ""]
         for name, reason in slopes.reasons.items():
-            lines += wrap(f"{name}: no derivative: {reason}", WIDTH, subsequent_indent="  ")
+            lines += wrap(f"{name}: no derivative: {reason}", width(), subsequent_indent="  ")
     if len(lines) == 2:
         lines.append("there is no critical value")
     return "\n".join(lines).rstrip("\n") + "\n"

@@ -12,7 +12,7 @@ from mbstab.analysis.simulate.tolerances import TOLERANCES as SIMULATE
 from mbstab.errors import counted
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.export import npz_bytes, to_csv, to_json
 from mbstab.report.tables import number, table
 
@@ -177,15 +177,18 @@ def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
         f"work done     {steps}, {sim.evaluations} evaluations in {counted(sim.runs, 'run')}",
         f"error         {_error(sim)}",
         f"constraints   largest residual {sim.max_constraint_residual:.1e} of the sizes in the scene",
-        *wrap(f"energy        {_energy(sim)}", width=WIDTH, subsequent_indent=" " * 14),
+        *wrap(f"energy        {_energy(sim)}", width=width(), subsequent_indent=" " * 14),
     ]
     if sim.charts:
         lines.append(f"orientation   Euler angles replaced by others {counted(sim.charts, 'time')}")
     if sim.complete and np.all(np.ptp(sim.q, axis=0) <= STILL * sim.sizes):
         text = "nothing moves: the motion starts at rest, and all is in balance there"
-        lines += ["", *wrap(f"{text}; --perturb, such as mode:1=0.1, or initial: in the file disturb it", width=WIDTH)]
+        lines += [
+            "",
+            *wrap(f"{text}; --perturb, such as mode:1=0.1, or initial: in the file disturb it", width=width()),
+        ]
     if not sim.complete:
-        lines += ["", *wrap(f"ended early, at t = {number(float(sim.times[-1]), 9)} s", width=WIDTH)]
+        lines += ["", *wrap(f"ended early, at t = {number(float(sim.times[-1]), 9)} s", width=width())]
     return "\n".join(lines) + "\n"
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS
 from mbstab.errors import counted
 from mbstab.records import dataclass
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.tables import decimals, number, table
 
 if TYPE_CHECKING:
@@ -46,11 +46,11 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
         numbers.setdefault(name, []).append(str(b))
     named = "; ".join(f"{', '.join(own)} {name}" for name, own in numbers.items() if name)
     branches = counted(count, "branch", "branches") + (f" ({named})" if named else "")
-    lines += wrap(f"{branches}, {counted(result.neutral, 'neutral eigenvalue')} besides", width=WIDTH)
+    lines += wrap(f"{branches}, {counted(result.neutral, 'neutral eigenvalue')} besides", width=width())
     if result.start is not None:
         lines.append(f"equilibria followed from {result.parameter} = {number(result.start / factor)}")
     if result.moved:
-        lines += wrap(f"not from the first value: {result.moved}", width=WIDTH)
+        lines += wrap(f"not from the first value: {result.moved}", width=width())
     lines += ["", *_path(result, label, factor)]
     for n, path in enumerate(result.beyond, 2):
         assert path.start is not None
@@ -109,11 +109,11 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
             for (value, what), pairs in _in_order(result, [*Counter(result.meetings).items()])
         ]
         said = ", ".join(shown[:12]) + (" …" if len(shown) > 12 else "")
-        lines += ["", *wrap(f"branches meet at {label}: {said}", width=WIDTH)]
+        lines += ["", *wrap(f"branches meet at {label}: {said}", width=width())]
     if result.problems:
         lines += ["", f"{counted(len(result.problems), 'point')} without an answer:"]
         for text in _refused(result, factor):
-            lines += wrap(text, width=WIDTH, initial_indent="  ", subsequent_indent="    ")
+            lines += wrap(text, width=width(), initial_indent="  ", subsequent_indent="    ")
     return lines
 
 
@@ -151,7 +151,7 @@ def _proofs(result: Sweep, factor: float) -> list[str]:
             groups.setdefault(text, []).append(number(_rounded(c.value, result) / factor, 6))
     lines = []
     for text, values in groups.items():
-        lines += wrap(f"{', '.join(values)} {text}", WIDTH, initial_indent="  ", subsequent_indent="    ")
+        lines += wrap(f"{', '.join(values)} {text}", width(), initial_indent="  ", subsequent_indent="    ")
     return [*lines, ""] if lines else []
 
 
@@ -206,11 +206,11 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
         lines.append(f"  {place}: {run.word}{many}")
     if any(run.high > run.low for run in runs):
         points = counted(len(result.values) - len(result.problems), "point")
-        lines.append(f"(as {points} show: what is narrower than their distance may be missed)")
+        lines += wrap(f"(as {points} show: what is narrower than their distance may be missed)", width())
     if set(result.words.tolist()) == {WORDS.index(UNDECIDED)} and not result.problems:
         middle = number(float(result.values[len(result.values) // 2]) / factor, 6)
         hint = f"hint: mbstab eig with --set {result.parameter}={middle} says what is open there"
-        lines += ["", *wrap(hint, width=WIDTH, break_on_hyphens=False)]
+        lines += ["", *wrap(hint, width=width(), break_on_hyphens=False)]
     return lines
 
 
@@ -301,7 +301,7 @@ def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -
     lines += ["", table(["region", "part of the points"], rows, left=(0,))]
     lines.append(f"{counted(len(result.boundaries), 'boundary curve')}")
     for text in _edges(result, labels):
-        lines += wrap(text, width=WIDTH)
+        lines += wrap(text, width=width())
     return "\n".join(lines) + "\n"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mbstab.analysis.linear.symbolic import SymbolicBlocks
-from mbstab.report import WIDTH
+from mbstab.report import width
 
 NAMES = {"M": "mass", "R": "damping", "K": "stiffness"}
 
@@ -19,7 +19,7 @@ def symbolic_text(result: SymbolicBlocks, title: str) -> str:
             lines.append(f"{name} = O  ({shape})")
             continue
         lines.append(f"{name} =")
-        lines.append(sympy.pretty(block, use_unicode=True, num_columns=WIDTH))
+        lines.append(sympy.pretty(block, use_unicode=True, num_columns=width()))
     return "\n".join(lines) + "\n"
 
 

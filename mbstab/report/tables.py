@@ -8,7 +8,7 @@ from itertools import zip_longest
 from textwrap import wrap
 from typing import Any
 
-from mbstab.report import WIDTH
+from mbstab.report import width
 
 GAP = 2
 """Blanks between columns."""
@@ -17,10 +17,10 @@ GAP = 2
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
     """Return an aligned table; columns in `left` are flush left, the others flush right.
 
-    Columns that do not fit in `WIDTH` follow below, with the first column repeated; texts that do not fit are wrapped.
+    Columns that do not fit in `width` follow below, with the first column repeated; texts that do not fit are wrapped.
     """
     first = max(map(_width, (heads[0], *(row[0] for row in rows))))
-    room = max(WIDTH - first - GAP, WIDTH // 2)
+    room = max(width() - first - GAP, width() // 2)
     texts = [i for i in left if i]
     rows = [["\n".join(wrap(x, room)) if i in texts else x for i, x in enumerate(row)] for row in rows]
     widths = [max(map(_width, column)) for column in zip(heads, *rows, strict=True)]
@@ -39,12 +39,12 @@ def _width(cell: str) -> int:
 def _blocks(widths: Sequence[int]) -> list[list[int]]:
     """Return the columns that are side by side, the first one in each block."""
     blocks, used = [[0]], widths[0]
-    for i, width in enumerate(widths[1:], 1):
-        if used + GAP + width > WIDTH and len(blocks[-1]) > 1:
+    for i, wide in enumerate(widths[1:], 1):
+        if used + GAP + wide > width() and len(blocks[-1]) > 1:
             blocks.append([0])
             used = widths[0]
         blocks[-1].append(i)
-        used += GAP + width
+        used += GAP + wide
     return blocks
 
 

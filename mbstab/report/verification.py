@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.compare.tolerances import TOLERANCES as COMPARE
 from mbstab.errors import counted
-from mbstab.report import WIDTH
+from mbstab.report import width
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def verification_text(found: Verification) -> str:
     for reason, first in sorted(reasons.items(), key=lambda item: item[1]):
         lines += _filled(f"mode {first}: {reason}")
     lines += _filled(f"Nonlinear motion: {found.verdict}")
-    lines += wrap(found.reason, width=WIDTH, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
+    lines += wrap(found.reason, width=width(), initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
     return "\n".join(lines) + "\n"
 
 
@@ -75,7 +75,7 @@ def _shown(s: complex, predicted: complex, known: float) -> str:
 
 
 def _filled(text: str) -> list[str]:
-    return wrap(text, width=WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+    return wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
 
 
 def verification_data(found: Verification) -> dict[str, Any]:

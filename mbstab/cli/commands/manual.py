@@ -13,7 +13,7 @@ from click.shell_completion import CompletionItem
 from mbstab.cli.common import progress_bar
 from mbstab.cli.output import note, quiet_option, show
 from mbstab.errors import UsageError
-from mbstab.report import WIDTH
+from mbstab.report import width
 
 SHOWN = 20
 """Places that a search shows."""
@@ -91,8 +91,8 @@ def _answer(texts: dict[str, str], words: tuple[str, ...]) -> str:
     lines = []
     for place in found[:SHOWN]:
         lines.append(f"{place.topic}: {place.heading.replace('`', '')}")
-        short = textwrap.shorten(_without_lines(place.text), 4 * WIDTH, placeholder=" …")
-        lines += textwrap.wrap(short, WIDTH, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
+        short = textwrap.shorten(_without_lines(place.text), 4 * width(), placeholder=" …")
+        lines += textwrap.wrap(short, width(), initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
     if len(found) > SHOWN:
         lines.append(f"and {len(found) - SHOWN} more places: add a word")
     return "\n".join(lines) + "\n"
