@@ -1106,13 +1106,9 @@ def test_a_motion_without_mass_is_an_error_that_names_the_body():
         mbstab.loads(weightless).motion()
 
 
-@pytest.mark.parametrize(
-    ("name", "parameter"),
-    [("andrews_squeezer", "m2"), ("slider_crank", "m_s"), ("governor", "I_rod"), ("bead_on_hoop", "m")],
-)
-def test_inertias_too_far_apart_for_a_rank_decision_are_named(name, parameter):
-    with pytest.raises(MbstabError, match=r"inertias are too far apart for double precision: 1e\+30 kg"):
-        mbstab.load(f"{name}.yaml").eig(**{parameter: 1e30})
+def test_inertias_too_far_apart_for_a_rank_decision_are_named():
+    with pytest.raises(MbstabError, match=r"inertias are too far apart for double precision: 1e\+30 kg\*m\^2 along"):
+        mbstab.load("governor.yaml").eig(I_rod=1e30)
 
 
 def test_a_search_does_not_follow_motions_of_inertias_that_are_too_far_apart():

@@ -1,7 +1,10 @@
 """Motions that the constraints allow: scaling, ranks with gaps, and orthonormal bases.
 
 Coordinates are scaled by the square roots of the masses they carry and constraint rows to
-unit length, so that a rank decision does not depend on units. With J = [C_q; D_u],
+unit length, so that a rank decision does not depend on units. A light body between heavy ones
+carries their inertia: scaled by its own mass it would dominate the rows on both its sides, which
+would seem to depend on each other. Where coordinates in such rows are light, the scale that
+separates the rows better is taken. With J = [C_q; D_u],
 
     C_q N = 0,   W = D_u N,   W_q = D_q N,   W Z = 0,   P = −W⁺ W_q,
 
@@ -17,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import least_squares
+from mbstab.analysis.algebra.arrays import Flags, Index, least_squares
 from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import dense, is_sparse, row_norms, scaled
 from mbstab.analysis.algebra.tolerances import TOLERANCES
@@ -96,18 +99,20 @@ class Subspaces:
         return 2 * (len(self.scale) - self.C.rank) - self.W.rank
 
 
-def coordinate_scale(M: Any, sizes: Array, speeds: Any, states: int | None = None) -> Array:
+def coordinate_scale(M: Any, sizes: Array, J: Any, n_h: int, states: int | None = None) -> Array:
     """Return 1/√M_ii; for a coordinate without mass a value that follows from the others and the sizes.
 
-    For the last coordinates, as many as `states` says (None: for all), it is large enough that the rows of the speeds,
-    (n, n_q), which determine them from the others, are not dominated by these.
+    It is that of the lightest one to which the first n_h rows tie the coordinate, at once or by others without mass.
+    For the last coordinates, as many as `states` says (None: for all), it is large enough that the other rows, which
+    determine them from the others, are not dominated by these.
     """
     diagonal = M.diagonal()
     heavy = diagonal > 0.0
     scale = sizes.copy()
     scale[heavy] = 1.0 / np.sqrt(diagonal[heavy])
     if heavy.any() and not heavy.all():
-        scale[~heavy] *= np.median(scale[heavy] / sizes[heavy])
+        scale[~heavy] *= _lightest(J[:n_h], scale / sizes, heavy)
+        speeds = J[n_h:]
         if speeds.shape[0]:
             rows = abs(dense(speeds))
             others = np.sqrt(((rows * scale)[:, heavy] ** 2).sum(axis=1))
@@ -116,6 +121,21 @@ def coordinate_scale(M: Any, sizes: Array, speeds: Any, states: int | None = Non
                 held = rows[:, i] > 0.0
                 scale[i] = max(scale[i], np.max(others[held] / rows[held, i], initial=0.0))
     return scale
+
+
+def _lightest(J: Any, scale: Array, heavy: Flags) -> Array:
+    """Return for each coordinate without mass the largest scale to which rows tie it; the median if to none."""
+    rows, columns = J.nonzero()
+    tied, largest = np.where(heavy, scale, 0.0), np.zeros(J.shape[0])
+    while True:
+        np.maximum.at(largest, rows, tied[columns])
+        found = tied.copy()
+        np.maximum.at(found, columns, largest[rows])
+        found[heavy] = scale[heavy]
+        if np.array_equal(found, tied):
+            result: Array = np.where(tied > 0.0, tied, np.median(scale[heavy]))[~heavy]
+            return result
+        tied = found
 
 
 def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array, scale: Array | None = None) -> Subspaces:
@@ -141,14 +161,47 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array, scale
         If a rank decision has no gap.
     """
     if scale is None:
-        scale = coordinate_scale(M, sizes, J[n_h:], sum(row.section == "states" for row in rows))
+        scale = coordinate_scale(M, sizes, J, n_h, sum(row.section == "states" for row in rows))
+    found = other = _decided(J, n_h, scale)
+    most = sizes * np.min(scale / sizes) / np.sqrt(TOLERANCES.light_mass)
+    # Behind the light coordinates of some rows there may be those of others: all of them together may be what it takes.
+    while len(light := _light(J, n_h, other, most)):
+        carrying = other.scale.copy()
+        carrying[light] = most[light]
+        other = _decided(J, n_h, carrying)
+        if (other.C.rank + other.W.rank, _least(other)) > (found.C.rank + found.W.rank, 2.0 * _least(found)):
+            found = other
+    require_gap(found.C, rows[:n_h])
+    require_gap(found.W, rows[n_h:])
+    return found
+
+
+def _decided(J: Any, n_h: int, scale: Array) -> Subspaces:
+    """Return the motions that the constraints allow, with coordinates of this scale, whether there is a gap or not."""
     row_scale = 1.0 / row_norms(scaled(J, scale))
     unit = scaled(J, scale, row_scale)
     C = _sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[:n_h])
-    require_gap(C, rows[:n_h])
-    W = rank_of(unit[n_h:] @ C.null if n_h < len(rows) else np.zeros((0, len(scale) - C.rank)))
-    require_gap(W, rows[n_h:])
+    W = rank_of(unit[n_h:] @ C.null if n_h < J.shape[0] else np.zeros((0, len(scale) - C.rank)))
     return Subspaces(scale, row_scale, C, W)
+
+
+def _least(spaces: Subspaces) -> float:
+    """Return the smallest singular value that counts as one."""
+    return min(spaces.C.smallest_kept, spaces.W.smallest_kept)
+
+
+def _light(J: Any, n_h: int, spaces: Subspaces, most: Array) -> Index:
+    """Return the coordinates of larger scale than `most` in rows that depend on each other, or nearly do."""
+    if not np.any(spaces.scale > most):
+        return np.zeros(0, dtype=np.intp)
+    weights = np.zeros(J.shape[0])
+    for rank, part in ((spaces.C, slice(n_h)), (spaces.W, slice(n_h, None))):
+        vague = rank.smallest_kept < np.sqrt(TOLERANCES.light_mass)
+        combinations = [rank.left_null, rank.doubtful[:, None]] if vague else [rank.left_null]
+        weights[part] = np.max(np.abs(np.hstack(combinations)), axis=1, initial=0.0)
+    involved = abs(J[np.flatnonzero(weights > TOLERANCES.row_weight_dependent)])
+    found: Index = np.flatnonzero((np.asarray(involved.sum(axis=0)).ravel() > 0.0) & (spaces.scale > most))
+    return found
 
 
 def _sparse_rank(rows: Any) -> SparseRank:

@@ -23,6 +23,9 @@ class Tolerances:
     """A rank is trusted if the other singular values are above this, as no mechanism is built more exactly …"""
     rank_gap: Final = 1e3
     """… and if the two on both sides of the decision differ by at least this factor."""
+    light_mass: Final = 1e-12
+    """Where rows nearly depend on each other because they move coordinates of less than this part of the largest
+    inertia, those are scaled as with this part of it."""
 
     # Eigenpairs that are refined by Newton's method in double precision
     roundings_of_entry: Final = 4.0

@@ -115,6 +115,10 @@ class BackwardErrors:
         lam = y @ m.K + mu[0] @ D_q, damping + mu[0] @ D_u + mu[1] @ D_q, mass + mu[1] @ D_u
         return Weights(y, tuple(-x @ self.lift_C for x in lam), mu, self._rounding(Y, y))
 
+    def acting(self, Y: Complex, w: Weights) -> Complex:
+        """Return the rows for which the forces of rows Y stand: these were solved for, with rounding errors."""
+        return np.hstack([Y[:, : self.n_xi], self.gamma * ((w.y @ self.m.M @ self.N) @ self.Z)])
+
     def _held(self, forces: Complex) -> Complex:
         """Return the weights of the rows on speeds that hold forces, up to those along allowed speeds."""
         return np.asarray((forces - (forces @ self.Z) @ self.Z.T) @ self.lift_W)

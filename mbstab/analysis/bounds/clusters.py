@@ -166,8 +166,9 @@ class Clusters:
             # After the correction, terms of second order in it remain.
             step = np.where(blocks, F, 0.0)
             left = np.abs(step) @ np.abs(w.y @ (judge.m.M @ x.pos)) @ np.abs(step)
-            # The rows are the inverse of the columns up to rounding.
-            off = np.abs(rows @ V - np.eye(len(F))) + LINEAR.roundings_of_sum * EPS * (np.abs(rows) @ np.abs(V))
+            # The rows are the inverse of the columns up to rounding, also that of their forces.
+            off = np.abs(judge.acting(rows, w) @ V - np.eye(len(F)))
+            off += LINEAR.roundings_of_sum * EPS * (np.abs(rows) @ np.abs(V))
             left += off @ np.abs(F)
             T, outside = self.C - step, np.where(blocks, 0.0, F)
             spectrum = self._spectrum(T)
@@ -364,9 +365,9 @@ class Clusters:
                 return False
             new = own + np.sum(self.E * y.T, axis=1)
             if np.all(new <= radii):
-                mirror = self.mirror
-                self.radii = np.maximum(radii, radii[mirror]) + 2.0 * EPS * np.abs(self.s)
-                self.centres = self.s.copy()
+                order = [members[0] for members in self.groups]
+                self.centres, radii = self.s[order], radii[order]
+                self.radii = np.maximum(radii, radii[self.mirror]) + 2.0 * EPS * np.abs(self.centres)
                 return True
             radii = 1.2 * new
         return False

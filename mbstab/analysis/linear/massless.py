@@ -196,7 +196,7 @@ class _Decision:
         sizes = _extended(self.terms, n_h, np.abs(a), np.abs(f)).J
         # What is rounding of a sum must not scale a coordinate.
         J = np.where(np.abs(all_.J) > TOLERANCES.row_rounding * sizes, all_.J, 0.0)
-        scale = coordinate_scale(m.M, motion.sizes, J[n_h:])
+        scale = coordinate_scale(m.M, motion.sizes, J, n_h)
         spaces = subspaces(m.M, all_.J, n_h + len(a), rows, motion.sizes, scale)
         values = np.linalg.eigvalsh(spaces.allowed.T @ (m.M * scale * scale[:, None]) @ spaces.allowed)
         if len(values) and not values[0] > REFERENCE.massless * values[-1]:

@@ -101,7 +101,7 @@ def at_rest(system: System) -> Rest | None:
     state = system.dynamics(q, still, time)
     if np.any(state.V) or np.any(state.B):
         return None
-    scale = _power_of_two(coordinate_scale(state.M, finder.sizes, state.J[system.n_h :], len(system.states[0])))
+    scale = _power_of_two(coordinate_scale(state.M, finder.sizes, state.J, system.n_h, len(system.states[0])))
     row_scale = _power_of_two(1.0 / row_norms(scaled(state.J, scale)))
     J = scaled(state.J, scale, row_scale)
     kept, rank, warnings = _independent(system, J)

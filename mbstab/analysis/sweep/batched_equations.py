@@ -335,20 +335,23 @@ class Equations:
         return N, self._null(across, spaces.W.rank), np.asarray(inverse), np.asarray(W_inverse)
 
     def _independent(self, J: Array, n_h: int) -> tuple[Array, Array, Array, Array]:
-        """Return the same where all rows are independent: from Jᵀ = Q R, with J⁺ = Q R⁻ᵀ."""
+        """Return the same where all rows are independent: from Jᵀ = Q R, with J⁺ = Q R⁻ᵀ.
+
+        Points at which light bodies make the rows depend on each other are not good: alone they keep their digits.
+        """
         n_c, n_q = J.shape[-2:]
         Q, R = np.linalg.qr(transposed(J), mode="complete")
         diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
-        regular = np.min(diagonal, axis=-1) > 0.0
+        regular, least = np.min(diagonal, axis=-1) > 0.0, math.sqrt(ALGEBRA.light_mass)
         self.good &= regular
         R_inverse = np.linalg.inv(np.where(regular[:, None, None], R[:, :n_c], np.eye(n_c)))
         for rows in (slice(0, n_h), slice(n_h, n_c)):
             # The norm of the inverse bounds the least singular value; where it does not tell, that itself does.
-            doubtful = np.flatnonzero(_norm(R_inverse[:, rows, rows]) * ALGEBRA.singular_value_kept > 1.0)
+            doubtful = np.flatnonzero(_norm(R_inverse[:, rows, rows]) * least > 1.0)
             if len(doubtful):
                 kept = np.ones(len(J), dtype=bool)
                 s = np.linalg.svd(R[doubtful, rows, rows], compute_uv=False)
-                kept[doubtful] = s[:, -1] >= ALGEBRA.singular_value_kept
+                kept[doubtful] = s[:, -1] >= least
                 self.good &= kept
         W_inverse = np.zeros((len(J), n_q - n_h, n_c - n_h))
         W_inverse[:, : n_c - n_h] = transposed(R_inverse[:, n_h:, n_h:])

@@ -315,7 +315,7 @@ class SecondVariation:
         W = self.basis
         if self.linear.D_q.shape[0] or not W.shape[1]:
             return ()
-        negative = int(np.sum(np.linalg.eigvalsh(W.T @ self.H @ W) < 0.0))
+        negative = negative_directions(W.T @ self.H @ W, np.abs(W).T @ self.known_to @ np.abs(W))
         found: tuple[str, ...] = ()
         if negative:
             found = (
@@ -390,3 +390,15 @@ def sign_of(h: Array, known_to: Array) -> int:
             if least > float(np.linalg.norm(known_to * scale * scale[:, None], 2)):
                 return sign
     return 0
+
+
+def negative_directions(h: Array, known_to: Array) -> int:
+    """Return the dimension of a space on which a matrix is negative definite whatever its rounding errors are."""
+    diagonal = np.abs(np.diag(h))
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    values, vectors = np.linalg.eigh(h * scale * scale[:, None])
+    vectors = scale[:, None] * vectors
+    error = np.sum(np.abs(vectors) * (known_to @ np.abs(vectors)), axis=0)
+    sure = vectors[:, values < -error]
+    known = bool(sure.size) and sign_of(sure.T @ h @ sure, np.abs(sure).T @ known_to @ np.abs(sure)) < 0
+    return sure.shape[1] if known else 0
