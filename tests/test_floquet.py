@@ -485,3 +485,23 @@ def test_a_short_pulse_on_the_place_turns_the_state(w, height):
     assert found == pytest.approx(sorted(abs(truth)), rel=30.0 * w)
     assert (result.verdict == "unstable") == (max(abs(truth)) > 1.0)
     assert result.verdict in ("unstable", "asymptotically stable")
+
+
+ROTOR = """
+joints: {pivot: {type: revolute, between: [rotor, ground]}}
+drives: {turn: {type: joint, joint: pivot, position: t}}
+"""
+
+
+@pytest.mark.parametrize("angle", ["rotor.theta", "angle(pivot)"])
+@pytest.mark.parametrize(("w", "on"), [(1e-2, "rate(b.x)"), (1e-3, "rate(b.x)"), (1e-4, "rate(b.x)"), (1e-3, "b.x")])
+def test_a_pulse_of_an_angle_that_a_motor_turns_is_one_of_the_time(w, on, angle):
+    text = PULSE.format(w=w, a=-1.5 / w if on == "b.x" else 1.5 / w, t0=2.5, on=on)
+    expected = mbstab.loads(text).eig()
+    turned = text.replace("(t - t0)", f"({angle} - t0)") + ROTOR
+    turned = turned.replace("bodies: {", "bodies: {rotor: {type: planar, mass: 1, inertia: 1}, ")
+    turned = turned.replace("rates: {b: {x: 0}}", "rates: {b: {x: 0}, rotor: {theta: 1}}")
+    result = mbstab.loads(turned).eig()
+    found, exact = (sorted((e.multiplier for e in x.eigenvalues), key=abs) for x in (result, expected))
+    assert found == pytest.approx(exact, rel=1e-8)
+    assert result.verdict == expected.verdict

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Container
+from collections.abc import Container, Iterator
 
 from mbstab.errors import Location
 from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node, in_motion
@@ -72,11 +72,17 @@ def uneven(expression: Expression, coordinates: Container[str]) -> bool:
     It may if it is not of the first degree in the time ``t``, or contains a quotient or a function of the motion, such
     as a table, that may be flat and then have a bump.
     """
-    return _degree(expression.root) > 1 or any(
-        (isinstance(node, Call) and node.function not in _NEVER_FLAT and in_motion(node, coordinates))
-        or (isinstance(node, Binary) and node.operator == "/" and in_motion(node.right, coordinates))
-        for node in expression.walk()
-    )
+    return _degree(expression.root) > 1 or next(flat_somewhere(expression, coordinates), None) is not None
+
+
+def flat_somewhere(expression: Expression, coordinates: Container[str]) -> Iterator[Node]:
+    """Yield the quotients and the functions of the motion in an expression that may be flat and then have a bump."""
+    for node in expression.walk():
+        if isinstance(node, Call):
+            if node.function not in _NEVER_FLAT and in_motion(node, coordinates):
+                yield node
+        elif isinstance(node, Binary) and node.operator == "/" and in_motion(node.right, coordinates):
+            yield node
 
 
 _NEVER_FLAT = ("sin", "cos", "tan", "asin", "acos", "atan", "sqrt", "log")

@@ -36,7 +36,7 @@ from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.spectrum.time_features import short_steps, variation
+from mbstab.analysis.spectrum.time_features import short_steps, variation, with_features
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
@@ -129,9 +129,11 @@ def monodromy(
     flow = _Flow(system, motion, period)
     ends, fastest, evaluations = [], 0.0, 0
     for number, accuracy in enumerate(zip(TOLERANCES.monodromy_tolerances, TOLERANCES.monodromy_steps, strict=True)):
-        parts, states, count = _integrate(
-            flow, *accuracy, _part(progress, number, len(TOLERANCES.monodromy_tolerances))
-        )
+        told = _part(progress, number, len(TOLERANCES.monodromy_tolerances))
+        parts, states, count = _integrate(flow, *accuracy, told)
+        if not number and flow.looked_along(parts, states, accuracy[1]):
+            parts, states, more = _integrate(flow, *accuracy, told)
+            count += more
         ends.append(states[-1])
         fastest = float(np.max(np.abs(states[:, 1, :, 0])))
         evaluations += count
@@ -186,6 +188,18 @@ class _Flow:
         self.basis = np.stack([np.hstack([N, 0.0 * NZ]), np.hstack([follow, NZ])])
         self.dual = np.stack([np.vstack([N.T, -NZ.T @ follow @ N.T]), np.vstack([0.0 * N.T, NZ.T])])
         self.begin = np.concatenate([own[:, :, None], self.basis], axis=2)
+
+    def looked_along(self, parts: Array, states: Array, longest: float) -> bool:
+        """Take in functions of the motion as it was followed; return whether steps must be shorter for them."""
+        if not with_features(self.system):
+            return False
+        from scipy.interpolate import CubicHermiteSpline
+
+        q = CubicHermiteSpline(parts, states[:, 0, :, 0] * self.sizes, states[:, 1, :, 0] * self.sizes)
+        self.variation = variation(
+            self.system, self.motion.time, self.period, lambda part: (q(part), q(part, 1) / self.period)
+        )
+        return bool(len(short_steps(*self.variation, longest)))
 
     def at(self, own: Array, part: float) -> _Instant:
         """Return the equations at a state of the motion, shape (2, n_q), at the time `part` · T."""
