@@ -487,7 +487,7 @@ def test_a_short_pulse_on_the_place_turns_the_state(w, height):
     assert result.verdict in ("unstable", "asymptotically stable")
 
 
-ROTOR = """
+DRIVEN = """
 joints: {pivot: {type: revolute, between: [rotor, ground]}}
 drives: {turn: {type: joint, joint: pivot, position: t}}
 """
@@ -498,7 +498,7 @@ drives: {turn: {type: joint, joint: pivot, position: t}}
 def test_a_pulse_of_an_angle_that_a_motor_turns_is_one_of_the_time(w, on, angle):
     text = PULSE.format(w=w, a=-1.5 / w if on == "b.x" else 1.5 / w, t0=2.5, on=on)
     expected = mbstab.loads(text).eig()
-    turned = text.replace("(t - t0)", f"({angle} - t0)") + ROTOR
+    turned = text.replace("(t - t0)", f"({angle} - t0)") + DRIVEN
     turned = turned.replace("bodies: {", "bodies: {rotor: {type: planar, mass: 1, inertia: 1}, ")
     turned = turned.replace("rates: {b: {x: 0}}", "rates: {b: {x: 0}, rotor: {theta: 1}}")
     result = mbstab.loads(turned).eig()
