@@ -354,7 +354,10 @@ def _touching(item: Item) -> Vector:
 def _fields(motions: tuple[str, ...], which: str, *own: Field, unit: str, rest: str) -> tuple[Field, ...]:
     doc = f"{which}; angles and travels count against the body that they share"
     joints = Field("joints", "joints", doc, required=True, motions=motions)
-    offset = Field("offset", "number", f"value of {rest}, which stays; that of the reference, if not given", unit)
+    stays = (
+        f"value of {rest}, which stays, in space up to whole turns of each angle; that of the reference, if not given"
+    )
+    offset = Field("offset", "number", stays, unit)
     return (joints, *own, offset)
 
 

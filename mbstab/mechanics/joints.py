@@ -140,7 +140,11 @@ AXIS = Field(
     required=True,
 )
 ZERO = Field(
-    "zero", "zero directions", "direction from which the joint angle counts, in the frame of each body", dimensions=(3,)
+    "zero",
+    "zero directions",
+    "direction from which the joint angle counts, in the frame of each body; if not given, y for a joint axis along x, "
+    "z for y, x for z; for an oblique one as for the nearest of these, which may change with a parameter",
+    dimensions=(3,),
 )
 
 
