@@ -711,6 +711,18 @@ def test_a_short_bump_far_down_an_even_road_is_met(options):
     assert np.max(np.abs(sim.q[:, 1] - exact)) < 1e-5
 
 
+def test_a_bump_that_is_shorter_than_steps_is_told():
+    text = BUMP.replace("HEIGHT", "linear(p.x, road)")
+    narrow = text.replace("99.8,", "99.99,").replace("100.2,", "100.01,")
+    (told,) = mbstab.loads(narrow).simulate(8.0, points=101, tol=1e-6).warnings
+    assert re.match(r"forces\.f has a pulse of about 0\.000[456] s at t = 5 s, which steps of up to 0\.08 s may", told)
+    assert mbstab.loads(narrow).simulate(8.0, points=101, step=2e-4).warnings == ()
+    assert mbstab.loads(text).simulate(8.0, points=501, tol=1e-6).warnings == ()
+    # Without a bump the same function may vary as it likes.
+    wave = text.replace("linear(p.x, road)", "0.01*tanh(5*sin(p.x))")
+    assert mbstab.loads(wave).simulate(8.0, points=101, tol=1e-4).warnings == ()
+
+
 @pytest.mark.parametrize("options", sample([{"method": "radau"}, {"solver": "Radau"}, {"solver": "BDF"}], 3), ids=str)
 def test_stiff_motions_take_steps_of_the_slow_part(options):
     text = """\

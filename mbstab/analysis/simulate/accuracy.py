@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.efforts import Placement
 from mbstab.analysis.simulate.estimate import Estimate, estimated, reduction
 from mbstab.analysis.simulate.run import Follower, Run, difference, fastest
 from mbstab.analysis.simulate.steppers.interface import Method, Options
 from mbstab.analysis.simulate.tolerances import TOLERANCES
+from mbstab.analysis.verdict.written import expressions
 from mbstab.compiler.system import Array, System
 from mbstab.model.arithmetic import array_arithmetic
-from mbstab.model.dependencies import uneven
+from mbstab.model.dependencies import flat_somewhere, uneven
+from mbstab.model.expressions import Expression
 
 
 class Work:
@@ -175,26 +181,65 @@ def pulses(system: System, first: float, last: float, longest: float) -> list[st
     """
     if not longest < last - first:
         return []
-    cells = math.ceil((last - first) * TOLERANCES.looks_at_given_functions / longest)
-    each = max(TOLERANCES.looks_at_given_functions, TOLERANCES.looks_in_all // cells)
+    cells, each = _cells(first, last, longest)
     times = np.linspace(first, last, cells * each + 1)
     found: dict[str, str] = {}
     for owner, law in system.given_functions():
         with np.errstate(all="ignore"):
             values = np.broadcast_to(replace(law, arithmetic=array_arithmetic()).at(times).value, times.shape)
-        size = float(np.ptp(values))
-        if not (math.isfinite(size) and size > 0.0):
-            continue
-        for shift in (0, each // 2):  # a pulse at the end of one cell lies inside another
-            place = _pulse(values[shift : shift + (cells - 1) * each + 1], each, size)
-            if place is not None:
-                time, width = times[shift + place[0]], place[1] * (times[1] - times[0])
-                found.setdefault(
-                    owner,
-                    f"{owner} has a pulse of about {width:.1g} s at t = {time:.6g} s, which steps of up to "
-                    f"{longest:.2g} s may pass over: give --step, more --points, or a time nearby with --from",
-                )
+        _look(found, owner, times, values, each, longest)
     return list(found.values())
+
+
+def bumps(system: System, times: Array, q: Array, u: Array, longest: float) -> list[str]:
+    """Return a warning for each function of a motion with a bump so short that steps may have missed it.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_t,) (s)
+    q, u : ndarray, shape (n_t, n_q)
+        The motion that was found.
+    longest : float
+        Longest step (s).
+    """
+    if len(times) < 2 or not longest < times[-1] - times[0]:
+        return []
+    nodes = [(path, x, node) for path, _, x, _ in expressions(system) for node in flat_somewhere(x, system.names)]
+    if not nodes:
+        return []
+    from scipy.interpolate import CubicHermiteSpline
+
+    cells, each = _cells(float(times[0]), float(times[-1]), longest)
+    fine, motion = np.linspace(times[0], times[-1], cells * each + 1), CubicHermiteSpline(times, q, u)
+    place = Placement(Attitudes.of(system), system, motion(fine), motion(fine, 1))
+    found: dict[str, str] = {}
+    for path, expression, node in nodes:
+        with contextlib.suppress(*FAILURES), np.errstate(all="ignore"):
+            values = np.broadcast_to(place.value(Expression(expression.text, node), fine), fine.shape)
+            _look(found, path, fine, values, each, longest)
+    return list(found.values())
+
+
+def _cells(first: float, last: float, longest: float) -> tuple[int, int]:
+    """Return the number of cells of a duration, several in the longest step, and of the samples in each."""
+    cells = math.ceil((last - first) * TOLERANCES.looks_at_given_functions / longest)
+    return cells, max(TOLERANCES.looks_at_given_functions, TOLERANCES.looks_in_all // cells)
+
+
+def _look(found: dict[str, str], owner: str, times: Array, values: Array, each: int, longest: float) -> None:
+    """Add a warning if a function has a pulse that lies within a cell."""
+    size, count = float(np.ptp(values)), (len(times) - 1) // each
+    if not (math.isfinite(size) and size > 0.0):
+        return
+    for shift in (0, each // 2):  # a pulse at the end of one cell lies inside another
+        place = _pulse(values[shift : shift + (count - 1) * each + 1], each, size)
+        if place is not None:
+            time, width = times[shift + place[0]], place[1] * (times[1] - times[0])
+            found.setdefault(
+                owner,
+                f"{owner} has a pulse of about {width:.1g} s at t = {time:.6g} s, which steps of up to "
+                f"{longest:.2g} s may pass over: give --step, more --points, or a time nearby with --from",
+            )
 
 
 def _pulse(values: Array, each: int, size: float) -> tuple[int, int] | None:
@@ -204,7 +249,10 @@ def _pulse(values: Array, each: int, size: float) -> tuple[int, int] | None:
     far = np.max(off, axis=1)
     lively = far > TOLERANCES.clear_pulse * size
     # A deviation that reaches the end of a cell shows there, and one that is everywhere shows everywhere.
-    hidden = lively & (np.abs(ends[1:] - ends[:-1]) < TOLERANCES.clear_pulse * far)
+    rise = np.abs(np.diff(ends))
+    beside = np.pad(rise, 1)
+    # The top of a longer pulse shows in the cells beside it.
+    hidden = lively & (rise < TOLERANCES.clear_pulse * far) & (np.maximum(beside[:-2], beside[2:]) < far)
     if not np.any(hidden) or np.count_nonzero(lively) > TOLERANCES.clear_pulse * len(far):
         return None
     k = int(np.argmax(np.where(hidden, far, 0.0)))

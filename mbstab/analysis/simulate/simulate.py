@@ -21,7 +21,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name, moving_joints
-from mbstab.analysis.simulate.accuracy import Work
+from mbstab.analysis.simulate.accuracy import Work, bumps
 from mbstab.analysis.simulate.half_turns import beyond_half_turn
 from mbstab.analysis.simulate.recording import Record, Track
 from mbstab.analysis.simulate.result import Simulation
@@ -158,7 +158,13 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: Si
         peak=run.peak,
         sizes=follower.motion.sizes.copy(),
         conservative=follower.energy.conservative,
-        warnings=(*begin.warnings, *work.warnings, *work.notes, *beyond_half_turn(system.scene, times, record.motions)),
+        warnings=(
+            *begin.warnings,
+            *work.warnings,
+            *work.notes,
+            *bumps(system, times, record.q, record.u, work.step or work.longest),
+            *beyond_half_turn(system.scene, times, record.motions),
+        ),
         complete=run.complete,
         failure=run.failure,
     )
