@@ -499,3 +499,22 @@ reference: {find: equilibrium}
     result = mbstab.loads(text).sweep("k", np.linspace(3.0, 0.0, 9))
     said = set(result.problems.values())
     assert "no solution beyond k = 1 on this path: p.x and p.y grow beyond all bounds there" in said
+
+
+@pytest.mark.parametrize(
+    ("target", "verdict"),
+    [
+        ("0.1 + 0.2 - 0.3", "asymptotically stable"),
+        ("sum", "asymptotically stable"),
+        ("sin(pi)", "asymptotically stable"),
+        ("(0.1 + 0.2 - 0.3)**2", "asymptotically stable"),
+        ("1e-17", "undecided"),
+        ("2e-30", "undecided"),
+        ("0.1 + 0.2 - 0.3 + 1e-15", "undecided"),
+    ],
+)
+def test_an_error_that_is_rounding_is_told_from_one_that_is_small(target, verdict):
+    """The integral of a controller rests where its error is the rounding of an expression."""
+    text = f"u: {{type: pid, joint: axle, of: angle(axle), target: {target}, P: 4, I: 0.1}}"
+    rest = "reference: {coordinates: {b: {x: 0, y: 0, theta: 0}}}"
+    assert disk(text, rest=rest, sum="0.1 + 0.2 - 0.3").eig().verdict == verdict

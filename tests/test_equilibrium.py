@@ -760,6 +760,27 @@ reference: {find: equilibrium}
     assert "0 N unbalanced" not in message
 
 
+def test_a_state_that_follows_what_falls_is_no_drive():
+    message = failure("""
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  a: {type: planar, mass: 1, inertia: 0.1}
+  b: {type: planar, mass: 1, inertia: 0.1}
+joints:
+  rise: {type: prismatic, between: [a, ground], axis: y}
+  slide: {type: prismatic, between: [b, ground], axis: x}
+states:
+  s: {rate: 0.3*exp(-a.y) - s}
+forces:
+  spring: {type: joint_spring, joint: slide, stiffness: 20}
+  push: {type: expression, on: {b.x: s}}
+reference: {find: equilibrium}
+""")
+    assert "9.81 N unbalanced on a.y" in message
+    assert "drives" not in message
+
+
 def test_a_joint_that_blocks_the_steady_motion_is_named():
     message = failure("""
 mbstab: 1

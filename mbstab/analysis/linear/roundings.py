@@ -17,66 +17,21 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.rank import inverse_of_part
-from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
+from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, value_and_error
 from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices
+from mbstab.analysis.reference.rounded_scene import errors_of, rounded_system, with_errors
 from mbstab.analysis.reference.steady import Generator, declared_family
-from mbstab.compiler.system import Array, System
-from mbstab.model.expressions import ExpressionError
-from mbstab.model.schema import Model
-from mbstab.model.units import exact_factor
-from mbstab.model.values import evaluate
+from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-# --- a scene --------------------------------------------------------------------------------------------------------
-
-
-def rounded_system(system: System) -> System:
-    """Return a scene in the arithmetic of numbers with error bounds."""
-    model, given = system.scene.model, system.scene.parameters
-    scene = evaluate(model, _parameters(model, given), rounded_arithmetic(), checked=True)
-    if not system.sparse:
-        return system.renumbered(scene)
-    from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers
-
-    return system.renumbered(scene, RoundedNumbers())
-
-
-def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:
-    """Return the parameters: those of the file with the errors of their expressions, others as decimals."""
-    f, values = rounded_arithmetic(), dict[str, Any]()
-    for name, parameter in model.parameters.items():
-        v = float(given[name])
-        values[name] = Rounded(v, UNIT * abs(v))
-        try:
-            found = parameter.expression.evaluate(values, f)
-        except (ExpressionError, ArithmeticError):
-            continue
-        if parameter.factor != 1.0:
-            found = found * exact_factor(parameter.unit, f)
-        x, e = value_and_error(found)
-        if abs(x - v) <= e + 4.0 * UNIT * abs(v):
-            values[name] = Rounded(v, e + abs(x - v))
-    return values
-
-
-def _errors(x: Any) -> Any:
-    """Return the errors of an array."""
-    if isinstance(x, WithErrors):
-        return x.errors
-    flat = np.asarray(x, dtype=object)
-    return np.array([y.e if y.__class__ is Rounded else 0.0 for y in flat.flat], dtype=float).reshape(flat.shape)
-
-
-def _with(values: Array, errors: Array) -> list[Any]:
-    """Return numbers with errors; exact zeros stay floats."""
-    return [Rounded(v, e) if e or v else v for v, e in zip(values.tolist(), errors.tolist(), strict=True)]
+# --- numbers with errors ----------------------------------------------------------------------------------------------
 
 
 def _misfits(x: Any) -> Array:
@@ -156,13 +111,13 @@ class _Roundings:
         """Return the error bounds of the matrices."""
         linear, motion, system = self.linear, self.motion, self.system
         dq, du = self._state()
-        q, u = _with(motion.q, dq), _with(motion.u, du)
+        q, u = with_errors(motion.q, dq), with_errors(motion.u, du)
         state = system.dynamics(q, u, self.time)
-        M, J = _errors(state.M), _errors(state.J)
+        M, J = errors_of(state.M), errors_of(state.J)
         da = self._accelerations(state, M, J, dq, du)
         dnu = self._multipliers(state, M, J, da)
-        a, nu = _with(motion.a, da), _with(motion.nu, dnu)
-        K, R, D_q = (_errors(x) for x in system.linearize(q, u, a, nu, self.time))
+        a, nu = with_errors(motion.a, da), with_errors(motion.nu, dnu)
+        K, R, D_q = (errors_of(x) for x in system.linearize(q, u, a, nu, self.time))
         generator = linear.generator
         if generator is not None and generator.turns:
             K, R, D_q = self._turned(generator, Matrices(M, R, K, J, D_q), dq)
@@ -196,7 +151,7 @@ class _Roundings:
             return self._balanced(steady, dq)
         if self.missing.any() and self.plain.n_h:
             still = [0.0] * self.plain.n_q
-            E = self.system.closing.dynamics(_with(motion.q, dq), still, self.time).E
+            E = self.system.closing.dynamics(with_errors(motion.q, dq), still, self.time).E
             dq = self._coordinates(E, dq)
         if motion.declared and steady is not None:
             return dq, self._steady(steady, dq)
@@ -254,7 +209,7 @@ class _Roundings:
         columns = np.array([i for i, name in enumerate(self.plain.names) if name not in self.plain.scene.rates])
         if not len(columns):
             return du
-        V = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time).V
+        V = self.system.dynamics(with_errors(motion.q, dq), with_errors(motion.u, du), self.time).V
         J = motion.dynamics.J * motion.sizes
         lengths = norms(J)
         inverse = inverse_of_part(J[:, columns] / lengths[:, None])
@@ -273,7 +228,7 @@ class _Roundings:
         free = [k for k in range(family.size) if k not in known]
         if free:
             du = self._field(steady, basis, dq, dc)
-            V = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time).V
+            V = self.system.dynamics(with_errors(motion.q, dq), with_errors(motion.u, du), self.time).V
             rates = [i for i, name in enumerate(plain.names) if name in plain.scene.rates]
             columns = np.vstack([motion.dynamics.J @ basis[:, free], basis[np.ix_(rates, free)]])
             lengths = norms(np.vstack([motion.dynamics.J * motion.sizes, np.diag(motion.sizes)[rates]]))
@@ -345,8 +300,8 @@ class _Roundings:
         given = self._given_rates()
         dc = np.array([given.get(k, 0.0) for k in range(family.size)])
         du = self._field(steady, basis, dq, dc) if family.size else 0.0 * dq
-        state = self.system.dynamics(_with(motion.q, dq), _with(motion.u, du), self.time)
-        M, J = _errors(state.M), _errors(state.J)
+        state = self.system.dynamics(with_errors(motion.q, dq), with_errors(motion.u, du), self.time)
+        M, J = errors_of(state.M), errors_of(state.J)
         da = self._steady_accelerations(steady, dq, du)
         force = self._force(state, M, J, da, at.nu)
         lengths, n_h = balance._lengths(motion.dynamics.J), plain.n_h
@@ -378,7 +333,7 @@ class _Roundings:
         """Return the unbalanced forces and their error bounds."""
         motion, plain = self.motion, self.motion.dynamics
         value = plain.F0 + plain.M @ motion.a + plain.J.T @ nu
-        error = _errors(state.F0) + M @ np.abs(motion.a) + abs(plain.M) @ da + J.T @ np.abs(nu)
+        error = errors_of(state.F0) + M @ np.abs(motion.a) + abs(plain.M) @ da + J.T @ np.abs(nu)
         size = np.abs(plain.F0) + abs(plain.M) @ np.abs(motion.a) + abs(plain.J.T) @ np.abs(nu)
         return value, error + TOLERANCES.roundings_of_sum * EPS * size
 

@@ -11,7 +11,7 @@ from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.assembly import unclosed, unit_of_row
 from mbstab.analysis.reference.equations import State
-from mbstab.analysis.reference.imbalance import force_change
+from mbstab.analysis.reference.imbalance import force_change, rate_rounding
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.newton import Search
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, turns_and_degrees
@@ -307,7 +307,9 @@ class Failure:
         if np.any(state.u):
             return ""
         V = np.abs(self.system.dynamics(state.q, state.u).V)
-        return str(self.system.rows[int(np.argmax(V))]) if np.max(V, initial=0.0) > 0.0 else ""
+        V[self.system.states[1]] = 0.0  # their rates are no motion, and are looked at before
+        V[rate_rounding(self.system, state.q, state.u) >= V] = 0.0
+        return str(self.system.rows[int(np.argmax(V))]) if np.any(V) else ""
 
     def _nothing_holds(self, state: State) -> str:
         """Name a coordinate on which a force acts that depends on no position and that no constraint carries."""

@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
+from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.algebra.rounded import UNIT, Rounded, rounded_arithmetic
 from mbstab.analysis.algebra.sparse import dense, is_sparse, largest
 from mbstab.analysis.algebra.subspaces import Subspaces
+from mbstab.analysis.reference.rounded_scene import errors_of, rounded_system, with_errors
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ConstraintError
@@ -19,16 +21,34 @@ from mbstab.errors import ConstraintError
 def state_rounding(system: System, q: Array, u: Array, time: float | None = None) -> Array:
     """Return the rates of first-order states that are rounding of the terms in their equations, shape (…, n_c).
 
-    Zero for the other rows.
+    Zero for the other rows. At a single point a rate that is more than that is looked at once more: it may be a small
+    difference of numbers inside an expression.
     """
     columns, rows = system.states
     found = np.zeros((*q.shape[:-1], system.n_c))
     if len(rows):
         V_q = dense(system.linearize_rows(q, u, 0.0 * u, time)[0])[..., rows, :]
-        J = np.array(dense(system.dynamics(q, u, time).J)[..., rows, :])
+        state = system.dynamics(q, u, time)
+        J = np.array(dense(state.J)[..., rows, :])
         J[..., np.arange(len(rows)), columns] = 0.0
         terms = np.abs(V_q) @ np.abs(q)[..., None] + np.abs(J) @ np.abs(u)[..., None]
         found[..., rows] = TOLERANCES.coordinate_rounding * terms[..., 0]
+        if q.ndim == 1 and np.any(np.maximum(np.abs(state.V[rows]), np.abs(u[columns])) > found[rows]):
+            found[rows] = np.maximum(found[rows], rate_rounding(system, q, u, time)[rows])
+    return found
+
+
+def rate_rounding(system: System, q: Array, u: Array, time: float | None = None) -> Array:
+    """Return the errors of the rates of the rows, with the decimals of the file and all that is made of them, (n_c,).
+
+    Zero where the equations have no value with such numbers.
+    """
+    rough = rounded_system(system)
+    places, speeds = (with_errors(x, UNIT * np.abs(x)) for x in (q, u))
+    try:
+        found: Array = errors_of(rough.dynamics(places, speeds, time).V)
+    except FAILURES:
+        return np.zeros(system.n_c)
     return found
 
 

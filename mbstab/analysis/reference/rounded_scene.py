@@ -1,0 +1,60 @@
+"""Scenes in the arithmetic of numbers with error bounds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
+from mbstab.compiler.system import Array, System
+from mbstab.model.expressions import ExpressionError
+from mbstab.model.schema import Model
+from mbstab.model.units import exact_factor
+from mbstab.model.values import evaluate
+
+
+def rounded_system(system: System) -> System:
+    """Return a scene in the arithmetic of numbers with error bounds."""
+    return system.remember("rounded", None, lambda: _rounded(system))
+
+
+def _rounded(system: System) -> System:
+    model, given = system.scene.model, system.scene.parameters
+    scene = evaluate(model, _parameters(model, given), rounded_arithmetic(), checked=True)
+    if not system.sparse:
+        return system.renumbered(scene)
+    from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers
+
+    return system.renumbered(scene, RoundedNumbers())
+
+
+def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters: those of the file with the errors of their expressions, others as decimals."""
+    f, values = rounded_arithmetic(), dict[str, Any]()
+    for name, parameter in model.parameters.items():
+        v = float(given[name])
+        values[name] = Rounded(v, UNIT * abs(v))
+        try:
+            found = parameter.expression.evaluate(values, f)
+        except (ExpressionError, ArithmeticError):
+            continue
+        if parameter.factor != 1.0:
+            found = found * exact_factor(parameter.unit, f)
+        x, e = value_and_error(found)
+        if abs(x - v) <= e + 4.0 * UNIT * abs(v):
+            values[name] = Rounded(v, e + abs(x - v))
+    return values
+
+
+def errors_of(x: Any) -> Any:
+    """Return the errors of an array."""
+    if isinstance(x, WithErrors):
+        return x.errors
+    flat = np.asarray(x, dtype=object)
+    return np.array([y.e if y.__class__ is Rounded else 0.0 for y in flat.flat], dtype=float).reshape(flat.shape)
+
+
+def with_errors(values: Array, errors: Array) -> list[Any]:
+    """Return numbers with errors; exact zeros stay floats."""
+    return [Rounded(v, e) if e or v else v for v, e in zip(values.tolist(), errors.tolist(), strict=True)]
