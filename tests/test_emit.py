@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from collections import Counter
 from fractions import Fraction
 
 import pytest
@@ -45,8 +46,8 @@ DIVISORS = {
     "planar_creep": {"half_gauge", "radius", "sqrt"},
     "spatial_creep": {"half_gauge", "radius", "sqrt"},
     "planar_distance": {"length"},
-    "planar_aligning_moment": {"sqrt", "signum"},
-    "planar_magic_aligning_moment": {"sqrt", "signum", "1 + square", "peak", "shape_factor"},
+    "planar_aligning_moment": {"sum of squares", "signum"},
+    "planar_magic_aligning_moment": {"sum of squares", "signum", "1 + square", "peak", "shape_factor"},
     "planar_relaxed_aligning_moment": {"signum"},
     "planar_relaxed_magic_aligning_moment": {"signum", "1 + square", "peak", "shape_factor"},
     "spatial_aligning_moment": {"sqrt", "signum", "sum of squares", "cornering"},
@@ -55,14 +56,14 @@ DIVISORS = {
     },
     "spatial_relaxed_aligning_moment": {"sqrt", "signum"},
     "spatial_relaxed_magic_aligning_moment": {"sqrt", "signum", "1 + square", "peak", "shape_factor"},
-    "planar_magic_tyre": {"sqrt", "1 + square", "peak", "shape_factor"},
+    "planar_magic_tyre": {"sqrt", "sum of squares", "1 + square", "peak", "shape_factor"},
     "planar_relaxed_magic_tyre": {"sqrt", "1 + square", "peak", "shape_factor"},
     "planar_relaxed_tyre": {"sqrt"},
     "planar_roller_distance": {"sqrt"},
     "planar_roller_slip": {"sqrt"},
     "planar_spring": {"sqrt"},
-    "planar_tyre": {"sqrt"},
-    "planar_tyre_relaxation": {"sqrt", "relaxation"},
+    "planar_tyre": {"sqrt", "sum of squares"},
+    "planar_tyre_relaxation": {"sqrt", "sum of squares", "relaxation"},
     "spatial_distance": {"length"},
     "spatial_equal_turns": {"1 + sum of products"},
     "spatial_mount_torque": {"sqrt"},
@@ -129,16 +130,29 @@ def test_a_kernel_stays_within_its_budget_of_operations(name):
         assert count <= budget
 
 
-def in_words(total):
-    """Return what a sum of products consists of, or its text."""
+def is_square(product):
+    """Return whether each factor of a product or a quotient of products stands in it an even number of times."""
+    counts, left = Counter(), [product]
+    while left:
+        match left.pop():
+            case ast.BinOp(one, ast.Mult() | ast.Div(), other):
+                left += [one, other]
+            case factor:
+                counts[ast.dump(factor)] += 1
+    return all(count % 2 == 0 for count in counts.values())
+
+
+def in_words(total, steps):
+    """Return what a sum of products, some of them with names, consists of, or its text."""
     terms = [total]
     while isinstance(terms[0], ast.BinOp) and isinstance(terms[0].op, ast.Add):
         terms[:1] = [terms[0].left, terms[0].right]
+    terms = [steps.get(term.id, term) if isinstance(term, ast.Name) else term for term in terms]
     one = "1 + " if ast.unparse(terms[0]) == "1" else ""
     products = terms[1:] if one else terms
-    if not all(isinstance(term, ast.BinOp) and isinstance(term.op, ast.Mult) for term in products):
+    if not all(isinstance(term, ast.BinOp) and isinstance(term.op, ast.Mult | ast.Div) for term in products):
         return ast.unparse(total)
-    squares = all(ast.dump(term.left) == ast.dump(term.right) for term in products)
+    squares = all(map(is_square, products))
     kind = "squares" if squares else "products"
     return one + ("square" if squares and len(products) == 1 else f"sum of {kind}")
 
@@ -175,7 +189,7 @@ def divisors(function):
                     case ast.Subscript(slice=ast.Constant(value)):
                         yield value
                     case ast.BinOp(_, ast.Add(), _) as total:
-                        yield in_words(total)
+                        yield in_words(total, steps)
                     case other:
                         yield ast.unparse(other)
 

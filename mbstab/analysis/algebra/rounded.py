@@ -205,8 +205,9 @@ def _atan2(y: Any, x: Any) -> Rounded:
     (b, e), (a, d) = value_and_error(y), value_and_error(x)
     v = math.atan2(b, a)
     left = math.hypot(a, b) - math.hypot(d, e)
-    error = math.hypot(d, e) / left if left > 0.0 else (math.inf if d or e else 0.0)
-    return Rounded(v, error + FUNCTION * abs(v))
+    # By the mean value theorem, with the slopes x/r² and y/r².
+    slopes = ((abs(a) + d) * e + (abs(b) + e) * d) / left**2 if left > 0.0 else math.inf
+    return Rounded(v, (slopes if d or e else 0.0) + FUNCTION * abs(v))
 
 
 def _signum(x: Any) -> float:
