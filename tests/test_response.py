@@ -522,3 +522,30 @@ def test_hidden_eigenvalues_that_grow_do_not_spoil_responses_over_time(seed):
     # What sees one of them grows.
     (found,) = answer(mbstab.loads(text.format(unseen, 1, beside)).state_space(), ("u",), ("p",), duration=20.0).growth
     assert "grows without bound" in found
+
+
+DRIFTING = """
+mbstab: 1
+parameters: {T: 0.5, F0: 4}
+bodies: {b: {type: planar_point, mass: 1}}
+constraints: {rail: {holonomic: b.y}}
+states: {s: {rate: (F0 - s)/T, unit: N}}
+forces: {f: {type: expression, on: {b.x: -9*b.x*(1 + b.x**2) + s - 2*rate(b.x)}}}
+inputs: {push: {type: force, at: b, direction: x}}
+outputs: {x: b.x}
+reference: {coordinates: {b: {x: 0}}}
+"""
+
+
+def test_a_state_that_is_not_at_rest_is_told_wherever_a_linear_model_is_used(tmp_path):
+    told = "the reference is not at rest: the state s changes by 8 N/s"
+    drifting = mbstab.loads(DRIFTING)
+    assert drifting.eig().verdict == "undecided"
+    assert any(told in x for x in drifting.eig().judged.reasons)
+    assert any(told in x for x in drifting.response().warnings)
+    path = tmp_path / "drifting.yaml"
+    path.write_text(DRIFTING, encoding="utf-8")
+    assert told in " ".join(run("linearize", str(path)).stderr.split())
+    assert drifting.response(frozen=True).warnings == ()
+    found = DRIFTING.replace("{coordinates: {b: {x: 0}}}", "{find: equilibrium}")
+    assert mbstab.loads(found).response().warnings == ()

@@ -14,6 +14,7 @@ from mbstab.analysis.response.state_space import ControlModel
 from mbstab.analysis.response.tolerances import TOLERANCES
 from mbstab.analysis.response.transfer import Channel, channels
 from mbstab.analysis.response.zeros import TransferZeros, Zeros
+from mbstab.analysis.verdict.facts import warnings_of
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.records import Answer, dataclass
@@ -112,7 +113,7 @@ def answer(
     """
     found = channels(model, sources, goals)
     kind = "frequency" if duration is None else "impulse" if impulse else "step"
-    exact, told = FrequencyResponse(model), tuple(model.linear.motion.warnings)
+    exact, told = FrequencyResponse(model), warnings_of(model.linear)
     all_zeros = TransferZeros(exact)
     zeros = tuple(map(all_zeros.of, found))
     if duration is not None:

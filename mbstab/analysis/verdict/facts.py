@@ -48,6 +48,12 @@ BALANCED = (
 )
 
 
+def warnings_of(linear: Linearization) -> tuple[str, ...]:
+    """Return the warnings of a motion, and one if its equations are not known to stay what they are now."""
+    doubt = "" if linear.frozen else Grounds(linear).time
+    return (*linear.motion.warnings, *([f"the linear model is that of an instant: {doubt}"] if doubt else []))
+
+
 class Grounds:
     """The facts on which verdicts about a linearization rest; each part is computed at first use.
 
@@ -165,9 +171,23 @@ class Grounds:
             return f"the motion is not known to be steady: {broken[0]} changes along it" if all(broken) else ""
         if any(self.invariance.steady(g) for g in followed):
             return ""
+        if drift := self._drifting():
+            return drift
         return (
             f"the motion is not known to be steady: that of now and that of later ({followed[0]}) are not the same by "
             f"a symmetry of the scene; {ADVICE}"
+        )
+
+    def _drifting(self) -> str:
+        """Say which state changes most, if nothing else moves."""
+        u, states = self.motion.u, self.system.states[0]
+        if np.any(np.delete(u, states)):
+            return ""
+        i = states[np.argmax(np.abs(u[states] / self.motion.sizes[states]))]
+        rate = f"{u[i]:.4g} {per_second(self.system.units[i], 1)}"
+        return (
+            f"the reference is not at rest: the state {self.linear.names[i]} changes by {rate}; give it under "
+            "coordinates, or solve for it with find: equilibrium"
         )
 
     def _frozen(self) -> str:

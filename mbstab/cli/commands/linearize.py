@@ -88,7 +88,9 @@ def linearize(
     wanted = ("pencil",) * (plot or place is not None)
     paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), wanted)
     linear = mechanism.linearize(frozen)
-    warn(linear.motion.warnings)
+    from mbstab.analysis.verdict.facts import warnings_of
+
+    warn(warnings_of(linear))
     _write(linear, model, form, states, full, output)
     for path in paths.values():
         from mbstab.report.pictures.pencil import pencil_pattern
