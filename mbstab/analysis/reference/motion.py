@@ -486,16 +486,31 @@ class Finder:
         spaces, scale, excess = motion.spaces, motion.spaces.scale, motion.a - expected
         if balanced(self.system, motion, (motion.dynamics.M @ excess) * scale):
             return
-        worst = int(np.argmax(np.abs(excess / scale)))
+        most = np.abs(excess / scale)
+        if np.any(bodily := most * ~np.isin(np.arange(len(most)), self.system.states[0])):
+            most = bodily  # states follow what accelerates
+        worst = int(np.argmax(most))
         name = self.system.names[worst]
         if np.linalg.norm(spaces.projected(np.eye(1, len(scale), worst)[0])) >= TOLERANCES.coordinate_rounding:
             force = motion.dynamics.F0 + motion.dynamics.M @ expected
-            load = -spaces.projected(force * scale)[worst] / scale[worst]
+            load = -self._unheld(spaces, force * scale)[worst] / scale[worst]
             self.refuse_unbalanced(worst, float(excess[worst]), float(load), "" if motion.at_rest else str(steady))
         what = "is at rest at this time only" if motion.at_rest else "is steady at this time only"
         unit = per_second(self.system.units[worst], 2)
         message = f"the reference {what}: a drive accelerates {name} with {excess[worst]:.6g} {unit}"
         self._fail([self._at_reference(message, "choose a time at which the drive is steady")])
+
+    def _unheld(self, spaces: Subspaces, forces: Array) -> Array:
+        """Return the part of scaled forces that no row carries; first-order states, which follow, carry none."""
+        states = self.system.states[0]
+        if not len(states):
+            return spaces.projected(forces)
+        bodily = spaces.allowed.copy()
+        bodily[states] = 0.0
+        directions, s, _ = np.linalg.svd(bodily, full_matrices=False)
+        directions = directions[:, s > ALGEBRA.singular_value_zero * np.max(s, initial=0.0)]
+        result: Array = directions @ (directions.T @ forces)
+        return result
 
     def refuse_unbalanced(self, worst: int, acceleration: float, load: float, steady: str = "") -> NoReturn:
         """Refuse a reference in which forces do not balance.
