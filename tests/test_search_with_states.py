@@ -6,7 +6,7 @@ import pytest
 
 import mbstab
 from mbstab.analysis.response.frequency import FrequencyResponse
-from mbstab.errors import EquilibriumError
+from mbstab.errors import EquilibriumError, ModelFileError
 
 ARM = """\
 mbstab: 1
@@ -66,3 +66,13 @@ def test_an_integral_with_a_gain_of_zero_is_named():
     assert "leave the gain out" in str(caught.value)
     # Without gravity the error is zero at rest, and so is the rate of the integral.
     assert mbstab.loads(ARM.replace("GIVEN", ", I: 0").replace("-9.81", "0")).motion().at_rest
+
+
+def test_forces_out_of_balance_are_told_of_the_body_and_not_of_a_state_that_follows_it():
+    text = (
+        "mbstab: 1\nbodies: {cart: {type: planar_point, mass: 2}}\nconstraints: {rail: {holonomic: cart.y}}\n"
+        "states: {u: {rate: (-40*rate(cart.x) - u)/0.001}}\nforces: {f: {type: expression, on: {cart.x: 5 + u}}}\n"
+        "reference: {coordinates: {cart: {x: 0}}}\n"
+    )
+    with pytest.raises(ModelFileError, match=r"cart\.x would accelerate with 2\.5 m/s\^2 \(unbalanced 5 N\)"):
+        mbstab.loads(text).eig()

@@ -595,13 +595,3 @@ def test_a_weak_part_of_a_strong_rate_is_no_symmetry(k, verdict, where):
             assert min(abs(e.value - x) for x in roots) <= 1.1 * e.error_bound + 1e-15 * abs(e.value)
     if where == "rate":
         assert found.verdict == verdict
-
-
-def test_forces_out_of_balance_are_told_of_the_body_and_not_of_a_state_that_follows_it():
-    text = (
-        "mbstab: 1\nbodies: {cart: {type: planar_point, mass: 2}}\nconstraints: {rail: {holonomic: cart.y}}\n"
-        "states: {u: {rate: (-40*rate(cart.x) - u)/0.001}}\nforces: {f: {type: expression, on: {cart.x: 5 + u}}}\n"
-        "reference: {coordinates: {cart: {x: 0}}}\n"
-    )
-    with pytest.raises(ModelFileError, match=r"cart\.x would accelerate with 2\.5 m/s\^2 \(unbalanced 5 N\)"):
-        mbstab.loads(text).eig()
