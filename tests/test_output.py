@@ -352,7 +352,7 @@ def test_a_name_near_that_of_a_file_or_an_example_is_suggested(tmp_path, monkeyp
 def test_what_is_no_text_is_not_shown(name):
     result = said("models", "show", name)
     assert result.exit_code == 2
-    assert "cannot be read" in result.stderr or "at most" in result.stderr or "not UTF-8" in result.stderr
+    assert any(x in result.stderr for x in ("is a folder", "cannot be read", "at most", "not UTF-8"))
 
 
 @pytest.mark.parametrize("place", ["missing/x.png", "a\x1b[31m.png", "folder"])
