@@ -33,6 +33,7 @@ forces: {hinge: {type: joint_spring, joint: pivot, stiffness: k, damping: 1, res
 reference: {find: equilibrium, guess: {rod: {x: 0, y: 1, theta: 0}}}
 """
 
+FUNCTIONS = ["table", "spline", "linear"]
 SIZES = [1e-2, 2e-3, 1e-3, 1e-4, 1e-6, 1e-8]
 BOTH = [1.0, -1.0]
 
@@ -164,5 +165,58 @@ reference: {find: equilibrium, guess: {a: {x: 0}}}
 """
     for values in (np.linspace(0.0, 1.0, 11), np.linspace(0.3, 1.0, 4)):
         (end,) = mbstab.loads(text).sweep("p", values).critical
-        assert end.kind == "loss of equilibrium"
-        assert end.value == pytest.approx(1 / 3, abs=3e-12)
+        assert end.kind == "end of the equations"
+        assert end.value == round(1 / 3, 11)
+
+
+LAW = """\
+mbstab: 1
+parameters: {F: {value: 0, unit: N}}
+tables: {law: {x: [-0.2, 0, 0.1, 0.2], y: [-8, 0, 4, 9]}}
+bodies: {b: {type: planar_point, mass: 1}}
+constraints: {rail: {holonomic: b.y}}
+forces: {s: {type: expression, on: {b.x: "F - FUNCTION(b.x, law) - rate(b.x)"}}}
+reference: {find: equilibrium, guess: {b: {x: 0.01}}}
+"""
+
+SLIDER = """\
+mbstab: 1
+parameters: {F: {value: 0, unit: N}}
+bodies: {b: {type: planar, mass: 1, inertia: 1}}
+constraints: {heading: {holonomic: b.theta}, cruise: {nonholonomic: rate(b.x) - 7}}
+forces:
+  s: {type: expression, on: {b.y: F - 5*b.y - rate(b.y)}}
+  wheel: {type: tyre, at: b, along: [cos(0.1), sin(0.1)], cornering_stiffness: 3 - 2*b.y}
+reference: {find: steady, steady: {direction: x, speed: 7}, guess: {b: {y: 0}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "last", "end", "why"),
+    [
+        # The table ends at x = 0.2 with 9 N and at x = -0.2 with -8 N.
+        *(
+            (LAW.replace("FUNCTION", name), 12.0, 9.0, "forces.s has no finite equations here (0.200000")
+            for name in FUNCTIONS
+        ),
+        (LAW.replace("FUNCTION", "table"), -11.0, -8.0, "is outside the table 'law', which goes from -0.2 to 0.2)"),
+        # Without stiffness the wheel carries nothing at y = 1.5, and the spring 7.5 N.
+        (SLIDER, 10.0, 7.5, "forces.wheel has no finite equations here (a function has no real value there; corn"),
+    ],
+)
+def test_the_end_of_the_equations_is_no_loss_of_equilibrium(text, last, end, why):
+    result = mbstab.loads(text).sweep("F", np.linspace(0.1 * last, last, 9))
+    assert [(c.kind, c.value, c.branches) for c in result.critical] == [("end of the equations", end, ())]
+    assert [i in result.problems for i in range(9)] == [abs(x) > abs(end) for x in result.values]
+    assert all(x.startswith(f"the equations end at F = {end:g} N on this path: ") for x in result.problems.values())
+    assert all(why in x for x in result.problems.values())
+    assert "end of the equations" in str(result)
+    assert "the equations end at F" in str(result)
+
+
+def test_an_equilibrium_that_is_lost_where_the_equations_go_on():
+    """The force of the spring falls from 3 N on."""
+    law = LAW.replace("FUNCTION(b.x, law)", "(3 - 40*abs(b.x - 0.075))")
+    (end,) = mbstab.loads(law).sweep("F", np.linspace(0.0, 8.0, 10)).critical
+    assert end.kind == "loss of equilibrium"
+    assert end.value == pytest.approx(3.0, abs=1e-9)

@@ -330,8 +330,10 @@ def test_a_wheel_without_load_is_refused():
     text = MAGIC.replace("*F_f,", "*(F_f - rate(car.theta)),").replace(
         "rates: {car: {x: u}}", "rates: {car: {x: u, theta: 5}}"
     )
-    with pytest.raises(NumericalError, match=r"<text>:9:10: forces.front has no finite(.|\n)*must stay positive"):
+    with pytest.raises(NumericalError) as caught:
         mbstab.loads(text).system().dynamics([0.0, 0.0, 0.0], [10.0, 0.0, 5.0])
+    why = "a function has no real value there; peak must stay positive"
+    assert f"<text>:9:10: forces.front has no finite equations here ({why})" in str(caught.value)
 
 
 def test_a_simulated_car_loses_the_energy_that_its_tyres_take():

@@ -214,7 +214,7 @@ def test_a_simulation_within_a_table_and_beyond_it(settings):
     assert run.q[0][0] > run.q[-1][0] > 0.3
     with pytest.raises(MbstabError) as caught:
         model(F=1.9).simulate(to=20.0, points=3, perturb={"rate(b.x)": 4.0}, **settings)
-    assert "is outside the table, which goes from -2 to 3.5" in str(caught.value)
+    assert "is outside the table 'grip', which goes from -2 to 3.5" in str(caught.value)
     assert "table 'grip' (<text>:4:3)" in str(caught.value)
 
 
@@ -259,7 +259,7 @@ def test_a_table_that_is_left_is_told_with_value_range_and_name():
     with pytest.raises(MbstabError) as caught:
         mbstab.loads(text).eig()
     assert "<text>:10:" in str(caught.value)
-    said = "forces.all has no finite equations here (4 is outside the table, which goes from -2 to 3.5)"
+    said = "forces.all has no finite equations here (4 is outside the table 'grip', which goes from -2 to 3.5)"
     assert said in str(caught.value)
     assert "give the table 'grip' (<text>:4:3) more points" in str(caught.value)
     with pytest.raises(ModelFileError, match=r"<text>:2:.*9 is outside the table"):
@@ -332,7 +332,7 @@ def test_a_table_from_a_file_that_is_left_is_told_with_the_name_of_the_file(func
     (tmp_path / "grip.csv").write_text("\n".join(["slip,load", *lines]) + "\n", encoding="utf-8")
     with pytest.raises(MbstabError) as caught:
         mbstab.load(tmp_path / "m.yaml").eig()
-    assert "4 is outside the table, which goes from -2 to 3.5" in str(caught.value)
+    assert "4 is outside the table 'grip', which goes from -2 to 3.5" in str(caught.value)
     assert re.search(r"give the table 'grip' \(grip\.csv, .*m\.yaml:\d+:3\) more points", str(caught.value))
 
 

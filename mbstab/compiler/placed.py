@@ -13,6 +13,7 @@ from mbstab.mechanics.catalogue import GROUND, Element, ElementUse
 from mbstab.mechanics.elements import ELEMENTS
 from mbstab.mechanics.vectors import plain_zero
 from mbstab.model.arithmetic import FLOAT, KINK, Arithmetic
+from mbstab.model.expressions import NO_REAL_VALUE, why_no_number
 from mbstab.model.scene import Scene
 from mbstab.model.schema import is_state
 from mbstab.records import dataclass
@@ -34,6 +35,8 @@ class Placed:
     path: str
     named: int = 0
     """How many of the parameters are those that its expressions name; the others are numbers of measures."""
+    positive: tuple[str, ...] = ()
+    """Names of its fields that change with the motion and must stay positive."""
 
     def arguments(self, function: str, q: Any, u: Any, a: Any, nu: Any, time: Any) -> list[Any]:
         """Return what a function of the kernel takes, from vectors with one fixed coordinate appended."""
@@ -44,6 +47,13 @@ class Placed:
         elif function == "linearize" and self.rows:
             found.append([nu[i] for i in self.rows])
         return found
+
+    def why(self, error: Exception) -> str:
+        """Return why it has no finite equations at a state, in words."""
+        said = why_no_number(error)
+        if self.positive and said == NO_REAL_VALUE:
+            return f"{said}; {' and '.join(self.positive)} must stay positive"
+        return said
 
     def hint(self, error: Exception) -> str:
         """Return a hint for a state without finite equations; `error` says why it has none."""

@@ -46,7 +46,7 @@ from mbstab.mechanics.catalogue import ElementUse, Moved, Role
 from mbstab.mechanics.elements import ELEMENTS, kernel_name
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.evaluator import Law
-from mbstab.model.expressions import Expression, why_no_number
+from mbstab.model.expressions import Expression
 from mbstab.model.scene import BalanceValues, Scene
 from mbstab.model.schema import Entry, is_length, is_state
 from mbstab.records import dataclass
@@ -398,7 +398,9 @@ class System:
         own = (x for i, x in enumerate(use.parameters) if i not in moved)
         numbers = (*bases, *own, *self._numbers(parameters, measures))
         more = (self.names.index(x) for x in coordinates)
-        return Placed(kernel, (*columns, *more), rows, numbers, (*use.laws, _TIME), False, path)
+        positive = dict.fromkeys(x.expression.path.removeprefix(f"{path}.") for x in moved.values() if x.positive)
+        laws = (*use.laws, _TIME)
+        return Placed(kernel, (*columns, *more), rows, numbers, laws, False, path, positive=tuple(positive))
 
     def _place_expressions(
         self, equations: dict[str, Expression], entry: Entry, role: str, rows: tuple[int, ...]
@@ -546,10 +548,10 @@ class System:
             try:
                 own = getattr(element.kernel, function)(f, *arguments)
             except (ArithmeticError, ValueError) as error:
-                place = self._location(element.path)
-                hint = self.scene.model.table_hint(error) or element.hint(error)
+                place, named = self._location(element.path), self.scene.model.with_table(error)
+                hint = self.scene.model.table_hint(named) or element.hint(error)
                 raise NumericalError(
-                    f"{place}: {element.path} has no finite equations here ({why_no_number(error)})\n{hint}"
+                    f"{place}: {element.path} has no finite equations here ({element.why(named)})\n{hint}"
                 ) from None
             if report and not all(map(math.isfinite, own)):
                 raise NumericalError(f"{self._location(element.path)}: {element.path}: {_OVERFLOW}")

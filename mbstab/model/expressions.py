@@ -342,13 +342,16 @@ def _parts(node: Node) -> tuple[Node, ...]:
             return ()
 
 
+NO_REAL_VALUE = "a function has no real value there"
+
+
 def why_no_number(error: Exception) -> str:
     """Return why a calculation has no result, in words for engineers."""
     if isinstance(error, ZeroDivisionError):
         return "division by zero"
     if isinstance(error, OverflowError):
         return "a number becomes too large"
-    return "a function has no real value there" if "math domain error" in str(error) else str(error)
+    return NO_REAL_VALUE if "math domain error" in str(error) else str(error)
 
 
 def _evaluate(node: Node, names: Mapping[str, Any], rates: Mapping[str, Any], f: Arithmetic) -> Any:

@@ -19,11 +19,12 @@ EDGE = 10**12
 
 
 class OutsideTable(ValueError):
-    """A table was left; `points` is the table."""
+    """A table was left at `x`; `points` is the table, `name` what it is called, if that is known."""
 
-    def __init__(self, x: float, points: tuple[Any, ...]) -> None:
-        super().__init__(f"{x:.9g} is outside the table, which goes from {points[0]:g} to {points[-3]:g}")
-        self.points = points
+    def __init__(self, x: float, points: tuple[Any, ...], name: str = "") -> None:
+        called = f" {name!r}" if name else ""
+        super().__init__(f"{x:.9g} is outside the table{called}, which goes from {points[0]:g} to {points[-3]:g}")
+        self.x, self.points, self.name = x, points, name
 
 
 def _piece(order: int, s: Any, start: Sequence[Any], end: Sequence[Any]) -> Any:

@@ -386,15 +386,21 @@ class Model:
         """Return what messages call the file."""
         return self.document.name
 
-    def table_hint(self, error: Exception) -> str:
-        """Return what to do where a table was left; nothing for another error."""
+    def with_table(self, error: Exception) -> Exception:
+        """Return an error that names the table which was left; another error as it is."""
         if not isinstance(error, OutsideTable):
-            return ""
+            return error
         known = ((name, x.points(function)) for name, x in self.tables.items() for function in TABULATED)
         name = next(name for name, points in known if tuple(map(float, points)) == error.points)
-        table = self.tables[name]
+        return OutsideTable(error.x, error.points, name)
+
+    def table_hint(self, error: Exception) -> str:
+        """Return what to do where a table was left, given the error that names it; nothing for another error."""
+        if not isinstance(error, OutsideTable):
+            return ""
+        table = self.tables[error.name]
         place = f"{table.file}, {table.location}" if table.file else str(table.location)
-        return f"hint: give the table {name!r} ({place}) more points, or saturate(...) its argument"
+        return f"hint: give the table {error.name!r} ({place}) more points, or saturate(...) its argument"
 
     @property
     def settings(self) -> dict[str, int | float | str]:

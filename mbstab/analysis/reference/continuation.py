@@ -213,8 +213,9 @@ class _Curve:
         crossings = tuple(sorted(run.crossings))
         growing = {end: self._largest(q[np.argmin(np.abs(values - end))]) for end, x in run.ends if x is PathEnd.AWAY}
         return Path(
-            self.model.parameters[self.parameter], values, q, c, tuple(run.ends), crossings, start, growing=growing
-        )
+            self.model.parameters[self.parameter], values, q, c, tuple(run.ends), crossings, start,
+            growing=growing, refused=run.refused,
+        )  # fmt: skip
 
     def _largest(self, q: Array) -> tuple[str, ...]:
         """Return the coordinates that are largest, relative to their sizes."""
@@ -399,9 +400,35 @@ class _Curve:
             # Another path crosses at the end of the range: the crossing is judged elsewhere.
             return replace(at, p=end)
         beyond = None if jumped else self._beyond_a_kink(at, end)
-        if beyond is None:
-            run.ends.append((at.p, PathEnd.LONG if self.spent else PathEnd.UNSURE if jumped else PathEnd.NONE))
-        return beyond
+        if beyond is not None:
+            return beyond
+        if self.spent or jumped:
+            run.ends.append((at.p, PathEnd.LONG if self.spent else PathEnd.UNSURE))
+            return None
+        if refused := self._refused(at):
+            place = self._rounded(at.p, TOLERANCES.path_least_step * self.width)
+            run.refused[place] = refused
+            run.ends.append((place, PathEnd.EQUATIONS))
+        else:
+            run.ends.append((at.p, PathEnd.NONE))
+        return None
+
+    def _refused(self, at: Point) -> str:
+        """Return why the equations have no value beyond a solution, straight ahead; nothing if they have one."""
+        said = ""
+        for step in TOLERANCES.beyond_the_end:
+            q, c, p = self._stepped(at.q, at.c, at.p, step * at.tangent)
+            try:
+                with np.errstate(all="ignore"):
+                    balance = self.balance.over(System(evaluate(self.model, {self.parameter: p})))
+                    residual = balance.state(balance.completed(q), c).residual
+            except FAILURES as error:
+                said = in_one_line(error) if isinstance(error, MbstabError) else str(error)
+            else:
+                if np.all(np.isfinite(residual)):
+                    return ""
+                said = "they are not finite"
+        return said
 
     def _pole(self, points: list[Point], end: float) -> float | None:
         """Return the value before an end of the range at which positions become infinite, as far as it is known.
@@ -423,8 +450,12 @@ class _Curve:
             or ahead * (end - pole) < -error
         ):
             return None
+        return self._rounded(pole, error)
+
+    def _rounded(self, value: float, error: float) -> float:
+        """Return a value of the parameter, rounded in its unit to the digits that are known."""
         factor = self.model.parameters[self.parameter].factor
-        return float(round(pole / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor) + 0.0  # no −0
+        return float(round(value / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor) + 0.0  # no −0
 
     def _beyond_a_kink(self, at: Point, end: float) -> Point | None:
         """Return the solution a little beyond a kink, where a path continues in another direction."""

@@ -63,11 +63,15 @@ class Point:
 
 @dataclass
 class Run:
-    """Points of a path between two folds, where and why it ends within the range, and where others cross."""
+    """Points of a path between two folds, where and why it ends within the range, and where others cross.
+
+    `refused` says why the equations have no value beyond an end.
+    """
 
     points: list[Point]
     ends: list[tuple[float, PathEnd]] = field(default_factory=list)
     crossings: list[float] = field(default_factory=list)
+    refused: dict[float, str] = field(default_factory=dict)
 
 
 def joined(down: Run, up: Run) -> Run:
@@ -77,6 +81,7 @@ def joined(down: Run, up: Run) -> Run:
         [*down.points[: first - 1 if first else None : -1], *up.points],
         [*down.ends, *up.ends],
         [*down.crossings, *up.crossings],
+        {**down.refused, **up.refused},
     )
 
 

@@ -24,6 +24,7 @@ class PathEnd(StrEnum):
     """Why a path of equilibria is known no further, in the words that follow the place."""
 
     NONE = "it ends there"
+    EQUATIONS = "the equations end there"
     AWAY = "positions or states grow beyond all bounds there"
     TURNS = "it turns back"
     BRANCHES = "it turns back where others branch off"
@@ -99,6 +100,8 @@ class Path:
         The solutions at all values in between, if they are smooth.
     growing : dict
         Names of the coordinates that grow beyond all bounds, by the end at which they do.
+    refused : dict
+        Why the equations have no value beyond an end, by the end.
     """
 
     parameter: Parameter
@@ -112,6 +115,7 @@ class Path:
     beyond: tuple[Path, ...] = ()
     surface: Surface | None = None
     growing: Mapping[float, tuple[str, ...]] = field(default_factory=dict)
+    refused: Mapping[float, str] = field(default_factory=dict)
 
     def covers(self, values: Values) -> Flags:
         """Return which points lie on the path, shape (points,)."""
@@ -140,6 +144,8 @@ class Path:
         end, reason = min(self.ends, key=lambda item: abs(item[0] - value), default=(value, "it does not lead there"))
         unit, names = after_number(self.parameter.unit), self.growing.get(end, ())
         at = f"{self.parameter.name} = {end / self.parameter.factor:.12g}{unit}"
+        if end in self.refused:
+            return f"the equations end at {at} on this path: {self.refused[end]}"
         if 0 < len(names) <= TOLERANCES.pole_names:
             reason = f"{' and '.join(names)} {'grows' if len(names) == 1 else 'grow'} beyond all bounds there"
         return f"no solution {'at' if value == end else 'beyond'} {at} on this path: {reason}"

@@ -158,6 +158,8 @@ class Tolerances:
     """Coordinates become infinite there if they are at least this fraction of the largest, relative to their sizes."""
     pole_names: Final = 2
     """So many of them are named."""
+    beyond_the_end: Final = (1e-9, 1e-6)
+    """The equations end with a path if they have no value at these lengths ahead."""
     kink_step: Final = 1e-6
     """A path is continued this fraction of the range beyond a kink, if the solution moves by little more."""
     crossing_distance: Final = 1e-6

@@ -85,7 +85,8 @@ class Critical:
         ``divergence`` (an eigenvalue passes zero), ``flutter`` (a pair passes the imaginary
         axis), ``collision`` (two pairs meet on the imaginary axis), ``branch
         point`` (other equilibria branch off; stability need not change), ``fold`` (the path of
-        equilibria turns back), ``loss of equilibrium`` (it ends), ``unresolved``.
+        equilibria turns back), ``loss of equilibrium`` (it ends), ``end of the equations``
+        (it ends where they have no value beyond), ``unresolved``.
     branches : tuple of int
         The branches that are involved.
     frequency : float (rad/s)

@@ -33,6 +33,7 @@ WITHOUT = {
     "branch point": "other equilibria branch off there",
     "fold": "the path of equilibria turns back there",
     "loss of equilibrium": "the path of equilibria ends there",
+    "end of the equations": "the equations end there",
     "unresolved": "it is not known what happens there",
 }
 """Why critical values of some kinds have no derivatives."""

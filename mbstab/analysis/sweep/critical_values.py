@@ -580,5 +580,7 @@ def _kind_of(reason: PathEnd) -> str:
             return "branch point"
         case PathEnd.NONE | PathEnd.AWAY:
             return "loss of equilibrium"
+        case PathEnd.EQUATIONS:
+            return "end of the equations"
         case PathEnd.AGAIN | PathEnd.LONG | PathEnd.UNSURE | PathEnd.HIDDEN:
             return "unresolved"
