@@ -399,8 +399,7 @@ class System:
         numbers = (*bases, *own, *self._numbers(parameters, measures))
         more = (self.names.index(x) for x in coordinates)
         positive = dict.fromkeys(x.expression.path.removeprefix(f"{path}.") for x in moved.values() if x.positive)
-        laws = (*use.laws, _TIME)
-        return Placed(kernel, (*columns, *more), rows, numbers, laws, False, path, positive=tuple(positive))
+        return Placed(kernel, (*columns, *more), rows, numbers, (*use.laws, _TIME), False, path, 0, tuple(positive))
 
     def _place_expressions(
         self, equations: dict[str, Expression], entry: Entry, role: str, rows: tuple[int, ...]

@@ -24,7 +24,15 @@ from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.roots import root
-from mbstab.analysis.reference.curve_points import Point, Run, at_zero, joined, nearest_turn
+from mbstab.analysis.reference.curve_points import (
+    Point,
+    Run,
+    joined,
+    nearest_turn,
+    pole_ahead,
+    rounded,
+    without_value,
+)
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.paths import Path, PathEnd, Sheet, Surface
 from mbstab.analysis.reference.smooth import SmoothSolutions
@@ -406,7 +414,8 @@ class _Curve:
             run.ends.append((at.p, PathEnd.LONG if self.spent else PathEnd.UNSURE))
             return None
         if refused := self._refused(at):
-            place = self._rounded(at.p, TOLERANCES.path_least_step * self.width)
+            factor = self.model.parameters[self.parameter].factor
+            place = rounded(at.p, TOLERANCES.path_least_step * self.width, factor)
             run.refused[place] = refused
             run.ends.append((place, PathEnd.EQUATIONS))
         else:
@@ -415,47 +424,20 @@ class _Curve:
 
     def _refused(self, at: Point) -> str:
         """Return why the equations have no value beyond a solution, straight ahead; nothing if they have one."""
-        said = ""
-        for step in TOLERANCES.beyond_the_end:
+
+        def residual(step: float) -> Array:
             q, c, p = self._stepped(at.q, at.c, at.p, step * at.tangent)
-            try:
-                with np.errstate(all="ignore"):
-                    balance = self.balance.over(System(evaluate(self.model, {self.parameter: p})))
-                    residual = balance.state(balance.completed(q), c).residual
-            except FAILURES as error:
-                said = in_one_line(error) if isinstance(error, MbstabError) else str(error)
-            else:
-                if np.all(np.isfinite(residual)):
-                    return ""
-                said = "they are not finite"
-        return said
+            balance = self.balance.over(System(evaluate(self.model, {self.parameter: p})))
+            return balance.state(balance.completed(q), c).residual
+
+        return without_value(residual, TOLERANCES.beyond_the_end)
 
     def _pole(self, points: list[Point], end: float) -> float | None:
-        """Return the value before an end of the range at which positions become infinite, as far as it is known.
-
-        There the parameter is a smooth function of 1/size; the difference of two extrapolations to 0 is the error.
-        """
+        """Return the value before an end of the range at which positions become infinite, as far as it is known."""
         last = points[-TOLERANCES.pole_points :]
-        size = [float(np.max(np.abs(x.q / self.balance.sizes), initial=0.0)) for x in last]
-        if len(last) < TOLERANCES.pole_points or size[-1] < TOLERANCES.pole_size or not np.all(np.diff(size) > 0.0):
-            return None
-        near = 1.0 / np.array(size)
-        values = np.array([x.p for x in last])
-        pole, other = (at_zero(near[k:], values[k:]) for k in (0, 1))
-        error = abs(pole - other) + TOLERANCES.pole_resolution * self.width
-        ahead = np.copysign(1.0, end - values[-1])
-        if (
-            not error < TOLERANCES.pole_error * self.width
-            or ahead * (pole - values[-1]) <= 0.0
-            or ahead * (end - pole) < -error
-        ):
-            return None
-        return self._rounded(pole, error)
-
-    def _rounded(self, value: float, error: float) -> float:
-        """Return a value of the parameter, rounded in its unit to the digits that are known."""
-        factor = self.model.parameters[self.parameter].factor
-        return float(round(value / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor) + 0.0  # no −0
+        sizes = [float(np.max(np.abs(x.q / self.balance.sizes), initial=0.0)) for x in last]
+        found = pole_ahead(sizes, np.array([x.p for x in last]), end, self.width)
+        return None if found is None else rounded(*found, self.model.parameters[self.parameter].factor)
 
     def _beyond_a_kink(self, at: Point, end: float) -> Point | None:
         """Return the solution a little beyond a kink, where a path continues in another direction."""

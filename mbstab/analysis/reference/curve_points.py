@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import field
 
 import numpy as np
 
+from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.paths import PathEnd
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
+from mbstab.errors import MbstabError, in_one_line
 from mbstab.records import dataclass
 
 
@@ -85,7 +90,44 @@ def joined(down: Run, up: Run) -> Run:
     )
 
 
-def at_zero(x: Array, y: Array) -> float:
+def pole_ahead(sizes: Sequence[float], values: Array, end: float, width: float) -> tuple[float, float] | None:
+    """Return the value before an end of the range at which positions of these sizes become infinite, and its error.
+
+    There the parameter is a smooth function of 1/size; the difference of two extrapolations to 0 is the error.
+    """
+    if len(sizes) < TOLERANCES.pole_points or sizes[-1] < TOLERANCES.pole_size or not np.all(np.diff(sizes) > 0.0):
+        return None
+    near = 1.0 / np.array(sizes)
+    pole, other = (_at_zero(near[k:], values[k:]) for k in (0, 1))
+    error = abs(pole - other) + TOLERANCES.pole_resolution * width
+    ahead = np.copysign(1.0, end - values[-1])
+    if not error < TOLERANCES.pole_error * width or ahead * (pole - values[-1]) <= 0.0 or ahead * (end - pole) < -error:
+        return None
+    return pole, error
+
+
+def rounded(value: float, error: float, factor: float) -> float:
+    """Return a value, rounded in its unit, of so many SI units, to the digits that are known."""
+    return float(round(value / factor, -math.ceil(math.log10(abs(2.0 * error / factor)))) * factor) + 0.0  # no −0
+
+
+def without_value(function: Callable[[float], Array], at: Iterable[float]) -> str:
+    """Return why a function has no value at any of several places, in one line; nothing if it has one."""
+    said = ""
+    for x in at:
+        try:
+            with np.errstate(all="ignore"):
+                value = function(x)
+        except FAILURES as error:
+            said = in_one_line(error) if isinstance(error, MbstabError) else str(error)
+        else:
+            if np.all(np.isfinite(value)):
+                return ""
+            said = "they are not finite"
+    return said
+
+
+def _at_zero(x: Array, y: Array) -> float:
     """Return the value at zero of the polynomial through points."""
     weights = [float(np.prod([other / (other - own) for other in np.delete(x, k)])) for k, own in enumerate(x)]
     return float(np.dot(weights, y))
