@@ -24,15 +24,7 @@ from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.roots import root
-from mbstab.analysis.reference.curve_points import (
-    Point,
-    Run,
-    joined,
-    nearest_turn,
-    pole_ahead,
-    rounded,
-    without_value,
-)
+from mbstab.analysis.reference.curve_points import Point, Run, joined, nearest_turn, pole_ahead, rounded, without_value
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.paths import Path, PathEnd, Sheet, Surface
 from mbstab.analysis.reference.smooth import SmoothSolutions
@@ -410,16 +402,13 @@ class _Curve:
         beyond = None if jumped else self._beyond_a_kink(at, end)
         if beyond is not None:
             return beyond
-        if self.spent or jumped:
-            run.ends.append((at.p, PathEnd.LONG if self.spent else PathEnd.UNSURE))
-            return None
-        if refused := self._refused(at):
+        if refused := "" if self.spent or jumped else self._refused(at):
             factor = self.model.parameters[self.parameter].factor
             place = rounded(at.p, TOLERANCES.path_least_step * self.width, factor)
             run.refused[place] = refused
             run.ends.append((place, PathEnd.EQUATIONS))
         else:
-            run.ends.append((at.p, PathEnd.NONE))
+            run.ends.append((at.p, PathEnd.LONG if self.spent else PathEnd.UNSURE if jumped else PathEnd.NONE))
         return None
 
     def _refused(self, at: Point) -> str:
