@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.analysis.algebra.deflation import in_frame
+from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
 from mbstab.analysis.reference.guard import coefficients
@@ -235,7 +236,7 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
 def _terms(system: System, motion: Motion, generator: Generator | None) -> Matrices:
     """Return the sizes of the terms of which the coefficients are sums, the same for all directions of a body."""
     nu = multiplier_sizes(system, motion)
-    M, R, K, J, D_q = _entries(system, motion, generator, nu)
+    M, R, K, J, D_q = map(dense, _entries(system, motion, generator, nu))
     # Rotated axes mix the directions of a body: none of them is known better than the others.
     kinds = [(name.partition(".")[0], is_length(name)) for name in system.names]
     first = [i for i, kind in enumerate(kinds) if i == 0 or kind != kinds[i - 1]]
