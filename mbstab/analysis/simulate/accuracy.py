@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.reference.attitude import Attitudes
-from mbstab.analysis.reference.efforts import Placement
 from mbstab.analysis.simulate.estimate import Estimate, estimated, reduction
 from mbstab.analysis.simulate.run import Follower, Run, difference, fastest
 from mbstab.analysis.simulate.steppers.interface import Method, Options
 from mbstab.analysis.simulate.tolerances import TOLERANCES
-from mbstab.analysis.verdict.written import expressions
+from mbstab.analysis.verdict.written import functions_along, with_features
 from mbstab.compiler.system import Array, System
 from mbstab.model.arithmetic import array_arithmetic
-from mbstab.model.dependencies import flat_somewhere, uneven
-from mbstab.model.expressions import Expression
+from mbstab.model.dependencies import uneven
 
 
 class Work:
@@ -202,21 +197,15 @@ def bumps(system: System, times: Array, q: Array, u: Array, longest: float) -> l
     longest : float
         Longest step (s).
     """
-    if len(times) < 2 or not longest < times[-1] - times[0]:
-        return []
-    nodes = [(path, x, node) for path, _, x, _ in expressions(system) for node in flat_somewhere(x, system.names)]
-    if not nodes:
+    if len(times) < 2 or not longest < times[-1] - times[0] or not with_features(system):
         return []
     from scipy.interpolate import CubicHermiteSpline
 
     cells, each = _cells(float(times[0]), float(times[-1]), longest)
     fine, motion = np.linspace(times[0], times[-1], cells * each + 1), CubicHermiteSpline(times, q, u)
-    place = Placement(Attitudes.of(system), system, motion(fine), motion(fine, 1))
     found: dict[str, str] = {}
-    for path, expression, node in nodes:
-        with contextlib.suppress(*FAILURES), np.errstate(all="ignore"):
-            values = np.broadcast_to(place.value(Expression(expression.text, node), fine), fine.shape)
-            _look(found, path, fine, values, each, longest)
+    for path, values in functions_along(system, fine, motion(fine), motion(fine, 1)):
+        _look(found, path, fine, values, each, longest)
     return list(found.values())
 
 

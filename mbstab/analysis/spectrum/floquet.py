@@ -36,8 +36,9 @@ from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.spectrum.time_features import short_steps, variation, with_features
+from mbstab.analysis.spectrum.time_features import short_steps, variation
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
+from mbstab.analysis.verdict.written import with_features
 from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError, amount

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.reference.attitude import Attitudes
-from mbstab.analysis.reference.efforts import Placement
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
-from mbstab.analysis.verdict.written import expressions
+from mbstab.analysis.verdict.written import expressions, functions_along
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 from mbstab.model.arithmetic import array_arithmetic
-from mbstab.model.dependencies import flat_somewhere
-from mbstab.model.expressions import Expression, ExpressionError
+from mbstab.model.expressions import ExpressionError
 from mbstab.model.jets import Jet, jet_arithmetic
 
 Path = Callable[[Array], tuple[Array, Array]]
@@ -38,7 +33,8 @@ def variation(system: System, start: float, period: float, path: Path | None = N
     """
     part = np.linspace(0.0, 1.0, TOLERANCES.time_samples + 1)
     change, times = np.zeros(TOLERANCES.time_samples), start + period * part
-    for values in chain(_functions(system, times), _of_motion(system, times, *path(part)) if path else ()):
+    along = (values for _, values in functions_along(system, times, *path(part))) if path else ()
+    for values in chain(_functions(system, times), along):
         own = np.abs(np.diff(values))
         total, size = float(np.sum(own)), float(np.max(np.abs(values)))
         if np.isfinite(total) and total > TOLERANCES.change_in_time * size:
@@ -64,21 +60,6 @@ def short_steps(part: Array, done: Array, longest: float) -> Array:
     near = np.diff(places) < TOLERANCES.feature_of_step * longest
     kept: Array = places[np.append(near, False) | np.append(False, near)] if count else places
     return kept
-
-
-def with_features(system: System) -> bool:
-    """Whether functions of the motion may be flat along a way and then have a bump."""
-    return any(next(flat_somewhere(x, system.names), None) for _, _, x, _ in expressions(system))
-
-
-def _of_motion(system: System, times: Array, q: Array, u: Array) -> Iterator[Array]:
-    """Yield the values of such functions along a motion, shape (n_t,)."""
-    place = Placement(Attitudes.of(system), system, q, u)
-    for _, _, expression, _ in expressions(system):
-        for node in flat_somewhere(expression, system.names):
-            with contextlib.suppress(*FAILURES), np.errstate(all="ignore"):
-                # What has no value is told where it is evaluated.
-                yield np.broadcast_to(place.value(Expression(expression.text, node), times), times.shape)
 
 
 def _functions(system: System, times: Array) -> Iterator[Array]:

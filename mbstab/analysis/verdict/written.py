@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-from mbstab.compiler.system import System
+import numpy as np
+
+from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.efforts import Placement
+from mbstab.compiler.system import Array, System
 from mbstab.mechanics.catalogue import ROWS
-from mbstab.model.dependencies import expressions_in
+from mbstab.model.dependencies import expressions_in, flat_somewhere
 from mbstab.model.expressions import Expression, Name, moves
 from mbstab.model.fields.catalogue import given_fields
 from mbstab.model.scene import ItemValues
@@ -53,6 +58,30 @@ def with_state(system: System) -> Iterator[tuple[str, Expression]]:
             expression.rates() or any(moves(name, state) for name in expression.names())
         ):
             yield path, expression
+
+
+def with_features(system: System) -> bool:
+    """Whether functions of the motion may be flat along a way and then have a bump."""
+    return any(next(flat_somewhere(x, system.names), None) for _, _, x, _ in expressions(system))
+
+
+def functions_along(system: System, times: Array, q: Array, u: Array) -> Iterator[tuple[str, Array]]:
+    """Yield path and values, shape (n_t,), of such functions along a motion, without those that have no value there.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_t,) (s)
+    q, u : ndarray, shape (n_t, n_q)
+    """
+    place = Placement(Attitudes.of(system), system, q, u)
+    for path, _, expression, _ in expressions(system):
+        for node in flat_somewhere(expression, system.names):
+            try:
+                with np.errstate(all="ignore"):
+                    values = place.value(Expression(expression.text, node), times)
+            except FAILURES:
+                continue
+            yield path, np.broadcast_to(values, times.shape)
 
 
 def cut(text: str) -> str:
