@@ -374,7 +374,7 @@ def test_it_is_answered_with_the_digits_that_there_are_and_says_so(case):
     few = bool(np.any(bounds > 1e-10 * sizes)) or WARNED[case] != "is known to"
     assert any(WARNED[case] in text for text in result.warnings) == few
     words = {
-        # The eigenvalues are proved to be imaginary and distinct; that the energy has a minimum is lost in its rounding.
+        # The eigenvalues are proved imaginary and distinct; that the energy has a minimum is lost in its rounding.
         "one soft joint among 1e15": "marginally stable",
         "top, -1e-12 beside critical": "unstable",
         "top, 1e-09 beside critical": "marginally stable",
