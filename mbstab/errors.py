@@ -94,11 +94,18 @@ def _window(source: str, at: int, width: int = 100) -> tuple[str, int]:
     return "".join(c if c.isprintable() else " " for c in source[start : start + width]), at - start
 
 
+LISTED = 20
+"""Known words that a hint lists."""
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Return the nearest of the known words (of the first 1000), or an empty string."""
+    """Return the nearest of the known words (of the first 1000), or an empty string.
+
+    A word of one letter is near to those that begin with it.
+    """
     import difflib  # for mistakes only
 
-    words = list(islice(known, 1000))
+    words = [x for x in islice(known, 1000) if len(word) > 1 or x[:1].lower() == word.lower()]
     if word not in words and (near := [x for x in words if x.lower() == word.lower()]):
         return near[0]
     if near := difflib.get_close_matches(word, words, n=1, cutoff=0.6):
@@ -111,6 +118,18 @@ def suggestion(word: str, known: Iterable[str]) -> str:
     """Return ``did you mean 'mass'?`` for the nearest of the known words, or an empty string."""
     near = nearest(word, known)
     return f"did you mean {near!r}?" if near else ""
+
+
+def alternatives(word: str, known: Iterable[str], what: str) -> str:
+    """Return which of the known words is meant, or else which there are: ``joints: hip, knee``, ``joints: none``."""
+    words = list(known)
+    return suggestion(word, words) or listed(what, words)
+
+
+def listed(what: str, known: Sequence[str]) -> str:
+    """Return the known words, ``LISTED`` of them at most: ``joints: hip, knee``."""
+    more = f", … ({len(known)} in all)" if len(known) > LISTED else ""
+    return f"{what}: {', '.join(known[:LISTED]) or 'none'}{more}"
 
 
 def counted(number: int, one: str, many: str = "") -> str:

@@ -1,8 +1,10 @@
 """What newcomers write by mistake is told with what they meant."""
 
 import pytest
+from click.testing import CliRunner
 
 import mbstab
+from mbstab.cli import main
 from mbstab.errors import MbstabError
 
 MODEL = """\
@@ -28,7 +30,7 @@ MISTAKES = {
     "a decimal comma": ("value: 0.5", "value: 0,5", "write 0.5 for 0,5"),
     "a text with a comma": ("length of the rod", "long, thin", "quotes around a text with a comma"),
     "no colon": ("title: Pendulum", "title Pendulum", "a colon is missing above"),
-    "a degree sign": ("theta: 0", "theta: 90°", "degrees are written 90*deg"),
+    "a degree sign": ("theta: 0", "theta: 90°", "write 90*deg"),
     "a unit behind a number": ("theta: 0", "theta: 3000rpm", "{value: 3000, unit: rpm}"),
     "degrees without their unit": ("theta: 0", "theta: 90", "90 rad are 14.3 turns, and degrees are written 90*deg"),
     "a list": ("value: 1,", "value: [1, 2],", "a single number stands without brackets"),
@@ -36,6 +38,73 @@ MISTAKES = {
     "gravity of a spatial scene": ("[0, -9.81]", "[0, -9.81, 0]", "the scene is planar: its vectors have x and y"),
     "friction of a joint": ("[rod.top, ground]", "[rod.top, ground], friction: 0.1", "is the damping of a spring"),
     "friction as a force": ("stiffness: k}", "stiffness: k}\n  f: {type: friction, joint: pin}", "is the damping of a"),
+    "a unit of SI": ("inertia: 0.1", "inertia: 0.1 kg*m^2", "'0.1 kg*m^2': numbers in expressions are in SI units"),
+    "a unit without need": ("inertia: 0.1", "inertia: 0.1 kg*m^2", "hint: write 0.1"),
+    "a unit in a value": ("value: 1, unit: kg", "value: 1 t, unit: kg", "write {value: 1, unit: t}"),
+    "a unit that touches": ("m: {value: 1, unit: kg}", "m: 5kmh", "write {value: 5, unit: km/h}"),
+    "a unit as a factor": ("theta: 0", "theta: 5*km/h", "km/h is a unit: numbers in expressions are in SI units"),
+    "a unit with a sign": ("unit: N*m/rad", "unit: N·m/rad", "products are written *"),
+    "a unit with a power": ("unit: N*m/rad", "unit: kg*m²", "powers are written ^2"),
+    "a unit of another name": ("unit: kg", "unit: lbs", "a pound is 0.45359237 kg"),
+    "digits in groups": ("theta: 0", "theta: 1_000", "digits of a number stand together: 1000"),
+    "digits apart": ("theta: 0", "theta: 1 000", "digits of a number stand together: 1000"),
+    "a comma in a vector": ("[0, -9.81]", "[0, -9,81]", "decimals have a point: -9.81 for -9,81"),
+    "commas in a vector": ("[0, L/2]", "[0,5, 1,2]", "decimals have a point: 0.5 for 0,5"),
+    "three numbers": ("[0, -9.81]", "[1,2,3]", "the scene is planar: its vectors have x and y"),
+    "a function without its argument": ("theta: 0", "theta: cos", "cos is a function: cos(…)"),
+    "a short word": ("theta: 0", "theta: in", "declare it: parameters: {in: {value: …, unit: …}}"),
+    "one letter": ("theta: 0", "theta: i", "declare it: parameters: {i: {value: …, unit: …}}"),
+    "a logarithm": ("theta: 0", "theta: ln(2)", "the natural logarithm is written log(x)"),
+    "a derivative": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: expression, on: {rod.x: -der(rod.x)}}",
+        "rate(body.x)",
+    ),
+    "an unknown joint": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: pid, joint: pin, of: angle(a9), P: 1}",
+        "joints: pin",
+    ),
+    "an unknown body": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: pid, joint: pin, of: y(a9.end), P: 1}",
+        "bodies: rod, ground",
+    ),
+    "an unknown point": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: pid, joint: pin, of: y(rod.a9), P: 1}",
+        "its points: top, end",
+    ),
+    "an unknown coordinate": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: pid, joint: pin, of: a9.q, P: 1}",
+        "coordinates: rod.x, rod.y",
+    ),
+    "a part as text": ("title: Pendulum", "include: part.yaml", "include: [{file: part.yaml, prefix: left_}]"),
+    "a repetition as a number": ("title: Pendulum", "repeat: 3", "repeat: [{for: {i: [1, 10]}, bodies: {…}}]"),
+    "a list of values": (
+        "title: Pendulum",
+        "repeat: [{for: {i: [1, 2, 3]}}]",
+        "for: {i: [1, 10]} with the first and the last value",
+    ),
+    "an index outside of a repetition": ("mass: m", "mass: m<i>", "an index of repeat:"),
+    "an index without brackets": (
+        "title: Pendulum",
+        "repeat: [{for: {j: [1, 1]}, parameters: {p<j>: j}}]",
+        "angle brackets: <j>",
+    ),
+    "a count without brackets": ("title: Pendulum\n", "counts: {N: 3}\ndefinitions: {d: 2*N}\n", "angle brackets: <N>"),
+    "a spring without stiffness": (", stiffness: k", "", "give at least one of 'stiffness' and 'damping'"),
+    "a bearing without coefficients": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: rotor_bearing, between: [rod, ground]}",
+        "give at least one of 'curves', 'kxx'",
+    ),
+    "a controller without gains": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: pid, joint: pin, of: angle(pin)}",
+        "give at least one of 'P', 'I' and 'D'",
+    ),
     "another unit": ("unit: N*m/rad", "unit: N/m", "'k' has the unit N/m, expected N*m/rad"),
 }
 
@@ -47,6 +116,44 @@ def test_a_mistake_is_told_with_what_is_meant(name):
     with pytest.raises(MbstabError) as error:
         mbstab.loads(MODEL.replace(right, wrong, 1)).eig()
     assert told in str(error.value)
+
+
+def test_an_unknown_index_is_one_problem():
+    text = MODEL + "counts: {N: 3}\nrepeat: [{for: {i: [1, N]}, parameters: {p<j>: 1}}]\n"
+    with pytest.raises(MbstabError) as error:
+        mbstab.loads(text)
+    assert str(error.value).count("<text>:") == 1
+    assert "there is no count or index 'j'" in str(error.value)
+    assert "counts and indices: N, i" in str(error.value)
+
+
+@pytest.mark.parametrize("number", ["11", "1e3", "-3", "1/3", "2*pi"])
+def test_a_number_without_a_unit_is_no_unit(number):
+    plain = MODEL.replace("k: {value: 2, unit: N*m/rad}", f"k: {number}").replace("stiffness: k", "stiffness: abs(k)")
+    assert mbstab.loads(plain).eig().verdict == "stable"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("v=5kmh", "--param v --from … --to …; one value: mbstab eig --set v=5kmh"),
+        ("v=5..10", "--param v --from 5 --to 10"),
+    ],
+)
+def test_a_range_behind_the_name_of_a_parameter_is_told_apart(given, said):
+    answer = CliRunner().invoke(main, ["sweep", "whipple_bicycle.yaml", "--param", given])
+    assert answer.exit_code == 2
+    assert answer.stderr.endswith(f"hint: {said}\n")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [("v=5kmh", "write km/h"), ("v=5°", "write 5*deg"), ("v=1_000", "1000"), ("v=1,5", "decimals have a point")],
+)
+def test_a_setting_that_is_no_number_is_told_with_what_is_meant(given, said):
+    answer = CliRunner().invoke(main, ["eig", "whipple_bicycle.yaml", "--set", given])
+    assert answer.exit_code == 2
+    assert said in answer.stderr.split("hint: ")[1]
 
 
 def test_joints_that_contradict_each_other_are_not_blamed_on_a_guess():

@@ -409,7 +409,10 @@ BAD: dict[str, tuple[str, str]] = {
     "division by zero": (mass("»1/(a - 2)"), "has no value here"),
     "root of a negative number": (ONE + "parameters: {a: »sqrt(-1)}", "has no value here"),
     "word for a number": (mass("»yes"), "unknown parameter 'yes'"),
-    "unit beside a number": (mass("2 »deg"), r"unexpected 'deg' .*\n(.*\n)*hint: write \*deg for a product"),
+    "unit beside a number": (
+        mass("2 »deg"),
+        r"'2 deg': numbers in expressions are in SI .*\n(.*\n)*hint: write 2\*deg",
+    ),
     "power with a caret": (mass("a»^2"), "unexpected character .* in an expression\n(.*\n)*hint: powers are written"),
     # expressions
     "unknown parameter": (
@@ -857,7 +860,7 @@ def test_an_entry_that_cannot_be_read_is_no_second_problem_where_it_is_used() ->
 forces:
   f: {type: torque, body: c, value: 1}
   g: {type: expression, on: {b.x: c.x + rate(c.y), c.theta: 1}}
-  h: {type: spring, between: [c.P, b]}
+  h: {type: spring, between: [c.P, b], stiffness: 1}
 reference: {coordinates: {c: {x: 1}}}
 """
     assert [p.message for p in problems_of(text)] == ["unknown type 'planer'", "unknown type 'revolut'"]

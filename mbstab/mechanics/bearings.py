@@ -107,6 +107,7 @@ KINDS: dict[tuple[str, int], Kind] = {
         (dimension,),
         tuple(field for field in _FIELDS if dimension in field.dimensions),
         _rotor_bearing,
+        some_of=("curves", *_STIFFNESS, *_DAMPING),
         transmits=True,
         look=_look,
     )

@@ -425,6 +425,8 @@ class Kind:
         For joints: the motions a drive or a spring can act on (``angle``, ``displacement``).
     one_of : tuple of tuple of str
         Groups of fields of which exactly one must be given.
+    some_of : tuple of str
+        Fields of which at least one must be given: without them, an entry does nothing.
     effort : callable or None
         From an `Item` to its effort, if it acts along one motion.
     transmits : bool
@@ -447,6 +449,7 @@ class Kind:
     build: Build
     motions: tuple[str, ...] = ()
     one_of: tuple[tuple[str, ...], ...] = ()
+    some_of: tuple[str, ...] = ()
     effort: Callable[[Item], Effort] | None = None
     look: Callable[[Item], tuple[Look, ...]] | None = None
     written: Role | None = None

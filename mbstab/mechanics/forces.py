@@ -316,6 +316,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 _DAMPING,
             ),
             _spring_elements,
+            some_of=("stiffness", "damping"),
             effort=_spring_effort,
             look=_spring_look,
         ),
@@ -326,6 +327,7 @@ KINDS: dict[tuple[str, int], Kind] = {
             (2, 3),
             (_ENDS, _STIFFNESS, _DAMPING),
             _bearing_element,
+            some_of=("stiffness", "damping"),
             effort=_bearing_effort,
             look=_spring_look,
         ),
@@ -350,6 +352,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                     ),
                 ),
                 _bushing,
+                some_of=("stiffness", "damping", "preload", *(name for name, *_ in _TURNS)),
                 transmits=True,
                 look=_spring_look,
             )
@@ -392,6 +395,7 @@ KINDS: dict[tuple[str, int], Kind] = {
                 ),
             ),
             _joint_spring,
+            some_of=("stiffness", "damping"),
             effort=_joint_spring_effort,
         ),
         Kind(

@@ -19,7 +19,7 @@ from functools import cache
 from itertools import product
 from typing import Any
 
-from mbstab.errors import UsageError, suggestion
+from mbstab.errors import UsageError, alternatives
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.functions import CALLED
@@ -38,6 +38,12 @@ LEVELS = {"reference": 2, "initial": 2, "ground": 2}
 """How many levels of a section are merged, if not one."""
 NAMED = (*KINDS, "parameters", "tables", "definitions", "constraints", "states", "outputs", "modes")
 """Sections whose keys are names."""
+_RANGE = "write for: {i: [1, 10]} with the first and the last value"
+_BLOCK = {
+    "repeat": ("a block with the key for:", "write repeat: [{for: {i: [1, 10]}, bodies: {…}}]"),
+    "include": ("a part with the key file:", "write include: [{file: part.yaml, prefix: left_}]"),
+}
+"""What an item of these sections is, and how one is written."""
 _TEXTS = frozenset({"title", "source", "description"})
 _INDEX = re.compile(r"<([^<>]*)>")
 _OPERATIONS: dict[type, Callable[[int, int], int]] = {
@@ -97,7 +103,7 @@ class _Expansion:
             return
         items = node.items if isinstance(node, Sequence) else [node]
         for i, item in enumerate(items):
-            block = self.nodes.mapping(item, f"{path}[{i}]")
+            block = self.nodes.mapping(item, f"{path}[{i}]", *_BLOCK[path])
             if block is not None:
                 yield block
 
@@ -117,10 +123,14 @@ class _Expansion:
         elif levels and isinstance(other, Mapping) and isinstance(node, Mapping):
             for inner, value in node.pairs():
                 self._put(other, inner, value, f"{path}.{inner.text}", levels - 1)
-        elif not (isinstance(node, Scalar) and node.empty):
+        elif not (isinstance(node, Scalar) and node.empty) and not self._told(key):
             first = found.keys[key.text].location
             message = f"the name {key.text!r} is there already, from {first.file}:{first.line}"
             self.nodes.complain(key, path, message, "use an index such as <i> in the name, or another prefix")
+
+    def _told(self, key: Scalar) -> bool:
+        """Whether an index in a key has a problem that is told: what the key became is no name of its own."""
+        return any(x.location == key.location for x in self.document.problems)
 
     # --- numbers in angle brackets ------------------------------------------------------------------------------------
 
@@ -136,15 +146,16 @@ class _Expansion:
 
     def _values(self, block: Mapping, numbers: dict[str, int]) -> Iterator[dict[str, int]]:
         """Yield the values of the indices of a block, one after the other."""
-        node = self.nodes.required(block, "for", "repeat", "write for: {i: [1, 10]}")
-        indices = None if node is None else self.nodes.mapping(node, "repeat.for", "an index with its range")
+        node = self.nodes.required(block, "for", "repeat", _RANGE)
+        indices = None if node is None else self.nodes.mapping(node, "repeat.for", "an index with its range", _RANGE)
         if indices is None:
             return
         ranges = {}
         for key, value in indices.pairs():
             path = f"repeat.for.{key.text}"
+            self.document.indices.add(key.text)
             if not isinstance(value, Sequence) or len(value.items) != 2:
-                self.nodes.complain(value, path, "expected the first and the last value", "such as [1, 10]")
+                self.nodes.complain(value, path, "expected the first and the last value", _RANGE)
                 return
             if not self.nodes.check_name(key, path, "index"):
                 return
@@ -174,7 +185,7 @@ class _Expansion:
             return _integer(ast.parse(text.strip(), mode="eval").body, numbers)
         except KeyError as error:
             name = str(error.args[0])
-            hint = suggestion(name, numbers) or "counts and indices: " + (", ".join(numbers) or "none")
+            hint = alternatives(name, numbers, "counts and indices")
             self.nodes.complain(node, path, f"there is no count or index {name!r}", hint)
         except (SyntaxError, ValueError, ZeroDivisionError, RecursionError, MemoryError):
             hint = "whole numbers, counts and indices with + - * // %"
@@ -266,7 +277,7 @@ class _Expansion:
         for key in () if given is None else given.keys.values():
             if key.text not in wanted | settable:
                 known = sorted(wanted | settable)
-                hint = suggestion(key.text, known) or "it has: " + (", ".join(known) or "none")
+                hint = alternatives(key.text, known, "it has")
                 self.nodes.complain(key, "include.with", f"the part has no parameter and no need {key.text!r}", hint)
         for name in sorted(wanted - set(values)):
             self.nodes.complain(block, "include", f"the part needs {name!r}", f"write with: {{{name}: …}}")

@@ -14,19 +14,13 @@ from collections.abc import Callable, Container, Iterator, Mapping
 from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
-from mbstab.errors import MbstabError, counted, suggestion
+from mbstab.errors import MbstabError, alternatives, counted, suggestion
 from mbstab.mechanics.measures import MEASURES, is_measure
+from mbstab.model import mistaken
 from mbstab.model.arithmetic import CONSTANTS, Arithmetic
 from mbstab.model.functions import CALLED, PIECED
 from mbstab.records import dataclass
 
-_WRITTEN = {
-    "^": "powers are written **",
-    "=": "an equation is written as what is zero: left - (right)",
-    "°": "degrees are written 90*deg",
-    ",": "decimals have a point: 0.5 for 0,5",
-}
-"""What stands for characters that expressions do not have."""
 MAX_LENGTH = 5_000
 MAX_DEPTH = 60
 MAX_CHAIN = 480
@@ -287,7 +281,7 @@ def filled_in(expression: Expression, definitions: Mapping[str, Expression], tab
             case Call() if CALLED[node.function].knots >= 0 and isinstance(node.arguments[-1], Name):
                 x, name = put(node.arguments[0], at, depth + 1), _word_of(node.arguments[-1])
                 if name not in tables:
-                    hint = suggestion(name, tables) or "tables: " + (", ".join(tables) or "none")
+                    hint = alternatives(name, tables, "tables")
                     if isinstance(node.arguments[0], Name) and node.arguments[0].name in tables:
                         hint = f"the table comes last: {node.function}(x, {node.arguments[0].name})"
                     raise ExpressionError(f"there is no table {name!r}", here, hint)
@@ -418,7 +412,7 @@ class _Parser:
             match = _TOKEN.match(text, at)
             if match is None:
                 at += len(text[at:]) - len(text[at:].lstrip())
-                hint = _WRITTEN.get(text[at], "")
+                hint = mistaken.CHARACTERS.get(text[at], "")
                 raise ExpressionError(f"unexpected character {text[at]!r} in an expression", at, hint)
             kind = match.lastgroup or ""
             yield kind, match.group(kind), match.start(kind)
@@ -431,12 +425,9 @@ class _Parser:
         root = self._sum()
         kind, token, at = self.tokens[self.index]
         if kind != "end":
-            hint = "multiplication is written *" if kind == "number" or token == "(" else _WRITTEN.get(token, "")
-            if kind == "name":
-                hint = (
-                    f"write *{token} for a product with a parameter; a number stands alone, in SI units, degrees as "
-                    "30*deg; other units stand with a parameter, as in n: {value: 3000, unit: rpm}"
-                )
+            before = self.tokens[self.index - 1][1]
+            adjacent = kind in ("number", "name") or token == "("
+            hint = mistaken.behind_number(before, kind, token) if adjacent else mistaken.CHARACTERS.get(token, "")
             raise ExpressionError(f"unexpected {token!r} in an expression", at, hint)
         self._check_chains(root)
         return root
@@ -465,7 +456,7 @@ class _Parser:
             hint = (
                 "within { } or [ ] an expression with a comma stands in quotes"
                 if kind == "end"
-                else _WRITTEN.get(token, "")
+                else mistaken.CHARACTERS.get(token, "")
             )
             raise ExpressionError(f"expected {operator!r}, found {found}", at, hint)
 
@@ -554,7 +545,8 @@ class _Parser:
         if function in MEASURES:
             return self._measure(function, at)
         if function not in DERIVED and function not in CALLED:
-            hint = suggestion(function, [*CALLED, *MEASURES, *DERIVED]) or "known functions: " + ", ".join(CALLED)
+            hint = mistaken.FUNCTIONS.get(function.lower(), "") or suggestion(function, [*CALLED, *MEASURES, *DERIVED])
+            hint = hint or "known functions: " + ", ".join(CALLED)
             raise ExpressionError(f"unknown function {function!r}", at, hint)
         self._expect("(")
         self._deeper(at)

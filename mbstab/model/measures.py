@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from mbstab.errors import Location, suggestion
+from mbstab.errors import Location, alternatives
 from mbstab.mechanics.catalogue import Kind
 from mbstab.mechanics.measures import MEASURES, is_measure, parts
 from mbstab.model.expressions import DERIVED, Expression, ExpressionError
@@ -151,7 +151,7 @@ class Places:
     def _check_joint(self, kind: str, word: str, at: int) -> None:
         """Refuse a joint that does not exist, or does not have this motion."""
         if word not in self.joints:
-            raise ExpressionError(f"there is no joint {word!r}", at, suggestion(word, self.joints))
+            raise ExpressionError(f"there is no joint {word!r}", at, alternatives(word, self.joints, "joints"))
         if kind not in self.joints[word].motions:
             has = " and ".join(self.joints[word].motions)
             raise ExpressionError(f"a {self.joints[word].name} joint has no {kind}{f', only {has}' if has else ''}", at)
@@ -161,7 +161,9 @@ class Places:
         body, _, point = word.partition(".")
         owner = None if body == "ground" else body
         if owner is not None and owner not in self.bodies and owner not in self.unread:
-            raise ExpressionError(f"there is no body {body!r}", at, suggestion(body, [*self.bodies, "ground"]))
+            raise ExpressionError(
+                f"there is no body {body!r}", at, alternatives(body, [*self.bodies, "ground"], "bodies")
+            )
         known = self.bodies.get(owner or "")
         if whole and (point or owner is None or (known and len(body_coordinates(known)) == self.dimension)):
             raise ExpressionError(f"{word!r} is no body with an orientation", at)
@@ -170,6 +172,6 @@ class Places:
             return MarkerValue(owner, Components((constant("0", place, ""),) * self.dimension, place, ""))
         points = self.points[owner]
         if point not in points:
-            hint = suggestion(point, points) or "its points: " + (", ".join(points) or "none")
+            hint = alternatives(point, points, "its points")
             raise ExpressionError(f"{owner_of_point(owner)} has no point {point!r}", at, hint)
         return MarkerValue(owner, points[point])

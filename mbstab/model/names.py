@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
-from mbstab.errors import suggestion
+from mbstab.errors import alternatives
 from mbstab.mechanics.catalogue import Kind
 from mbstab.model import units
 from mbstab.model.expressions import Expression
@@ -78,7 +78,7 @@ class Names:
         found = word in known or word in also
         if not found and word not in self.written[section]:
             what = entry_word(section)
-            hint = suggestion(word, [*known, *also]) or (f"{section}: {', '.join(list(known)[:12])}" if known else "")
+            hint = alternatives(word, [*known, *also], section)
             self.nodes.complain(node, path, f"there is no {what} {word!r}", hint)
         return found
 
@@ -108,7 +108,7 @@ class Names:
         if word is None or self.unread(word):
             return None
         if word not in self.coordinates:
-            hint = suggestion(word, self.coordinates) or "coordinates: " + ", ".join(list(self.coordinates)[:12])
+            hint = alternatives(word, self.coordinates, "coordinates")
             self.nodes.complain(node, path, f"there is no coordinate {word!r}", hint)
             return None
         return word
@@ -116,7 +116,7 @@ class Names:
     def check_parameter(self, node: Scalar, path: str) -> None:
         """Refuse a name that no parameter has."""
         if node.text not in self.parameters:
-            hint = suggestion(node.text, self.parameters)
+            hint = alternatives(node.text, self.parameters, "parameters")
             self.nodes.complain(node, path, f"there is no parameter {node.text!r}", hint)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import replace
+from itertools import pairwise
 from typing import TypeVar
 
 from mbstab.errors import Location, suggestion
@@ -14,6 +16,8 @@ Word = TypeVar("Word", bound=str)
 COMMA = "a comma ends a value within braces: write 0.5 for 0,5, and quotes around a text with a comma"
 """A hint where half of a value is left, as after {value: 0,5}."""
 
+_WHOLE, _DIGITS = re.compile(r"[-+]?[0-9]+"), re.compile(r"[0-9]")
+
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 
 
@@ -22,6 +26,29 @@ def single(node: YamlNode) -> str:
     if isinstance(node, Mapping) and "value" in node.entries:
         return "units stand under parameters: declare a parameter with this value and unit there, and write its name"
     return "a single number stands without brackets" if isinstance(node, Sequence) else ""
+
+
+def decimal_commas(node: Sequence, count: int) -> str:
+    """Return a hint if a list has more items than the numbers due because their decimals have commas: [0,5, 1].
+
+    A comma within a number has no blank behind it; some other comma has one, or all items are halves.
+    """
+    texts = [x.text if isinstance(x, Scalar) else "" for x in node.items]
+    touching = [
+        bool(_WHOLE.fullmatch(text) and _DIGITS.match(behind))
+        and following.location == replace(here.location, column=here.location.column + len(text) + 1)
+        for (text, here), (behind, following) in pairwise(zip(texts, node.items, strict=True))
+    ]
+    halves: list[int] = []
+    for i, joined in enumerate(touching):
+        if joined and (not halves or halves[-1] < i - 1):
+            halves.append(i)
+    if not halves or not len(texts) - len(halves) <= count < len(texts):
+        return ""
+    if all(touching) and len(texts) > 2 * len(halves):
+        return ""
+    before, behind = texts[halves[0]], texts[halves[0] + 1]
+    return f"decimals have a point: {before}.{behind} for {before},{behind}"
 
 
 class NodeReader:

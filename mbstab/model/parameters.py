@@ -11,7 +11,7 @@ from decimal import Decimal, localcontext
 from fractions import Fraction
 from typing import Generic, TypeVar
 
-from mbstab.errors import UsageError, suggestion
+from mbstab.errors import UsageError, listed, suggestion
 from mbstab.mechanics.catalogue import Number
 from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic
 from mbstab.model.expressions import MAX_NUMBER, Expression, ExpressionError, parse
@@ -24,12 +24,9 @@ from mbstab.model.schema import (
     parse_finite,
 )
 from mbstab.model.turns import counted_by, one_counts_turns
-from mbstab.model.units import UNITS, exact_factor, parse_unit
+from mbstab.model.units import UNITS, as_name, exact_factor, parse_unit
 
 T = TypeVar("T")
-
-LISTED = 20
-"""Parameters that a message lists."""
 
 
 class Latest(Generic[T]):
@@ -96,9 +93,7 @@ def require_parameter(model: Model, name: str) -> Parameter:
         if name in model.document.counts:
             raise UsageError(f"{name} is a count of {model.name}, not a parameter\nhint: use --set {name}=…")
         names = list(model.parameters)
-        more = f", … ({len(names)} in all)" if len(names) > LISTED else ""
-        listed = f"parameters: {', '.join(names[:LISTED]) or 'none'}{more}"
-        hint = " ".join(x for x in (suggestion(name, names), listed) if x)
+        hint = f"{suggestion(name, names)} {listed('parameters', names)}".lstrip()
         raise UsageError(f"{model.name} has no parameter {name!r}\nhint: {hint}")
     return model.parameters[name]
 
@@ -231,7 +226,8 @@ def _check_names(model: Model, expression: Expression) -> None:
         raise ExpressionError("rate(...) cannot be used here")
     for used in expression.names():
         if used not in model.parameters:
-            hint = suggestion(used, model.parameters) or "give a number, or an expression of numbers and parameters"
+            hint = as_name(used) or suggestion(used, model.parameters)
+            hint = hint or "give a number, or an expression of numbers and parameters"
             raise ExpressionError(f"unknown parameter {used!r}", 0, hint)
 
 

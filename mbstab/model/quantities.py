@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from mbstab.errors import nearest, suggestion
+from mbstab.errors import alternatives, nearest, suggestion
 from mbstab.mechanics.measures import MEASURES, is_measure, parts
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
@@ -13,7 +13,7 @@ from mbstab.model.expressions import Expression, ExpressionError, Node, filled_i
 from mbstab.model.functions import CALLED
 from mbstab.model.measures import Places
 from mbstab.model.names import Names
-from mbstab.model.nodes import single
+from mbstab.model.nodes import decimal_commas, single
 from mbstab.model.schema import (
     Components,
     Quantity,
@@ -101,7 +101,7 @@ class QuantityReader:
 
     def _check_names(self, expression: Expression, time: bool, state: bool) -> None:
         parameters = self.names.parameters
-        for name, at in expression.names().items():
+        for name, at in sorted(expression.names().items(), key=lambda item: item[1]):
             if name in parameters or (name == "t" and time):
                 continue
             if name in self.names.definitions:
@@ -111,13 +111,26 @@ class QuantityReader:
             if is_measure(name) or "." in name or name in self.names.coordinates:
                 self._check_coordinate(name, at, state)
                 continue
-            known = [*parameters, *CALLED, *CONSTANTS, *(("t",) if time else ())]
-            known += [*self.names.definitions, *(x for x in self.names.coordinates if is_state(x))]
-            raise ExpressionError(f"unknown parameter {name!r}", at, self._measured(name) or suggestion(name, known))
+            raise ExpressionError(f"unknown parameter {name!r}", at, self._meant(name, time, expression.text[at:]))
         for name, at in expression.rates().items():
             if not state:
                 raise ExpressionError("rate(...) cannot be used here", at, self._moving_elsewhere(name))
             self._check_coordinate(name, at, state)
+
+    def _meant(self, name: str, time: bool, text: str) -> str:
+        """Return what an unknown name may stand for, as a hint; `text` begins with it."""
+        document = self.nodes.document
+        if name in document.counts or name in document.indices:
+            return f"counts and indices are written in angle brackets: <{name}>"
+        known = [*self.names.parameters, *self.names.definitions, *CONSTANTS, *(("t",) if time else ())]
+        known += [x for x in self.names.coordinates if is_state(x)]
+        return (
+            self._measured(name)
+            or (f"{name} is a function: {name}(…)" if name in CALLED or name in MEASURES else "")
+            or units.as_name(text)
+            or suggestion(name, known)
+            or f"declare it: parameters: {{{name}: {{value: …, unit: …}}}}"
+        )
 
     def _measured(self, name: str) -> str:
         """Return what expressions take of a joint or a body, as a hint."""
@@ -158,7 +171,9 @@ class QuantityReader:
             own = [x.partition(".")[2] for x in coordinates if x.startswith(f"{body}.")]
             near = nearest(word, own)
             hint = f"did you mean {f'{body}.{near}'!r}?" if near else f"{body} has the coordinates {', '.join(own)}"
-            raise ExpressionError(f"unknown coordinate {name!r}", at, hint if own else suggestion(name, coordinates))
+            raise ExpressionError(
+                f"unknown coordinate {name!r}", at, hint if own else alternatives(name, coordinates, "coordinates")
+            )
 
     def measure(self, name: str, at: int = 0) -> None:
         """Note what a measure names.
@@ -271,6 +286,7 @@ class QuantityReader:
             message = f"expected {dimension} numbers{_in_brackets(unit)}, got {len(node.items)}"
             scene = "planar: its vectors have x and y" if dimension == 2 else "spatial: its vectors have x, y and z"
             hint = f"the scene is {scene}" if len(node.items) == 5 - dimension else ""
+            hint = decimal_commas(node, dimension) or hint
             self.nodes.complain(node, path, message, hint)
             return self.zero(node, path)
         return self.components(node.items, node, path, unit, time)

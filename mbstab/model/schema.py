@@ -13,7 +13,7 @@ from mbstab.mechanics.catalogue import Kind, Sign
 from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.functions import TABULATED
 from mbstab.model.hermite import OutsideTable, monotone_slopes, no_slopes, spline_slopes
-from mbstab.model.units import UNITS, per_second
+from mbstab.model.units import UNITS, behind_number, per_second
 from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import Document
 from mbstab.records import dataclass
@@ -80,7 +80,10 @@ def parse_finite(text: str, parameters: Container[str]) -> Expression:
     """
     if _NOT_FINITE.fullmatch(text) and text not in parameters:
         raise ExpressionError(f"{text!r} is not a number", 0, "values must be finite")
-    return parse(text)
+    try:
+        return parse(text)
+    except ExpressionError as error:
+        raise behind_number(text) or error from None
 
 
 @dataclass(frozen=True)

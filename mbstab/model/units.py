@@ -72,8 +72,24 @@ UNITS: dict[str, tuple[float, Dimension]] = {
 
 _MEANT = {"ton": "t", "tons": "t", "tonne": "t", "tonnes": "t", "second": "s", "seconds": "s", "minutes": "min"}
 _MEANT |= {"meter": "m", "meters": "m", "metre": "m", "metres": "m", "gram": "g", "grams": "g", "newton": "N"}
-_MEANT |= {"Nm": "N*m", "Nms": "N*m*s", "Ns": "N*s", "sec": "s", "degree": "deg", "degrees": "deg", "kph": "km/h"}
+_MEANT |= {"Nm": "N*m", "Nms": "N*m*s", "Ns": "N*s", "sec": "s", "degree": "deg", "degrees": "deg", "mps": "m/s"}
+_MEANT |= {"kph": "km/h", "kmh": "km/h", "kmph": "km/h", "hour": "h", "hours": "h", "hr": "h", "rps": "Hz"}
+_MEANT |= {"radian": "rad", "radians": "rad", "dimensionless": "1", "none": "1", "kgm": "kg*m", "newtons": "N"}
 """Words that are not units, and what those who write them mean."""
+_OTHER = {"rev": "turns are counted in rpm, or in Hz", "U": "turns are counted in rpm, or in Hz"}
+_OTHER |= {"in": "an inch is 25.4 mm", "inch": "an inch is 25.4 mm", "ft": "a foot is 0.3048 m"}
+_OTHER |= {"lb": "a pound is 0.45359237 kg", "lbs": "a pound is 0.45359237 kg", "lbf": "a pound-force is 4.4482216 N"}
+_OTHER |= {"kgf": "a kilogram-force is 9.80665 N", "bar": "a bar is 100 kPa", "l": "a litre is 0.001 m^3"}
+"""Units that a file may not name, and in which others they are written."""
+_SIGNS = {"°": "degrees are written deg", "²": "powers are written ^2", "³": "powers are written ^3"}
+_SIGNS |= {"·": "products are written *", "×": "products are written *", "µ": "micrometres are written um"}
+_SIGNS |= {
+    "μ": "micrometres are written um",
+    "Ω": "it is written ohm",
+    "%": "write the value as a fraction, 0.05 for 5 %",
+}
+_SIGNS |= {"-": "a plain number has the unit 1, and products are written *"}
+"""What stands for characters that units do not have."""
 
 _POWER = r"\s*(?:(?:\^|\*\*)\s*(?P<power>-?[0-9]{1,2}))?\s*"
 _FACTOR = re.compile(r"\s*(?P<name>[A-Za-z]+|1)" + _POWER)
@@ -104,7 +120,7 @@ def parse_unit(text: str) -> tuple[float, Dimension]:
             # Kg is kg, not g; mN is not MN.
             alike = [unit for unit in UNITS if unit.lower() == name.lower() and unit[0] != "M"]
             hint = suggestion(alike[0], alike) if alike else f"write {_MEANT[name]}" if name in _MEANT else ""
-            hint = hint or "known units: " + ", ".join(UNITS)
+            hint = hint or _OTHER.get(name, "known units: " + ", ".join(UNITS))
             raise ExpressionError(f"unknown unit {name!r}", at, hint)
         try:
             factor *= UNITS[name][0] ** power
@@ -151,7 +167,67 @@ def factors(text: str) -> Iterator[tuple[str, int, int]]:
 
 
 def _no_unit(text: str, at: int) -> ExpressionError:
-    return ExpressionError(f"{text!r} is not a unit", at, "write products of units, such as kg*m^2 or N/(rad*s)")
+    known = _SIGNS.get(text[at], "") if at < len(text) else ""
+    hint = known or "write products of units, such as kg*m^2 or N/(rad*s)"
+    return ExpressionError(f"{text!r} is not a unit", at, hint)
+
+
+_WORDS = re.compile(r"[A-Za-z]+")
+_NUMBER = re.compile(r"(?<![A-Za-z0-9_.])(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_UNIT_AT = re.compile(r"(?:°|[A-Za-z]+)(?:\^-?[0-9])?(?:\s*[*/]\s*(?:°|[A-Za-z]+)(?:\^-?[0-9])?)*")
+
+
+def meant(text: str) -> str:
+    """Return a unit as it is written here, km/h for ``kmh``; an empty string if a text is none."""
+    found = _WORDS.sub(lambda word: _MEANT.get(word.group(), word.group()), text.replace("°", "deg"))
+    try:
+        parse_unit(found)
+    except ExpressionError:
+        return ""
+    return found
+
+
+def _unit_at(text: str, at: int) -> tuple[str, str]:
+    """Return the unit that stands at a place of a text, as it is written there and as it is written here."""
+    found = _UNIT_AT.match(text, at)
+    written = found.group() if found is not None else ""
+    while written and not meant(written):
+        written = written[: max(written.rfind("*"), written.rfind("/"), 0)].rstrip()
+    return written, meant(written) if written else ""
+
+
+def behind_number(text: str) -> ExpressionError | None:
+    """Return what is wrong with an expression that has a unit behind a number, as in ``2 kg``; None if it has none."""
+    for found in _NUMBER.finditer(text):
+        at = found.end() + len(text[found.end() :]) - len(text[found.end() :].lstrip())
+        written, unit = _unit_at(text, at)
+        if written:
+            break
+    else:
+        return None
+    number = found.group()
+    if unit == "deg":
+        hint = f"write {number}*deg"
+    elif parse_unit(unit)[0] == 1.0:
+        hint = f"write {number}"
+    else:
+        hint = f"declare a parameter and write its name: parameters: {{NAME: {{value: {number}, unit: {unit}}}}}"
+    shown = repr(text[found.start() : at] + written)
+    return ExpressionError(f"{shown}: numbers in expressions are in SI units, without a unit", at, hint)
+
+
+def as_name(text: str, at: int = 0) -> str:
+    """Return what to do about a unit at a place of an expression, as a hint; empty if there is none.
+
+    A single letter is more likely the name of a parameter that is missing.
+    """
+    written, unit = _unit_at(text, at)
+    if len(written) < 2 or "*" in written[:2] or "/" in written[:2]:
+        return ""
+    return (
+        f"{written} is a unit: numbers in expressions are in SI units, other units stand with a parameter, "
+        f"such as {{value: 5, unit: {unit}}}"
+    )
 
 
 def exact_factor(text: str, arithmetic: Arithmetic) -> Any:

@@ -77,6 +77,8 @@ class Document:
     """Where parts are included first, by the names of their files."""
     counts: dict[str, YamlNode] = field(default_factory=dict)
     """The values of ``counts:`` as they are written."""
+    indices: set[str] = field(default_factory=set)
+    """Names of the indices of ``repeat:``."""
     doubts: list[str] = field(default_factory=list)
     """Warnings about what is likely to be meant otherwise."""
     empty: dict[str, tuple[Location, str]] = field(default_factory=dict)

@@ -41,7 +41,8 @@ def check_text(report: CheckReport, title: str) -> str:
         f"degrees of freedom  {report.degrees_of_freedom}",
         f"finite eigenvalues  {report.n_f}",
         f"reference           {'at rest' if report.at_rest else 'in motion'}",
-        f"largest residuals   {report.position_residual:.1e} in position, {report.velocity_residual:.1e} in velocity",
+        f"largest residuals   {report.position_residual:.1e} in position, {report.velocity_residual:.1e} in velocity "
+        "(SI units)",
     ]
     for head, items in (
         ("solved by the program", [", ".join(report.solved)] if report.solved else []),

@@ -15,7 +15,7 @@ from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.response.responding import responding
 from mbstab.analysis.response.state_space import ControlModel
 from mbstab.compiler.system import Array
-from mbstab.errors import NumericalError, UsageError, suggestion
+from mbstab.errors import NumericalError, UsageError, alternatives
 from mbstab.records import dataclass
 
 
@@ -117,7 +117,7 @@ class Channel:
 def number_of(name: str, known: tuple[str, ...], what: str, listed: str) -> int:
     """Return the number of a name; refuse one that is not known."""
     if name not in known:
-        hint = suggestion(name, known) or f"{listed}: " + (", ".join(known) or "none")
+        hint = alternatives(name, known, listed)
         raise UsageError(f"there is no {what} {name!r}\nhint: {hint}")
     return known.index(name)
 

@@ -25,7 +25,7 @@ from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.disturbance import Quantity, coordinates, reached, read_name, speeds, staying
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
-from mbstab.errors import MbstabError, ModelFileError, UsageError, amount, suggestion
+from mbstab.errors import MbstabError, ModelFileError, UsageError, alternatives, amount
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.parameters import with_unit
@@ -208,7 +208,7 @@ def _expression(text: str, unit: str, parameters: Mapping[str, Any]) -> float:
         return float(number.evaluate({}, FLOAT)) * factor
     for used in (*expression.names(), *expression.rates()):
         if used not in parameters:
-            raise ExpressionError(f"unknown parameter {used!r}", 0, suggestion(used, parameters))
+            raise ExpressionError(f"unknown parameter {used!r}", 0, alternatives(used, parameters, "parameters"))
     return float(expression.evaluate(parameters, FLOAT))
 
 

@@ -25,7 +25,7 @@ from mbstab.cli.output import (
     save_picture,
     warn,
 )
-from mbstab.errors import NumericalError, OutputError, UsageError, counted, suggestion
+from mbstab.errors import NumericalError, OutputError, UsageError, alternatives, counted
 from mbstab.model.units import is_angular_velocity
 
 if TYPE_CHECKING:
@@ -236,6 +236,13 @@ def _check_options(
     """Refuse options that exclude each other."""
     if len(parameters) > 2 or len(set(parameters)) < len(parameters):
         raise UsageError("a sweep has one parameter, a chart two different ones")
+    if valued := [name for name in parameters if "=" in name]:
+        name, _, value = valued[0].partition("=")
+        first, _, last = value.partition("..")
+        span = f"--from {first.strip()} --to {last.strip()}" if first.strip() and last.strip() else "--from … --to …"
+        one = "" if ".." in value else f"; one value: mbstab eig --set {name}={value}"
+        message = f"--param {valued[0]}: a sweep takes the name of a parameter, and its range apart"
+        raise UsageError(f"{message}\nhint: --param {name.strip()} {span}{one}")
     if joined := [name for name in parameters if "," in name]:
         separate = " ".join(f"--param {part.strip()}" for part in joined[0].split(","))
         raise UsageError(f"--param {joined[0]} names more than one parameter\nhint: {separate}")
@@ -264,8 +271,8 @@ def _check_path(
     known = model.coordinates()
     for name in coordinates:
         if name.removeprefix("rate(").removesuffix(")") not in known:
-            near = suggestion(name, known)
-            raise UsageError(f"--coordinate {name}: no coordinate or rate" + f"\nhint: {near}" * bool(near))
+            hint = alternatives(name, known, "coordinates")
+            raise UsageError(f"--coordinate {name}: no coordinate or rate\nhint: {hint}")
 
 
 def _grids(

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from mbstab.errors import suggestion
+from mbstab.errors import alternatives
 from mbstab.mechanics.catalogue import Field, Number
 from mbstab.model.columns import CsvFile, read_csv, table_of
 from mbstab.model.fields.base import NUMBER, TEXT, FieldKind, Owner, Reading, object_schema
@@ -76,7 +76,7 @@ class SpeedCurvesField(FieldKind):
             wrong.append((f"its first column is {unit!r}", "it is the speed, and its heading is rad/s or rpm"))
         for i, column in enumerate(columns):
             if column not in field.columns:
-                hint = suggestion(column, field.columns) or "columns: " + ", ".join(field.columns)
+                hint = alternatives(column, field.columns, "columns")
                 wrong.append((f"it has a column {column!r}", hint))
             elif column in columns[:i]:
                 wrong.append((f"it has two columns {column!r}", ""))

@@ -24,6 +24,7 @@ from mbstab.model.fields.base import (
     typed_schema,
 )
 from mbstab.model.fields.values import NumberField
+from mbstab.model.nodes import decimal_commas
 from mbstab.model.numbers import all_of
 from mbstab.model.quantities import AXES
 from mbstab.model.schema import ALONG, PART_FIELDS, Components, PartValue, ShapeValue, constant
@@ -64,7 +65,8 @@ class TensorField(FieldKind):
                 lines = [quantities.components(row.items, row, f"{path}[{i}]", unit) for i, row in enumerate(rows)]
                 return Components(tuple(x for line in lines for x in line.values), node.location, path)
         keys = ", ".join(TENSOR_KEYS)
-        reading.nodes.complain(node, path, f"expected three principal moments, a 3×3 matrix, or keys {keys} (kg*m^2)")
+        message = f"expected three principal moments, a 3×3 matrix, or keys {keys} (kg*m^2)"
+        reading.nodes.complain(node, path, message, decimal_commas(node, 3) if isinstance(node, Sequence) else "")
         return None
 
     def numbers(self, owner: Owner, field: Field, value: Components) -> Vector:

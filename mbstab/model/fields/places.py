@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, ClassVar
 
-from mbstab.errors import suggestion
+from mbstab.errors import alternatives
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import GROUND, Field, Marker, Number, Vector
 from mbstab.model.evaluator import Evaluator
@@ -50,7 +50,7 @@ def read_marker(reading: Reading, node: YamlNode, path: str) -> MarkerValue | No
         return MarkerValue(body, quantities.zero(node, path))
     points = names.geometry[body][0]
     if point_name not in points:
-        hint = suggestion(point_name, points) or "its points: " + (", ".join(points) or "none")
+        hint = alternatives(point_name, points, "its points")
         nodes.complain(node, path, f"{owner_of_point(body)} has no point {point_name!r}", hint)
         return None
     return MarkerValue(body, points[point_name])

@@ -386,6 +386,10 @@ class EntryReader:
             if len(given) != 1:
                 said = " and ".join(map(repr, given)) if len(group) > 2 and given else "both" if given else "none"
                 self.nodes.complain(node, path, f"give one of {' and '.join(map(repr, group))}, {said} given")
+        if kind.some_of and not any(key in node.entries for key in kind.some_of) and not self.nodes.faulty(path):
+            *others, last = map(repr, kind.some_of)
+            hint = f"without them, a {kind.name} does nothing; each may be 0"
+            self.nodes.complain(node, path, f"give at least one of {', '.join(others)} and {last}", hint)
         for field in kind.fields:
             for other in field.needs if field.name in node.entries else ():
                 self.nodes.required(node, other, f"{path}.{field.name}", f"it is needed for the {field.doc}")

@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping
 
-from mbstab.errors import suggestion
+from mbstab.errors import alternatives, suggestion
 from mbstab.mechanics.measures import MEASURES
-from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import DERIVED, Expression, ExpressionError, filled_in, parse
 from mbstab.model.measures import TRANSMITTED, Measurement, Places
 from mbstab.model.quantities import AXES, QuantityReader
@@ -89,8 +88,9 @@ def _check(
             if x.kind != "coordinate":
                 _check_measure(x, entries, places, at)
             elif name not in parameters and x.arguments[0] not in coordinates:
-                known = [*coordinates, *parameters, *MEASURES, *DERIVED, *CONSTANTS]
-                raise ExpressionError(f"unknown coordinate {x.arguments[0]!r}", at, suggestion(x.arguments[0], known))
+                word = x.arguments[0]
+                hint = suggestion(word, [*coordinates, *parameters]) or alternatives(word, coordinates, "coordinates")
+                raise ExpressionError(f"unknown coordinate {word!r}", at, hint)
 
 
 def _check_measure(x: Measurement, entries: Entries, places: Places, at: int) -> None:
@@ -116,7 +116,9 @@ def _check_measure(x: Measurement, entries: Entries, places: Places, at: int) ->
 def _check_known(word: str, known: Collection[Entry], what: str, at: int) -> None:
     sections = [entry.section for entry in known if entry.name == word]
     if not sections:
-        raise ExpressionError(f"there is no {what} {word!r}", at, suggestion(word, [entry.name for entry in known]))
+        raise ExpressionError(
+            f"there is no {what} {word!r}", at, alternatives(word, [x.name for x in known], "there are")
+        )
     if len(sections) > 1:
         message = f"there are several called {word!r}, in {' and '.join(sections)}"
         raise ExpressionError(message, at, "give one of them another name")

@@ -19,16 +19,7 @@ from mbstab.records import dataclass
 
 RESERVED = ("t", "rate", *CALLED, *CONSTANTS)
 """Names that expressions use for something else."""
-_WITH_UNIT = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s+(\S+)\s*")
-
-
-def _is_unit(text: str) -> bool:
-    """Whether a text is a unit."""
-    try:
-        units.parse_unit(text)
-    except ExpressionError:
-        return False
-    return True
+_WITH_UNIT = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z°].*?)\s*")
 
 
 @dataclass(frozen=True)
@@ -109,8 +100,9 @@ class ParameterReader:
     def _parameter(self, name: str, written: _Written) -> Parameter:
         value, unit, factor = written.value, written.unit, written.factor
         path = f"parameters.{name}"
-        if (apart := _WITH_UNIT.fullmatch(value.text)) and not unit and _is_unit(apart.group(2)):
-            hint = f"write {{value: {apart.group(1)}, unit: {apart.group(2)}}}"
+        apart = _WITH_UNIT.fullmatch(value.text)
+        if apart is not None and (own := units.meant(apart.group(2))):
+            hint = f"write {{value: {apart.group(1)}, unit: {own}}}"
             self.nodes.complain(value, path, f"{value.text!r}: a number and its unit stand apart", hint)
             expression = constant("1", value.location, path)
         else:

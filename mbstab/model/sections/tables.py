@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from decimal import Decimal
 
-from mbstab.errors import suggestion
+from mbstab.errors import alternatives
 from mbstab.model.columns import MAX_POINTS, Column, read_csv, table_of
 from mbstab.model.nodes import NodeReader
 from mbstab.model.schema import TABLE_FIELDS, TableValue
@@ -76,7 +76,7 @@ class TableReader:
                 chosen.append(number)
                 continue
             if (found := csv.header.count(word)) != 1:
-                hint = "" if found else suggestion(word, csv.header) or "columns: " + ", ".join(csv.header)
+                hint = "" if found else alternatives(word, csv.header, "columns")
                 message = f"{csv.name} has {'two columns' if found else 'no column'} {word!r} in its first line"
                 self.nodes.complain(given, f"{path}.{key}", message, hint)
                 return None

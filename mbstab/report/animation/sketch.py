@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.compiler.system import Array, System
-from mbstab.errors import UsageError, suggestion
+from mbstab.errors import UsageError, alternatives
 from mbstab.mechanics.catalogue import GROUND, Look, Marker
 from mbstab.mechanics.vectors import triad
 from mbstab.model.arithmetic import FLOAT
@@ -186,7 +186,7 @@ class Sketch:
             If there is none.
         """
         if name not in self.points:
-            hint = suggestion(name, self.points) or "points: " + ", ".join(list(self.points)[:12])
+            hint = alternatives(name, self.points, "points")
             raise UsageError(f"{option} {name}: there is no such point of a body\nhint: {hint}")
         return self.points[name]
 

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from mbstab.analysis.algebra.arrays import Index
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.compiler.system import Array
-from mbstab.errors import UsageError, suggestion
+from mbstab.errors import UsageError, alternatives
 from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated
 from mbstab.report.pictures.dense_curves import slopes
@@ -72,8 +72,8 @@ def shown_names(result: Sweep, asked: Sequence[str]) -> tuple[list[str], int]:
                for path in paths for name in path.reference}  # fmt: skip
     for name in asked:
         if name not in columns:
-            near = suggestion(name, columns)
-            raise UsageError(f"--coordinate {name}: no such coordinate" + f"\nhint: {near}" * bool(near))
+            hint = alternatives(name, columns, "coordinates")
+            raise UsageError(f"--coordinate {name}: no such coordinate\nhint: {hint}")
     if asked:
         return list(dict.fromkeys(asked)), 0
     chosen: list[str] = []

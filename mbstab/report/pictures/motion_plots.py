@@ -20,7 +20,7 @@ from matplotlib.lines import Line2D
 from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name
 from mbstab.analysis.simulate.result import Simulation
 from mbstab.compiler.system import Array
-from mbstab.errors import UsageError, suggestion
+from mbstab.errors import UsageError, alternatives, suggestion
 from mbstab.model.measures import Measurement, effort_unit
 from mbstab.model.schema import Entry, Model
 from mbstab.records import dataclass
@@ -155,7 +155,7 @@ def _of_coordinate(form: str, array: str, order: int) -> Reader:
         if name not in known:
             bodies = list(dict.fromkeys(x.rpartition(".")[0] for x in known))
             text = "" if form == "{}" else f" in {form.format(name)!r}"
-            hint = suggestion(name, known) or "coordinates: " + ", ".join(known[:12])
+            hint = alternatives(name, known, "coordinates")
             if name in bodies:
                 hint = "coordinates: " + ", ".join(x for x in known if x.startswith(f"{name}."))
             raise UsageError(f"there is no coordinate {name!r}{text}\nhint: {hint}")
@@ -175,7 +175,7 @@ def _of_reaction(what: str, unit: str) -> Reader:
         sections = [entry.section for entry in transmitting if entry.name == owner]
         if not sections:
             known = [entry.name for entry in transmitting]
-            hint = suggestion(owner, known) or "those with reactions: " + (", ".join(known[:12]) or "none")
+            hint = alternatives(owner, known, "those with reactions")
             raise UsageError(f"nothing called {owner!r} has reactions, in {f'{what}({name})'!r}\nhint: {hint}")
         if len(sections) > 1:
             where = " and ".join(sections)
@@ -207,7 +207,7 @@ def _of_effort(model: Model, name: str) -> list[Quantity]:
     owners = [owner for owner, entry in found.items() if entry.name == name]
     if not owners:
         known = list(dict.fromkeys(entry.name for entry in found.values()))
-        hint = suggestion(name, known) or "those with efforts: " + (", ".join(known[:12]) or "none")
+        hint = alternatives(name, known, "those with efforts")
         if along := [entry.name for entry in found.values() if str(entry.values.get("joint")) == name]:
             hint = "along this joint act " + ", ".join(f"effort({x})" for x in along)
         raise UsageError(
@@ -252,8 +252,8 @@ def _of_motion(motion: str, array: str = "motions", form: str = "{}", per: str =
         known = [motion_name(x, entry.name) for entry in model.entries["joints"].values() for x in entry.kind.motions]
         if name not in known:
             own = [x for x in known if x.endswith(f"({joint})")]
-            hint = f"motions of joints: {', '.join(own)}" if own else suggestion(name, known)
-            hint = hint or f"motions of joints: {', '.join(known[:12]) or 'none'}"
+            listed = "motions of joints"
+            hint = f"{listed}: {', '.join(own)}" if own else alternatives(name, known, listed)
             raise UsageError(f"there is no joint motion {name!r}\nhint: {hint}")
         return [Quantity(form.format(name), MOTION_UNITS[motion] + per, lambda sim: _motion(sim, array, name))]
 
