@@ -5,9 +5,12 @@ import random
 import numpy as np
 import pytest
 from mpmath import mp
+from scipy.integrate import solve_ivp
 from test_massless import close
 
 import mbstab
+from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.start import start_of
 from mbstab.errors import MassError
 
 LIGHT_LINK = """\
@@ -93,6 +96,43 @@ def test_bodies_of_next_to_no_mass_are_answered(text, truth, m):
 def test_a_light_link_tends_to_one_without_mass():
     light = mbstab.loads(LIGHT_LINK)
     assert close(light.eig(m=1e-30).values(), light.eig(m=0).values(), 1e-14)
+
+
+def three_pendulums(m, start, end):
+    """Return the angles to the vertical of the light link and its neighbours after some time, from a turn of one."""
+    arms, masses, inertias = np.array([[1, 0, 0], [2, 0.5, 0], [2, 1, 1]]), np.array([1, m, 2]), np.array([0.1, m, 0.3])
+
+    def slope(t, y):
+        angle, rate = y[:3], y[3:]
+        share = np.einsum("k,ki,kj->ij", masses, arms, arms)
+        turn = angle[:, None] - angle
+        force = (share * np.sin(turn)) @ rate**2 + 9.81 * (masses @ arms) * np.sin(angle)
+        return np.concatenate([rate, np.linalg.solve(share * np.cos(turn) + np.diag(inertias), -force)])
+
+    return solve_ivp(slope, (0.0, end), [*start, 0.0, 0.0, 0.0], method="DOP853", rtol=1e-12, atol=1e-12).y[:3, -1]
+
+
+@pytest.mark.parametrize("method", ["projection", "radau"])
+@pytest.mark.parametrize("m", [1e-6, 1e-9, 1e-12, 1e-15, 1e-30])
+def test_a_light_link_costs_a_simulation_neither_steps_nor_digits(m, method):
+    mechanism, angles = mbstab.loads(LIGHT_LINK), ["one.theta", "link.theta", "two.theta"]
+    heavy = mechanism.simulate(1.0, perturb={"two.theta": 0.5}, method=method, m=1e-3)
+    found = mechanism.simulate(1.0, perturb={"two.theta": 0.5}, method=method, m=m)
+    turned = found.q[:, [found.names.index(name) for name in angles]]
+    assert turned[-1] == pytest.approx(three_pendulums(m, turned[0], 1.0), abs=3e-8)
+    assert found.steps < 1.1 * heavy.steps
+
+
+@pytest.mark.parametrize("m", [1e-3, 1e-9, 1e-15])
+def test_accelerations_of_light_links_are_right_to_the_last_digits(m):
+    """Against the index-1 equations with the same matrices in 60 digits."""
+    start = start_of(mbstab.loads(LIGHT_LINK).system(m=m), {"two.theta": 0.5, "rate(link.theta)": 1.0})
+    equations = Constrained(start.system, start.motion)
+    a, _, at = equations.accelerations(0.0, start.motion.q, start.motion.u)
+    with mp.workdps(60):
+        A = mp.matrix(np.block([[at.M, at.J.T], [at.J, np.zeros((len(at.J), len(at.J)))]]).tolist())
+        exact = mp.lu_solve(A, mp.matrix([*(-at.F0).tolist(), *(-at.B).tolist()]))
+        assert a == pytest.approx([float(x) for x in exact[: len(a)]], rel=1e-13, abs=1e-14)
 
 
 # --- very large masses ----------------------------------------------------------------------------------------------

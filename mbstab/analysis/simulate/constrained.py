@@ -11,7 +11,9 @@ the mass matrix,
 
 (Eich 1993, SIAM J. Numer. Anal. 30; Hairer and Wanner 1996, section VII.2). Where rows are
 redundant, they are replaced by orthonormal combinations of them, as many as the rank at the
-start. Everything is computed in coordinates scaled by the masses they carry.
+start. Everything is computed in coordinates scaled by the masses that resist their motion at the start: a light link
+between heavy bodies carries theirs. Scaled by its own, the matrix of the index-1 equations loses the digits of the
+ratio of both.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, least_squares, others
 from mbstab.analysis.algebra.augmented import augmented_matrix, least_multipliers
+from mbstab.analysis.algebra.sparse import dense, row_norms
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
@@ -90,7 +93,10 @@ class Constrained:
         self._dgesv = dgesv
         spaces = motion.spaces
         self.system, self.sizes = system, motion.sizes
-        self.scale, self.row_scale = spaces.scale, spaces.row_scale
+        self.scale = _carried(motion)
+        self.row_scale = 1.0 / row_norms(dense(motion.dynamics.J) * self.scale)
+        # Which multipliers are the least ones must not depend on the masses.
+        self._least_scale = spaces.row_scale
         self.n, self.n_h, self.n_c = system.n_q, system.n_h, system.n_c
         self.rank_h, self.rank = spaces.C.rank, spaces.C.rank + spaces.W.rank
         self.evaluations = 0
@@ -371,7 +377,7 @@ class Constrained:
         left, s, right = np.linalg.svd(J, full_matrices=False)
         if not self.full:
             self._holonomic, self._all = self._combinations(J)
-            self._span = left[:, : self.rank]
+            self._span = np.linalg.qr(left[:, : self.rank] * (self._least_scale / self.row_scale)[:, None])[0]
         k = self.rank - 1
         if self._least is None:
             self._least = float(s[k])
@@ -390,12 +396,13 @@ class Constrained:
         """Return the minimum-norm multipliers (n_c,) with the same effect, where rows are redundant."""
         if self.full or not self.rank:
             return nu
-        return np.asarray(self._span @ (self._span.T @ (nu / self.row_scale)) * self.row_scale)
+        return np.asarray(self._span @ (self._span.T @ (nu / self._least_scale)) * self._least_scale)
 
     def multipliers(self, state: Dynamics, a: Array) -> Array:
         """Return the minimum-norm multipliers (n_c,) that balance given accelerations, also where rank is lost."""
         force = -(state.F0 + state.M @ a) * self.scale
-        return least_multipliers(state.J * self._rows, force, TOLERANCES.multiplier_singular_value) * self.row_scale
+        J = state.J * self.scale * self._least_scale[:, None]
+        return least_multipliers(J, force, TOLERANCES.multiplier_singular_value) * self._least_scale
 
     def flipped(self, before: Watch, state: Dynamics, after: Watch) -> bool:
         """Return whether the smallest singular value changed its sign, along its own vectors, or is nearly zero."""
@@ -473,6 +480,20 @@ class Constrained:
     def combinations(self) -> tuple[Array, Array]:
         """Independent combinations of scaled holonomic rows (n_h, rank) and of all scaled rows (n_c, rank)."""
         return self._holonomic, self._all
+
+
+def _carried(motion: Motion) -> Array:
+    """Return 1/√m for each coordinate, m being the mass that resists a force along it.
+
+    Coordinates that the constraints hold count as heavy as the heaviest of the others.
+    """
+    scale, massless = motion.spaces.scale, dense(motion.dynamics.M).diagonal() <= 0.0
+    moved = np.sqrt(np.maximum(dense(motion.augmented.mobility @ np.eye(len(scale))).diagonal(), 0.0))
+    free = (moved > TOLERANCES.blocked) & ~massless
+    if not free.any():
+        return scale
+    least = motion.sizes * np.min((scale * moved / motion.sizes)[free])
+    return np.where(massless, scale, np.maximum(scale * moved, least))
 
 
 def _strong(factors: Any) -> bool:

@@ -15,6 +15,8 @@ class Tolerances:
     """A projection is finished when the residuals, relative to the sizes in the scene, are below this …"""
     projection_residual_failed: Final = 1e-12
     """… and has failed if they stay above this."""
+    blocked: Final = 1e-7
+    """A coordinate that moves less than this under a force, relative to one that is free of constraints, is blocked."""
     pivot_of_rows: Final = 1e-10
     """All rows are combined where a pivot of the independent ones falls below this fraction of the largest."""
     multiplier_singular_value: Final = 1e-10
