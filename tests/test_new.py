@@ -102,3 +102,17 @@ def test_an_unknown_kind_is_refused_with_the_nearest_one(here):
     assert "there is no kind 'vehicel' of model\nhint: did you mean 'vehicle'?" in answer.stderr
     assert "one of controller, planar," in run("new", "zzz").stderr
     assert list(here.iterdir()) == []
+
+
+def test_output_is_the_same_as_a_file(here):
+    made = run("new", "rotor", "-o", "own.yaml")
+    assert (made.exit_code, made.stderr) == (0, "wrote own.yaml\n")
+    assert (here / "own.yaml").read_text() == run_file(here)
+    assert run("new", "rotor", "a.yaml", "-o", "b.yaml").exit_code == 2
+    assert "needs a KIND of model" in run("new", "-o", "c.yaml").stderr
+    assert sorted(x.name for x in here.iterdir()) == ["own.yaml", "own2.yaml"]
+
+
+def run_file(here):
+    run("new", "rotor", "own2.yaml")
+    return (here / "own2.yaml").read_text().replace("own2.yaml", "own.yaml")

@@ -17,7 +17,7 @@ from mbstab.analysis.response.transfer import channels
 from mbstab.analysis.response.zeros import TransferZeros
 from mbstab.errors import NumericalError, UsageError
 from mbstab.report.pictures.responses import nyquist, response_picture
-from mbstab.report.responses import decibels, phase, response_data, response_text
+from mbstab.report.responses import _degrees, angles, decibels, phase, response_data, response_text
 
 
 def channel(model, source, goal):
@@ -549,3 +549,34 @@ def test_a_state_that_is_not_at_rest_is_told_wherever_a_linear_model_is_used(tmp
     assert drifting.response(frozen=True).warnings == ()
     found = DRIFTING.replace("{coordinates: {b: {x: 0}}}", "{find: equilibrium}")
     assert mbstab.loads(found).response().warnings == ()
+
+
+@pytest.mark.parametrize("name", ["dc_motor_arm", "whipple_bicycle", "levitation"])
+def test_phases_in_tables_are_within_half_a_turn(name):
+    """Also where the curve without jumps goes on to -355 degrees; -180 is written 180."""
+    answer = mbstab.load(f"{name}.yaml").response()
+    lines = run("response", f"{name}.yaml").stdout.splitlines()
+    head = next(i for i, line in enumerate(lines) if line.startswith("ω (rad/s)"))
+    rows = [line.split() for line in lines[head + 2 :]]
+    rows = rows[: rows.index([])]
+    places = np.unique(np.linspace(0, len(answer.x) - 1, 13).round().astype(int))
+    truth = np.degrees(np.angle(answer.values[0][places]))
+    assert np.ptp(phase(answer.values[0])) > 150.0
+    for row, x in zip(rows, truth, strict=True):
+        assert -180.0 < float(row[3]) <= 180.0
+        assert float(row[3]) == pytest.approx(x, rel=2e-5)
+
+
+def test_the_phase_of_a_negative_number_is_180_degrees():
+    values = np.array([-1.0 - 0.0j, -1.0 + 0.0j, -1.0 + 1.0j, 0.0, np.inf])
+    np.testing.assert_array_equal(angles(values), [180.0, 180.0, 135.0, np.nan, np.nan])
+    assert _degrees(-179.9999999) == "180"
+
+
+@pytest.mark.parametrize("name", ["dc_motor_arm", "robot_arm", "whipple_bicycle", "cart_pendulum"])
+def test_states_are_in_the_order_of_the_file(name):
+    model = mbstab.load(f"{name}.yaml")
+    found = [x["name"] for x in json.loads(run("linearize", f"{name}.yaml", "--format", "json").stdout)["states"]]
+    bodies = [f"{body.name}.{c}" for body in model.system().scene.bodies for c in body.coordinates]
+    order = [*bodies, *model.model.states, *(f"rate({x})" for x in bodies)]
+    assert found == sorted(found, key=order.index)

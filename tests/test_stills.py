@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from PIL import Image
 from test_cli import run
 
 import mbstab
@@ -75,3 +76,11 @@ def test_what_has_no_picture_is_refused(arguments, message, tmp_path):
     result = run("eig", *arguments, "--plot", "modes", "--pictures", str(tmp_path / "a.svg"))
     assert result.exit_code == 2
     assert message in result.stderr
+
+
+def test_a_moving_picture_for_a_slide_has_its_shape(tmp_path):
+    goal = tmp_path / "a.gif"
+    command = ("simulate", "pendulum.yaml", "--mode-shape", "1", "--fps", "5", "--animate", str(goal))
+    assert run(*command, "--size", "slide").exit_code == 0
+    with Image.open(goal) as picture:
+        assert picture.size == (720, pytest.approx(720 * 143 / 254, abs=1.0))

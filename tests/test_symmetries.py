@@ -168,3 +168,19 @@ def test_the_equations_are_evaluated_once_at_the_states_that_are_compared(monkey
     mbstab.load("whipple_bicycle.yaml").eig()
     assert max(points.values()) <= 2  # the reference at rest: assembled, and asked whether the rows allow rest
     assert len(points) > 30
+
+
+def test_a_common_shift_names_what_moves_in_each_unit():
+    """A rack travels 0.05 m per radian of its pinion: as numbers, little; but metres are no radians."""
+    text = """mbstab: 1
+parameters: {r: {value: 0.05, unit: m}}
+bodies:
+  pinion: {type: planar, mass: 1, inertia: 0.01}
+  rack: {type: planar, mass: 1, inertia: 0.01}
+joints:
+  axle: {type: revolute, between: [pinion, ground]}
+  rail: {type: prismatic, between: [rack, ground], axis: x}
+  mesh: {type: rack, joints: [rail, axle], radius: r}
+"""
+    (found,) = mbstab.loads(text).eig().modulo.symmetries
+    assert found == "common shift of pinion.theta, rack.x"

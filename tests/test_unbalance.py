@@ -301,3 +301,21 @@ def test_a_narrow_peak_where_a_frequency_only_comes_near_the_spin_is_found():
     exact = speeds**2 / abs(0.5 * (speeds - 1030) ** 2 + 1 + 0.02j * speeds)
     (peak,) = unbalance(mbstab.loads(text).model, "r", "n", np.linspace(500.0, 1500.0, 11)).peaks
     assert abs(peak.value) == pytest.approx(exact.max(), rel=1e-7)
+
+
+def test_phases_are_numbers_within_half_a_turn(tmp_path):
+    """Far above the critical speed v is 90 degrees behind u, which is half a turn behind: at 90, not at -270."""
+    (tmp_path / "rotor.yaml").write_text(JEFFCOTT)
+    arguments = ("response", str(tmp_path / "rotor.yaml"), "--unbalance", "disk", "--speed", "n", "--points", "41")
+    lines = run(*arguments, "--from", "10", "--to", "6000", "--format", "csv").stdout.splitlines()
+    columns = [k for k, head in enumerate(lines[0].split(",")) if head.endswith("phase (deg)")]
+    for line in lines[1:]:
+        cells = line.split(",")
+        speed = float(cells[0])
+        u = speed**2 / (4500 - 5 * speed**2 + 8j * speed)
+        for k, z in zip(columns, (u, -1j * u, 1j * speed * u), strict=True):
+            assert -180.0 < float(cells[k]) <= 180.0
+            assert float(cells[k]) == pytest.approx(np.degrees(np.angle(z)), abs=1e-6)
+    text = run(*arguments, "--from", "10", "--to", "6000", "--measured", "v").stdout
+    last = next(x for x in map(str.split, text.splitlines()) if x[:1] == ["6000"])
+    assert float(last[2]) == pytest.approx(90.0, abs=0.1)

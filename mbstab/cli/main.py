@@ -75,14 +75,18 @@ class _Group(click.Group):
             hint = OTHERWISE.get(args[0], "") or suggestion(args[0], COMMANDS) if args else ""
             raise click.UsageError(error.message + (f"\nhint: {hint}" if hint else ""), ctx) from None
 
+    def make_context(self, *arguments: Any, **options: Any) -> click.Context:
+        """Return the context of a call; the answer to ``--help`` is written on the way."""
+        with _into_pipe():
+            return super().make_context(*arguments, **options)
+
     def invoke(self, ctx: click.Context) -> Any:
-        try:
-            return super().invoke(ctx)
-        except MbstabError as error:
-            say(str(error))
-            ctx.exit(error.exit_code)
-        except BrokenPipeError:  # the reader has closed the pipe
-            ctx.exit(0)
+        with _into_pipe():
+            try:
+                return super().invoke(ctx)
+            except MbstabError as error:
+                say(str(error))
+                ctx.exit(error.exit_code)
 
     def main(self, *arguments: Any, **options: Any) -> Any:
         """Run the command and end the process with its exit code."""
@@ -96,11 +100,33 @@ STOPPED = 128
 """Exit code of a command that a signal has stopped, less the number of the signal, as shells have it."""
 
 
+UNREAD = STOPPED + 13
+"""Exit code of a command whose reader, such as ``head``, has closed the pipe (SIGPIPE): what it did not write tells
+nothing."""
+
+
+@contextlib.contextmanager
+def _into_pipe() -> Iterator[None]:
+    """End quietly if the reader has closed the pipe."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise click.exceptions.Exit(UNREAD) from None
+
+
 FORMATS = ("table", "json", "csv", "npz", "md", "html")
 """What commands write; those who ask for --json are told how."""
 
 
 def _exit_code(run: Callable[[], Any]) -> int:
+    """Return the exit code of a call, also of one whose reader has closed a pipe."""
+    try:
+        return _answered(run)
+    except BrokenPipeError:
+        return UNREAD
+
+
+def _answered(run: Callable[[], Any]) -> int:
     """Return the exit code of a call; errors of the command line or the machine go to stderr."""
     if sys.stdout is None:  # closed: writing fails, and no file gets its number
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")
@@ -130,8 +156,6 @@ def _exit_code(run: Callable[[], Any]) -> int:
         return error.exit_code
     except click.Abort:
         say("Aborted!")
-    except BrokenPipeError:
-        return 0
     except OutputError as error:
         say(str(error))
     except MemoryError as error:
@@ -193,7 +217,8 @@ def main() -> None:
     FILE is a model file (YAML), or - for stdin; a name that is not a file is looked up among the example models.
     Answers go to the terminal or to --output, whose suffix says the format; messages go to stderr. Exit codes:
     0 answered, 1 the computation failed, 2 the file or the command line is wrong, 3 an expectation did not hold or
-    --verify contradicts, 130 stopped by Ctrl-C, 143 by a request to terminate (SIGTERM).
+    --verify contradicts, 130 stopped by Ctrl-C, 143 by a request to terminate (SIGTERM), 141 the reader of the answer,
+    such as head, has closed the pipe.
     """
     one_thread_by_default()
     if sys.stdout.isatty():

@@ -347,7 +347,7 @@ size_option = click.option(
     expose_value=False,
     callback=_remember_size,
     help="Size of the pictures: a column (85 mm wide) or the width (170 mm) of a page, a slide (254 mm x 143 mm); "
-    "page if not given.",
+    "page if not given. Moving pictures have 720 pixels across, with text and shape as in that size.",
 )
 
 

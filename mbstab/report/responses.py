@@ -33,8 +33,20 @@ def decibels(value: Any) -> Any:
         return 20.0 * np.log10(np.abs(value))
 
 
+def angles(values: Any) -> Any:
+    """Return phases (degrees), above -180 and up to 180; nan on a pole and at 0."""
+    found = np.where(np.isfinite(values) & (values != 0.0), np.degrees(np.angle(values)), np.nan)
+    return np.where(found == -180.0, 180.0, found)
+
+
+def _degrees(angle: float) -> str:
+    """Return a phase with six digits; one that rounds to -180 is 180."""
+    text = f"{angle:.6g}"
+    return "180" if text == "-180" else text
+
+
 def phase(values: Any) -> Any:
-    """Return the phase without jumps (degrees), the first one between -180 and 180; nan on a pole and at 0.
+    """Return the phase of a curve without jumps (degrees), the first one between -180 and 180; nan on a pole and at 0.
 
     Across a pole or a zero without damping it jumps by 180: down at a pole, where the values grow, up at a zero, as
     with the least damping.
@@ -74,7 +86,7 @@ def response_text(result: Response, title: str) -> str:
         own = unit(channel, result.kind)
         lines.append(f"From {channel.source} to {channel.goal}" + (f" ({own})" if own else ""))
         if result.kind == "frequency":
-            body = [_frequency_row(k, result.x, values, phase(values), result.errors[i]) for k in rows]
+            body = [_frequency_row(result.x[k], values[k], result.errors[i][k]) for k in rows]
             lines.append(table(["ω (rad/s)", "gain", "gain (dB)", "phase (°)", "error of gain"], body))
         else:
             body = [[f"{x:.6g}" for x in (result.x[k], values[k])] for k in rows]
@@ -100,13 +112,13 @@ def _left_out(number: int, what: str) -> list[str]:
     return [f"{ROWS} of {number} {what} are shown; --format csv has all"] if number > ROWS else []
 
 
-def _frequency_row(k: int, omega: Any, values: Any, angles: Any, errors: Any) -> list[str]:
+def _frequency_row(omega: float, value: complex, error: float) -> list[str]:
     """Return a line of the table; a gain that is no larger than its error is said to be at most the sum of both."""
-    gain, error = float(abs(values[k])), float(errors[k])
+    gain = float(abs(value))
     if gain <= error < np.inf and gain:
-        return [f"{omega[k]:.6g}", f"≤ {gain + error:.0e}", "", "", ""]
+        return [f"{omega:.6g}", f"≤ {gain + error:.0e}", "", "", ""]
     shown = f"{error:.0e}" if np.isfinite(error) else ""
-    return [*(f"{x:.6g}" for x in (omega[k], gain, decibels(gain), angles[k])), shown]
+    return [*(f"{x:.6g}" for x in (omega, gain, decibels(gain))), _degrees(float(angles(value))), shown]
 
 
 def _zeros_text(zeros: Zeros) -> list[str]:
@@ -255,16 +267,16 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
     whole = zip(result.outputs, result.units, result.values, result.peaks, result.further, strict=True)
     for name, own, values, peak, others in whole:
         lines.append(f"From an unbalance at {result.point} to {name}" + (f" ({own})" if own else ""))
-        angle = phase(values)
+        angle = angles(values)
         body = [
-            [*(f"{x:.6g}" for x in (speeds[k], abs(values[k]), angle[k])), UNSTABLE if result.unstable[k] else ""]
+            [f"{speeds[k]:.6g}", f"{abs(values[k]):.6g}", _degrees(angle[k]), UNSTABLE if result.unstable[k] else ""]
             for k in rows
         ]
         heads = [f"{result.parameter} ({unit})", "amplitude", "phase (°)", ""]
         shown = len(heads) if np.any(result.unstable[rows]) else len(heads) - 1
         lines += [table(heads[:shown], [row[:shown] for row in body]), *_left_out(len(speeds), "speeds")]
         for which in (peak, *others):
-            text = _peak_text(which, result.speeds, angle, unit, factor)
+            text = _peak_text(which, unit, factor)
             lines += wrap(text if which is peak else f"further {text}", width())
         lines.append("")
     if np.any(result.unstable):
@@ -277,16 +289,14 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def _peak_text(peak: Peak, speeds: Any, angles: Any, unit: str, factor: float) -> str:
-    """Return a peak in words; its phase is counted on from those in the table."""
+def _peak_text(peak: Peak, unit: str, factor: float) -> str:
+    """Return a peak in words."""
     at = f"at {peak.speed / factor:.6g} {unit}"
     if not peak.bounded:
         return f"peak: none: the amplitude grows without bound {at}, a critical speed without damping"
     if peak.value == 0.0:
         return "no response"
-    angle, order = np.degrees(np.angle(peak.value)), np.argsort(speeds)
-    turns = (np.interp(peak.speed, speeds[order], angles[order]) - angle) / 360.0
-    shown = f"{abs(peak.value):.6g} {at}, phase {angle + 360.0 * np.round(turns):.6g}°"
+    shown = f"{abs(peak.value):.6g} {at}, phase {_degrees(float(angles(peak.value)))}°"
     return f"peak: {shown}" if peak.inside else f"no peak inside of the range; largest: {shown}"
 
 
@@ -326,7 +336,7 @@ def unbalance_csv(result: UnbalanceResponse, unit: str, factor: float) -> str:
     for name, own in zip(result.outputs, result.units, strict=True):
         heads += [f"{name} {part}" + (f" ({own})" if own else "") for part in ("real", "imag", "amplitude")]
         heads.append(f"{name} phase (deg)")
-    columns = [part for values in result.values for part in (values.real, values.imag, np.abs(values), phase(values))]
+    columns = [part for values in result.values for part in (values.real, values.imag, np.abs(values), angles(values))]
     lines = np.column_stack([in_unit(result.speeds, factor), *columns]).tolist()
     return to_csv([*heads, "verdict"], [[*line, verdict] for line, verdict in zip(lines, result.verdicts, strict=True)])
 

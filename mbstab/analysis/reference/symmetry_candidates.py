@@ -85,12 +85,19 @@ class SymmetryCandidates(ElementComparison):
         basis = room[:count]
         left, s, _ = np.linalg.svd(null - basis.T @ (basis @ null), full_matrices=False)
         for direction in echelon(left.T[: int(np.sum(s > 1e-6))] * sizes):
-            size = np.abs(direction)
-            strong = [n for n, x in zip(system.names, size, strict=True) if x > 0.3 * np.max(size)]
+            strong = self._strongest(direction)
             yield (
-                "joint shift of " + ", ".join([*strong[:4], *["…"] * (len(strong) > 4)]),
+                "common shift of " + ", ".join([*strong[:4], *["…"] * (len(strong) > 4)]),
                 self._shift(self._refined(direction)),
             )
+
+    def _strongest(self, direction: Array) -> list[str]:
+        """Return the coordinates that a shift moves most; only those of one unit are compared."""
+        model, moved = self.system.scene.model, np.abs(direction)
+        moved = np.where(moved / self.motion.sizes > 1e-9 * np.max(moved / self.motion.sizes), moved, 0.0)
+        units = np.array([model.unit_of(name) for name in self.system.names])
+        most = np.array([np.max(moved, where=units == unit, initial=0.0) for unit in units])
+        return [name for name, x, least in zip(self.system.names, moved, 0.3 * most, strict=True) if x > least]
 
     def _refined(self, direction: Array) -> Array:
         """Return a shift with its small entries as exact as its large ones.

@@ -11,14 +11,14 @@ HEADS: dict[str, tuple[str, str]] = {
     "speed of rotation about ": ("the rate of turn about ", ""),
     "speed of rotation ": ("the rate of turn ", ""),
     "speed of turn of ": ("the spin of ", ""),
-    "speed of joint shift of ": ("the rate of the joint shift of ", ""),
+    "speed of common shift of ": ("the rate of the common shift of ", ""),
     "speed along ": ("the speed along ", ""),
     "speed of ": ("the speed of ", "the speeds of "),
     "translation along ": ("the position along ", ""),
     "rotation about ": ("the angle about ", ""),
     "rotation ": ("the angle ", ""),
     "turn of ": ("the turn of ", ""),
-    "joint shift of ": ("the joint shift of ", ""),
+    "common shift of ": ("the common shift of ", ""),
 }
 """Beginnings of the names of symmetries and families, and of the words for them: for one, for several."""
 

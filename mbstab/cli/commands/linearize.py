@@ -47,7 +47,8 @@ FORMS = (*EQUATIONS, "pencil", "state-space")
     "--states",
     metavar="X,...",
     help="States of A, B, C, D: coordinates, angle(joint), displacement(joint), place(body.point.x) and rate(...) of "
-    "these; else chosen so that the map from them is well conditioned. Fewer than all will do if their rates depend "
+    "these; else chosen so that the map from them is well conditioned, in the order of the file: coordinates of "
+    "bodies, first-order states, then rates of coordinates. Fewer than all will do if their rates depend "
     "on them only, such as roll and steer of a bicycle.",
 )
 @click.option("--symbolic", is_flag=True, help="Print the blocks of the composite matrices with symbols.")

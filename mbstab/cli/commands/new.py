@@ -24,21 +24,26 @@ def _offered(context: click.Context, parameter: click.Parameter, incomplete: str
 @click.command()
 @click.argument("kind", required=False, shell_complete=_offered)
 @click.argument("file", required=False, type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="The same as FILE.")
 @quiet_option
-def new(kind: str | None, file: Path | None) -> None:
+def new(kind: str | None, file: Path | None, output: Path | None) -> None:
     """Write a commented model file of a KIND, to be changed into an own model; without KIND, list the kinds.
 
     It runs at once. FILE is KIND.yaml here unless given; an existing file is not overwritten.
 
     Example: mbstab new planar linkage.yaml
     """
+    if kind is None and output is not None:
+        raise UsageError(f"--output {output} needs a KIND of model\nhint: one of {', '.join(_kinds())}")
     if kind is None:
         show("".join(f"{name:12}{_title(name)}\n" for name in _kinds()))
         return
     if kind not in _kinds():
         hint = suggestion(kind, _kinds()) or f"one of {', '.join(_kinds())}"
         raise UsageError(f"there is no kind {kind!r} of model\nhint: {hint}")
-    name = kind + SUFFIX
+    if file is not None and output is not None:
+        raise UsageError(f"FILE is {file}, and --output {output} too\nhint: name one of them")
+    name, file = kind + SUFFIX, file or output
     goal = Path(name) if file is None else file / name if file.is_dir() else file
     if goal.exists():
         raise UsageError(f"{goal} exists already\nhint: name another FILE")

@@ -142,6 +142,8 @@ class Stage:
         for _ in range(ROUNDS):
             ratio = float((high - low)[1] / (high - low)[0])
             tall = min(max(wide * ratio, FLATTEST * part), TALLEST * part)
+            if size().height:
+                tall = WIDTH * part * size().height / size().width - around
             tall = (round((tall + around) * dpi / 2.0) * 2) / dpi - around
             view.low, view.high = low, high
             view.fit(wide, tall)
