@@ -8,9 +8,10 @@ from test_sweep import CUBIC, optimal
 
 import mbstab
 from mbstab.analysis.reference import many_points
-from mbstab.analysis.reference.continuation import follow, follow_all
+from mbstab.analysis.reference.continuation import follow
 from mbstab.analysis.reference.equations import Balance
-from mbstab.analysis.reference.paths import Path, Sheet, Surface
+from mbstab.analysis.reference.paths import Sheet, Surface
+from mbstab.analysis.reference.sheets import follow_all
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.blocks import home_of, patterns_at
 from mbstab.analysis.verdict.rule import WORDS
@@ -120,7 +121,7 @@ def test_a_chart_in_which_some_rows_fold_is_followed_row_by_row():
     model = mbstab.load("von_mises_truss.yaml").model
     sheet = follow_all(model, ("P", "h"), np.linspace(0.0, 6.0, 5), np.linspace(0.2, 0.6, 3))
     assert isinstance(sheet, Sheet)
-    assert [isinstance(path, Path) for path in sheet.paths] == [True] * 3
+    assert [len(paths) for paths in sheet.paths] == [1] * 3
 
 
 def test_neighbours_share_derivatives_also_where_rows_of_a_chart_begin(monkeypatch):

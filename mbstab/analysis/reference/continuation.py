@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
 from itertools import pairwise, takewhile
@@ -26,13 +25,13 @@ from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.reference.curve_points import Point, Run, joined, nearest_turn, pole_ahead, rounded, without_value
 from mbstab.analysis.reference.equilibrium import Problem
-from mbstab.analysis.reference.paths import Path, PathEnd, Sheet, Surface
+from mbstab.analysis.reference.paths import Path, PathEnd
 from mbstab.analysis.reference.smooth import SmoothSolutions
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError, in_one_line
 from mbstab.model.arithmetic import FLOAT
-from mbstab.model.parameters import bound, evaluate_parameters, settings_in_si
+from mbstab.model.parameters import evaluate_parameters
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
@@ -83,60 +82,6 @@ def follow(
     for fold in curve.branchings:
         beyond += curve.switched(fold)
     return replace(curve.path(main, start), moved=moved, beyond=tuple(beyond))
-
-
-def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> Sheet | Surface:
-    """Return the solutions over two parameters, all at once if they are smooth.
-
-    Otherwise as paths over the first one, started from a path over the second one. That path is at the lowest value
-    of the first one or, where there is no solution, at the highest or in the middle.
-
-    Raises
-    ------
-    MbstabError
-        If there is no solution to start from.
-    """
-    one, other = parameters
-    if surface := _surface(model, {one: x, other: y}):
-        return surface
-    edge, begin = _edge(model, parameters, x, y)
-    paths: list[Path | None] = []
-    for value, covered in zip(y, edge.covers({other: y}), strict=True):
-        path = None
-        if covered:
-            q, c = edge.predicted({other: np.array([value])})
-            with contextlib.suppress(MbstabError):
-                at = bound(model, settings_in_si({other: float(value)}))
-                path = follow(at, one, float(x[0]), float(x[-1]), begin, (q[0], c[0]), further=False)
-        paths.append(path)
-    return Sheet(model.parameters[other], y, tuple(paths), edge, (begin, edge.start))
-
-
-def _surface(model: Model, axes: Mapping[str, Array]) -> Surface | None:
-    """Return the solutions over two parameters around the one at their least values, if they are smooth."""
-    start = {name: float(x[0]) for name, x in axes.items()}
-    try:
-        problem = Problem(System(evaluate(model, start)), massless=True)
-        _, search, at, _ = problem.solved(problem.start)
-    except MbstabError:
-        return None
-    ranges = {name: (float(x[0]), float(x[-1])) for name, x in axes.items()}
-    wanted = math.prod(map(len, axes.values()))
-    return SmoothSolutions(model, search.balance, ranges, start, at.q, at.c).surface(wanted)
-
-
-def _edge(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> tuple[Path, float]:
-    """Return the solutions over the second parameter, and at which value of the first one."""
-    one, other = parameters
-    failure: MbstabError | None = None
-    for value in (x[0], x[-1], x[len(x) // 2]):
-        try:
-            at = bound(model, settings_in_si({one: float(value)}))
-            return follow(at, other, float(y[0]), float(y[-1]), further=False), float(value)
-        except MbstabError as error:
-            failure = failure or error
-    assert failure is not None
-    raise failure
 
 
 class _Curve:

@@ -184,6 +184,11 @@ class Path:
         return q, c
 
 
+def meet(one: Path, other: Path) -> bool:
+    """Return whether two paths lie over a common part of their parameter."""
+    return bool(max(one.values[0], other.values[0]) <= min(one.values[-1], other.values[-1]))
+
+
 @dataclass(frozen=True)
 class Sheet:
     """Solutions over two parameters: paths over the first one at values of the second one.
@@ -194,8 +199,8 @@ class Sheet:
         The second parameter.
     values : ndarray, shape (k,)
         Its values (SI), ascending.
-    paths : tuple of Path or None
-        None where no solution is known.
+    paths : tuple of tuple of Path
+        Those at each value, over parts of the first parameter that do not meet; none where no solution is known.
     edge : Path
         The path over the second parameter from which the others start.
     start : tuple of float
@@ -204,35 +209,41 @@ class Sheet:
 
     parameter: Parameter
     values: Array
-    paths: tuple[Path | None, ...]
+    paths: tuple[tuple[Path, ...], ...]
     edge: Path
     start: tuple[float, float]
 
-    def _paths(self, values: Values) -> Iterator[tuple[Path | None, npt.NDArray[np.intp]]]:
+    def _paths(self, values: Values) -> Iterator[tuple[Path, npt.NDArray[np.intp]]]:
         """Yield paths with the numbers of the points on them; all points are at values of the second parameter."""
         row = np.searchsorted(self.values, values[self.parameter.name])
         for j in np.unique(row):
-            yield self.paths[j], np.flatnonzero(row == j)
+            here = np.flatnonzero(row == j)
+            for path in self.paths[j]:
+                on = here[path.covers(_chosen(values, here))]
+                if len(on):
+                    yield path, on
 
     def covers(self, values: Values) -> Flags:
         """Return which points lie on a path that leads there, shape (points,)."""
         result = np.zeros(len(values[self.parameter.name]), dtype=bool)
-        for path, on in self._paths(values):
-            result[on] = path is not None and path.covers(_chosen(values, on))
+        for _, on in self._paths(values):
+            result[on] = True
         return result
 
     def missing(self, values: Values, i: int) -> str:
         """Say why there is no solution at a point."""
-        ((path, _),) = self._paths(_chosen(values, np.array([i])))
-        return (self.edge if path is None else path).missing(values, i)
+        paths = self.paths[int(np.searchsorted(self.values, values[self.parameter.name][i]))]
+        if not paths:
+            return f"{self.edge.missing(values, i)}; nor is one reached from the rows beside"
+        value = float(values[paths[0].parameter.name][i])
+        return min(paths, key=lambda path: float(np.min(np.abs(path.values - value)))).missing(values, i)
 
     def predicted(self, values: Values) -> tuple[Array, Array]:
         """Return starting values at points that are covered."""
         points = len(values[self.parameter.name])
         q, c = np.zeros((points, self.edge.q.shape[1])), np.zeros((points, self.edge.c.shape[1]))
         for path, on in self._paths(values):
-            if path is not None:
-                q[on], c[on] = path.predicted(_chosen(values, on))
+            q[on], c[on] = path.predicted(_chosen(values, on))
         return q, c
 
 

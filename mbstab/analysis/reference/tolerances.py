@@ -170,6 +170,8 @@ class Tolerances:
     """Solutions are the same if their positions are, and their parameters to this fraction of the range."""
     turn_neighbourhood: Final = 1e-7
     """Distance from a fold at which the path is used, as a fraction of its range."""
+    columns_across: Final = (0.5, 0.25, 0.75)
+    """Of neighbouring columns those at these parts of their number are tried on the way to a row beside."""
     parameter_halvings: Final = 40
     """Bisections of a path in the search for a value of the parameter."""
 

@@ -188,6 +188,18 @@ class Evaluator:
         found, vectors = np.linalg.eig(space.A)
         return found.astype(complex), space.to_coordinates @ vectors, linear
 
+    def missing(self, values: Mapping[str, Array], index: Index) -> dict[int, str]:
+        """Say why there is no solution at some of many points: the scene itself may not exist there."""
+        result: dict[int, str] = {}
+        for i in index.tolist():
+            assert self.path is not None
+            try:
+                evaluate(self.model, {name: float(x[i]) for name, x in values.items()})
+                result[i] = self.path.missing(values, i)
+            except MbstabError as error:
+                result[i] = str(error)
+        return result
+
     def patterns_at(self, values: Mapping[str, float]) -> tuple[Pattern, ...]:
         """Return the pattern of a point; none if it has a problem."""
         at = {name: np.array([x]) for name, x in values.items()}
@@ -226,7 +238,7 @@ class _Work:
         pending = np.arange(self.points)
         if self.path is not None:
             covered = self.path.covers(self.values)
-            self.problems |= {int(i): self._missing(int(i), self.path) for i in pending[~covered]}
+            self.problems |= self.evaluator.missing(self.values, pending[~covered])
             pending = pending[covered]
         for pattern in self.evaluator.patterns:
             pending = pending[~self._fitting(pattern, pending)]
@@ -243,14 +255,6 @@ class _Work:
                 lonely = 0 if np.sum(done) > TOLERANCES.points_of_lonely_pattern else lonely + 1
                 if np.sum(done) > TOLERANCES.points_of_lonely_pattern:
                     self.evaluator.patterns.append(own)
-
-    def _missing(self, i: int, path: Path | Sheet | Surface) -> str:
-        """Return why there is no solution at a point: the scene itself may not exist there."""
-        try:
-            self.scene(i)
-        except MbstabError as error:
-            return str(error)
-        return path.missing(self.values, i)
 
     def _fitting(self, pattern: Pattern, pending: Index) -> Flags:
         """Compute points with a pattern; return which of them fit it."""

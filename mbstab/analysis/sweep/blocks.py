@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.reference.paths import Path as Solutions
-from mbstab.analysis.reference.paths import Surface
+from mbstab.analysis.reference.paths import Sheet, Surface
 from mbstab.analysis.sweep.batched_equations import Pattern
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, touching, unplaced, unstable_counts
@@ -31,6 +31,8 @@ from mbstab.records import dataclass
 
 Progress = Callable[[float], object]
 
+Followed = Solutions | Sheet | Surface
+
 
 @dataclass(frozen=True)
 class Task:
@@ -44,8 +46,8 @@ class Task:
         Values of other parameters (`Model.settings`).
     values : dict
         Parameters that vary, arrays of shape (points,).
-    solutions : Path, Surface or None
-        Equilibria over the parameter, if the file asks to find them.
+    solutions : Path, Sheet, Surface or None
+        Equilibria over the parameters, if the file asks to find them.
     followed : bool
         Whether eigenvalues are followed from point to point.
     home : dict
@@ -60,7 +62,7 @@ class Task:
     name: str
     settings: dict[str, int | float | str]
     values: dict[str, Array]
-    solutions: Solutions | Surface | None
+    solutions: Followed | None
     followed: bool = True
     home: dict[str, float] = field(default_factory=dict)
     share: float = 1.0
@@ -160,7 +162,7 @@ def home_of(values: Mapping[str, Array]) -> dict[str, float]:
     return {name: float(x[int(TOLERANCES.place_of_home * points)]) for name, x in values.items()}
 
 
-def patterns_at(model: Model, solutions: Solutions | Surface | None, home: Mapping[str, float]) -> tuple[Pattern, ...]:
+def patterns_at(model: Model, solutions: Followed | None, home: Mapping[str, float]) -> tuple[Pattern, ...]:
     """Return the pattern of a point, worked out once by each process; none if it has a problem."""
     if not home:
         return ()
@@ -215,7 +217,7 @@ def block_size(n_q: int) -> int:
 def tasks(
     model: Model,
     values: Mapping[str, Array],
-    solutions: Solutions | Surface | None = None,
+    solutions: Followed | None = None,
     followed: bool = True,
 ) -> list[Task]:
     """Return the tasks of a sweep over points given by arrays of the same shape (points,)."""

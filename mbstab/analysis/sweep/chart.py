@@ -2,8 +2,8 @@
 
 All points of a grid are computed together, and `mbstab.analysis.sweep.boundaries` traces the curves
 between them. Where a file asks for equilibria, they are computed over both
-parameters at once if they are smooth; otherwise they are followed over the first parameter, starting
-from those at its lowest value.
+parameters at once if they are smooth; otherwise they are followed row by row
+(`mbstab.analysis.reference.sheets`).
 """
 
 from __future__ import annotations
@@ -15,21 +15,20 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.algebra.arrays import others
-from mbstab.analysis.reference.continuation import follow_all
+from mbstab.analysis.algebra.arrays import Index, others
 from mbstab.analysis.reference.guesses import idle
-from mbstab.analysis.reference.paths import Sheet, Surface
+from mbstab.analysis.reference.paths import Path, Sheet, Surface, meet
+from mbstab.analysis.reference.sheets import follow_all
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import WORD, unstable_counts
 from mbstab.analysis.sweep.batched_verdict import unplaced as unplaced_of
-from mbstab.analysis.sweep.blocks import Block, Progress, Task, home_of, merged, patterns_at, tasks, undecided
+from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks, undecided
 from mbstab.analysis.sweep.boundaries import Grid, counts, traced
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.verdict.rule import UNDECIDED, WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
-from mbstab.model.parameters import bound, settings_in_si
 from mbstab.model.schema import Model
 from mbstab.records import Answer, dataclass
 
@@ -110,10 +109,12 @@ def chart(
             raise UsageError(f"the values of {name} must ascend in a chart")
     points = {one: np.tile(x, len(y)), other: np.repeat(y, len(x))}
     sheet = follow_all(model, (one, other), x, y) if model.reference.find is not None else None
-    all_tasks = _rows(model, sheet, one, x) if isinstance(sheet, Sheet) else tasks(model, points, sheet, followed=False)
+    place = np.flatnonzero(sheet.covers(points)) if isinstance(sheet, Sheet) else np.arange(len(x) * len(y))
+    chosen = {name: along[place] for name, along in points.items()}
+    all_tasks = tasks(model, chosen, sheet, followed=False)
     with stored(all_tasks, settings) as store:
         blocks = run(all_tasks, store, settings, progress)
-        found = _charted(model, (one, other), (x, y), points, sheet, blocks)
+        found = _charted(model, (one, other), (x, y), (points, place), sheet, blocks)
     if sheet is None:
         return replace(found, warnings=idle(model, (one, other), None))
     begin = sheet.start if isinstance(sheet, Sheet) else (float(x[0]), float(y[0]))
@@ -125,18 +126,15 @@ def _charted(
     model: Model,
     names: tuple[str, str],
     axes: tuple[Array, Array],
-    points: Mapping[str, Array],
+    asked: tuple[Mapping[str, Array], Index],
     sheet: Sheet | Surface | None,
     blocks: list[Block],
 ) -> Chart:
-    """Return the chart of the blocks of its points."""
-    (one, other), (x, y) = names, axes
-    place, problems = np.arange(len(x) * len(y)), {}
-    known = None if isinstance(sheet, Sheet) else patterns_at(model, sheet, home_of(points))
-    evaluator = Evaluator(model, sheet, known or ())
-    if isinstance(sheet, Sheet):
-        place = np.flatnonzero(np.repeat([path is not None for path in sheet.paths], len(x)))
-        problems = {int(i): sheet.missing(points, int(i)) for i in others(len(x) * len(y), place)}
+    """Return the chart of the blocks of its points, of which `asked` says which are computed."""
+    (one, other), (x, y), (points, place) = names, axes, asked
+    chosen = {name: along[place] for name, along in points.items()}
+    evaluator = Evaluator(model, sheet, patterns_at(model, sheet, home_of(chosen)))
+    problems = evaluator.missing(points, others(len(x) * len(y), place))
     shape = len(y), len(x)
     unstable = np.full(shape, -1)
     grid = Grid(x, y, np.full(shape, -1), np.full(shape, -1), np.zeros(shape, dtype=int))
@@ -164,26 +162,18 @@ def _charted(
     return Chart(*answer, dict(sorted(problems.items())), words)
 
 
-def _rows(model: Model, sheet: Sheet, parameter: str, x: Array) -> list[Task]:
-    """Return the tasks of the paths of a sheet."""
-    found = []
-    for value, path in zip(sheet.values, sheet.paths, strict=True):
-        if path is not None:
-            at = bound(model, settings_in_si({sheet.parameter.name: float(value)}))
-            found += tasks(at, {parameter: x}, path, False)
-    return found
-
-
 def _ends(sheet: Sheet) -> list[Array]:
     """Return the curves on which equilibria end: the folds of neighbouring paths, below and above."""
     curves: list[Array] = []
     for side in (0, -1):
-        points: list[tuple[float, float]] = []
-        for value, path in zip([*sheet.values, math.nan], [*sheet.paths, None], strict=True):
-            end = float(path.values[side]) if path is not None else math.nan
-            if path is not None and path.ended(side):
-                points.append((end, float(value)))
-            elif points:
-                curves += [np.array(points)] if len(points) > 1 else []
-                points = []
+        open_: list[tuple[Path, list[tuple[float, float]]]] = []
+        for value, paths in zip([*sheet.values, math.nan], [*sheet.paths, ()], strict=True):
+            longer = []
+            for path in paths:
+                if path.ended(side):
+                    known = next((k for k, (before, _) in enumerate(open_) if meet(before, path)), None)
+                    points = [] if known is None else open_.pop(known)[1]
+                    longer.append((path, [*points, (float(path.values[side]), float(value))]))
+            curves += [np.array(points) for _, points in open_ if len(points) > 1]
+            open_ = longer
     return curves
