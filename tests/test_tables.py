@@ -4,7 +4,6 @@ import json
 import math
 import re
 from contextlib import suppress
-from decimal import Decimal
 from fractions import Fraction
 
 import mpmath
@@ -34,7 +33,7 @@ ORDERS = ["hermite1", "hermite2", "hermite3"]
 
 def points(name, x=X, y=Y):
     """Return x, y and slope of each point."""
-    slopes = SLOPES[name]([Decimal(a) for a in x], [Decimal(b) for b in y])
+    slopes = SLOPES[name]([Fraction(a) for a in x], [Fraction(b) for b in y])
     return [float(a) for row in zip(x, y, slopes, strict=True) for a in row]
 
 
@@ -186,6 +185,56 @@ def test_a_spring_with_a_characteristic(function):
     assert precise == pytest.approx(expected, rel=1e-13)
     pytest.importorskip("flint")
     assert model(function).certify().verdict == "asymptotically stable"
+
+
+CRITICAL = """\
+mbstab: 1
+tables: {{T: {{x: {x}, y: {y}}}}}
+bodies: {{b: {{type: planar_point, mass: 1}}}}
+constraints: {{line: {{holonomic: b.y}}}}
+forces:
+  all: {{type: expression, on: {{b.x: "{force} - rate(b.x)"}}}}
+reference: {{coordinates: {{b: {{x: 0, y: 0}}}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "force", "verdict"),
+    [
+        # The spline through these points is x³ between -1 and 1: its moments there are -6, 0 and 6.
+        ("[-2, -1, 0, 1, 2]", "[-6, -1, 0, 1, 6]", "-spline(b.x, T)", "asymptotically stable"),
+        ("[-2, -1, 0, 1, 2]", "[6, 1, 0, -1, -6]", "-spline(b.x, T)", "unstable"),
+        # The slope at 0 is the harmonic mean of 1 and 5, 5/3; the curvatures on its sides differ.
+        ("[-1, 0, 1]", "[-1, 0, 5]", "-table(b.x, T) + 5/3*b.x", "undecided"),
+        ("[-3, 0, 3]", "[-1, 0, 2]", "-table(b.x, T) + 4/9*b.x", "undecided"),
+    ],
+)
+def test_a_slope_that_is_zero_is_exactly_zero(x, y, force, verdict):
+    """Rounded slopes would let --certify prove, and many digits show, what the sign of the rounding says."""
+    pytest.importorskip("flint")
+    mechanism = mbstab.loads(CRITICAL.format(x=x, y=y, force=force))
+    for found in (mechanism.eig(), mechanism.eig_precise(30)):
+        assert found.verdict == verdict
+        assert min(abs(value) for value in found.values()) == 0.0
+    assert mechanism.certify().verdict == "undecided"
+
+
+def test_slopes_are_exact_fractions_or_decimals_of_sixty_digits():
+    for count in (3, 7, 40, 101, 160):
+        x = [Fraction(i * 7 + i % 3, 10) for i in range(count)]
+        y = [Fraction((i * i * 37) % 101 - 50, 8) for i in range(count)]
+        slopes = spline_slopes(x, y)
+        # The second derivative is continuous, and zero at both ends.
+        for i in range(count):
+            bends = []
+            if i:
+                h, chord = x[i] - x[i - 1], (y[i] - y[i - 1]) / (x[i] - x[i - 1])
+                bends.append((2 * slopes[i - 1] + 4 * slopes[i] - 6 * chord) / h)
+            if i < count - 1:
+                h, chord = x[i + 1] - x[i], (y[i + 1] - y[i]) / (x[i + 1] - x[i])
+                bends.append((6 * chord - 4 * slopes[i] - 2 * slopes[i + 1]) / h)
+            step = bends[0] - bends[1] if len(bends) == 2 else bends[0]
+            assert step == 0 if count <= 100 else abs(step) < Fraction(1, 10**58)
 
 
 def test_sweeps_derivatives_and_simulations_follow_the_characteristic():

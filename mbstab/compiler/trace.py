@@ -20,7 +20,7 @@ from fractions import Fraction
 from typing import Any
 
 from mbstab.compiler.tape import PRIME, half_angle, random_residue, residue
-from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic
+from mbstab.model.arithmetic import CONSTANTS, FLOAT, Arithmetic, as_float
 from mbstab.model.functions import NATIVE, TABLE
 from mbstab.records import dataclass
 
@@ -202,7 +202,7 @@ class Trace:
             return lambda *arguments: self.call(name, *arguments)
 
         functions = {name: function(name) for name in NATIVE}
-        return Arithmetic("trace", float, dict(CONSTANTS), functions | {"power": self.power})
+        return Arithmetic("trace", as_float, dict(CONSTANTS), functions | {"power": self.power})
 
     def _signed(self, operation: str, value: int, x: Any, y: Any) -> Any:
         if (known := self._find(value)) is not None:

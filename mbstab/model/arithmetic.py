@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
+from fractions import Fraction
 from functools import partial
 from typing import Any
 
@@ -18,6 +19,15 @@ from mbstab.model.hermite import float_hermite
 
 CONSTANTS: dict[str, float] = {"pi": math.pi, "deg": math.pi / 180.0}
 """Names an expression may use without declaring them; ``30*deg`` is an angle of 30 degrees."""
+
+
+def as_float(text: str | float) -> float:
+    """Return the float next to a literal; the slopes of tables are fractions."""
+    try:
+        return float(text)
+    except ValueError:
+        return float(Fraction(text))
+
 
 MAX_DIGITS = 10_000
 """Digits of the largest exact power; `float` overflows long before."""
@@ -31,7 +41,7 @@ class Arithmetic:
     name : str
         For messages.
     number : callable
-        Turns the text of a literal (``"0.5"``) into a number.
+        Turns the text of a literal (``"0.5"``), or of a fraction (``"1/3"``), into a number.
     constants : dict
         Values of `CONSTANTS` in this number system.
     functions : dict
@@ -83,7 +93,7 @@ def _inside(x: float) -> float:
 
 FLOAT = Arithmetic(
     "float",
-    float,
+    as_float,
     dict(CONSTANTS),
     {name: getattr(math, name) for name in NATIVE if hasattr(math, name)}
     | {"abs": abs, "signum": _signum, "abs_slope": _abs_slope, "held": _held, "inside": _inside, "power": math.pow}
@@ -105,7 +115,7 @@ def array_arithmetic() -> Arithmetic:
     functions = {name: getattr(np, name) for name in NATIVE if hasattr(np, name)}
     functions |= {"signum": np.sign, "abs_slope": abs_slope, "held": lambda x: np.clip(x, 0.0, 1.0), "power": np.power}
     functions["inside"] = lambda x: np.where((x >= 0.0) & (x <= 1.0), 0.0, np.nan)
-    return Arithmetic("array", float, dict(CONSTANTS), functions)
+    return Arithmetic("array", as_float, dict(CONSTANTS), functions)
 
 
 def symbol_arithmetic() -> Arithmetic:

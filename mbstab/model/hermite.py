@@ -9,10 +9,14 @@ import itertools
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from decimal import Context, Decimal, localcontext
+from fractions import Fraction
 from typing import Any
 
+EXACT_POINTS = 100
+"""Points up to which the slopes of a spline are fractions."""
+
 DIGITS = 60
-"""Digits of the slopes at the points."""
+"""Digits of the slopes of longer splines."""
 
 EDGE = 10**12
 """An argument beyond an end by less than 1/EDGE of the range of a table is rounded, and counts as the end."""
@@ -92,51 +96,63 @@ def float_hermite(order: int, lines: bool = False) -> Callable[..., float]:
     return function
 
 
-def monotone_slopes(x: Sequence[Decimal], y: Sequence[Decimal]) -> list[Decimal]:
+def monotone_slopes(x: Sequence[Fraction], y: Sequence[Fraction]) -> list[Fraction]:
     """Return slopes with which the cubics between points neither overshoot nor turn back (Fritsch, Butland 1984)."""
-    with localcontext(Context(prec=DIGITS)):
-        h = [b - a for a, b in itertools.pairwise(x)]
-        chords = [(b - a) / step for a, b, step in zip(y[:-1], y[1:], h, strict=True)]
-        if len(x) == 2:
-            return [chords[0]] * 2
-        found = [_end_slope(h[0], h[1], chords[0], chords[1])]
-        for i in range(1, len(h)):
-            left, right = chords[i - 1], chords[i]
-            weights = 2 * h[i] + h[i - 1], h[i] + 2 * h[i - 1]
-            flat = left * right <= 0
-            found.append(Decimal(0) if flat else sum(weights) / (weights[0] / left + weights[1] / right))
-        return [*found, _end_slope(h[-1], h[-2], chords[-1], chords[-2])]
+    h, chords = _chords(x, y)
+    if len(x) == 2:
+        return [chords[0]] * 2
+    found = [_end_slope(h[0], h[1], chords[0], chords[1])]
+    for i in range(1, len(h)):
+        left, right = chords[i - 1], chords[i]
+        weights = 2 * h[i] + h[i - 1], h[i] + 2 * h[i - 1]
+        flat = left * right <= 0
+        found.append(Fraction(0) if flat else sum(weights) / (weights[0] / left + weights[1] / right))
+    return [*found, _end_slope(h[-1], h[-2], chords[-1], chords[-2])]
 
 
-def _end_slope(h: Decimal, beyond: Decimal, chord: Decimal, next_chord: Decimal) -> Decimal:
+def _chords(x: Sequence[Any], y: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """Return the lengths between points, and the slopes of the lines there."""
+    h = [b - a for a, b in itertools.pairwise(x)]
+    return h, [(b - a) / step for a, b, step in zip(y[:-1], y[1:], h, strict=True)]
+
+
+def _end_slope(h: Fraction, beyond: Fraction, chord: Fraction, next_chord: Fraction) -> Fraction:
     slope = ((2 * h + beyond) * chord - h * next_chord) / (h + beyond)
     if slope * chord <= 0:
-        return Decimal(0)
+        return Fraction(0)
     if chord * next_chord < 0 and abs(slope) > 3 * abs(chord):
         return 3 * chord
     return slope
 
 
-def spline_slopes(x: Sequence[Decimal], y: Sequence[Decimal]) -> list[Decimal]:
-    """Return slopes with which the second derivative is continuous, and zero at both ends."""
+def spline_slopes(x: Sequence[Fraction], y: Sequence[Fraction]) -> list[Fraction]:
+    """Return slopes with which the second derivative is continuous, and zero at both ends.
+
+    They are exact up to `EXACT_POINTS` points; of more they would be fractions of thousands of digits.
+    """
+    if len(x) <= EXACT_POINTS:
+        return _spline_slopes(x, y)
     with localcontext(Context(prec=DIGITS + 20)):
-        h = [b - a for a, b in itertools.pairwise(x)]
-        chords = [(b - a) / step for a, b, step in zip(y[:-1], y[1:], h, strict=True)]
-        zero, one = Decimal(0), Decimal(1)
-        rows = [(zero, 2 * one, one, 3 * chords[0])]
-        for i in range(1, len(h)):
-            rows.append((h[i], 2 * (h[i - 1] + h[i]), h[i - 1], 3 * (h[i] * chords[i - 1] + h[i - 1] * chords[i])))
-        rows.append((one, 2 * one, zero, 3 * chords[-1]))
-        factors: list[tuple[Decimal, Decimal]] = [(zero, zero)]
-        for below, diagonal, above, right in rows:
-            pivot = diagonal - below * factors[-1][0]
-            factors.append((above / pivot, (right - below * factors[-1][1]) / pivot))
-        found = [zero]
-        for factor, right in reversed(factors[1:]):
-            found.append(right - factor * found[-1])
-        return [+d for d in reversed(found[1:])]
+        rounded = [[Decimal(v.numerator) / v.denominator for v in values] for values in (x, y)]
+        return [Fraction(d) for d in _spline_slopes(*rounded)]
 
 
-def no_slopes(x: Sequence[Decimal], y: Sequence[Decimal]) -> list[Decimal]:
+def _spline_slopes(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
+    h, chords = _chords(x, y)
+    rows = [(0 * h[0], 2, 1, 3 * chords[0])]
+    for i in range(1, len(h)):
+        rows.append((h[i], 2 * (h[i - 1] + h[i]), h[i - 1], 3 * (h[i] * chords[i - 1] + h[i - 1] * chords[i])))
+    rows.append((1, 2, 0 * h[0], 3 * chords[-1]))
+    factors: list[tuple[Any, Any]] = [(0 * h[0], 0 * h[0])]
+    for below, diagonal, above, right in rows:
+        pivot = diagonal - below * factors[-1][0]
+        factors.append((above / pivot, (right - below * factors[-1][1]) / pivot))
+    found = [0 * h[0]]
+    for factor, right in reversed(factors[1:]):
+        found.append(right - factor * found[-1])
+    return [+d for d in reversed(found[1:])]
+
+
+def no_slopes(x: Sequence[Fraction], y: Sequence[Fraction]) -> list[Fraction]:
     """Return zeros: lines between points need no slopes."""
-    return [Decimal(0)] * len(x)
+    return [Fraction(0)] * len(x)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Container
 from decimal import Decimal
+from fractions import Fraction
 from typing import Any
 
 from mbstab.errors import Location
 from mbstab.mechanics import bodies
 from mbstab.mechanics.catalogue import Kind, Sign
+from mbstab.model.arithmetic import as_float
 from mbstab.model.expressions import Expression, ExpressionError, parse
 from mbstab.model.functions import TABULATED
 from mbstab.model.hermite import OutsideTable, monotone_slopes, no_slopes, spline_slopes
@@ -336,8 +338,9 @@ class TableValue:
 
     def points(self, function: str) -> tuple[str, ...]:
         """Return x, y and slope of each point for a function of `mbstab.model.functions.TABULATED`."""
-        slopes = {"table": monotone_slopes, "spline": spline_slopes, "linear": no_slopes}[function](self.x, self.y)
-        return tuple(str(number) for row in zip(self.x, self.y, slopes, strict=True) for number in row)
+        slopes = {"table": monotone_slopes, "spline": spline_slopes, "linear": no_slopes}[function]
+        found = slopes([Fraction(x) for x in self.x], [Fraction(y) for y in self.y])
+        return tuple(str(number) for row in zip(self.x, self.y, found, strict=True) for number in row)
 
 
 @dataclass(frozen=True)
@@ -394,7 +397,7 @@ class Model:
         if not isinstance(error, OutsideTable):
             return error
         known = ((name, x.points(function)) for name, x in self.tables.items() for function in TABULATED)
-        name = next(name for name, points in known if tuple(map(float, points)) == error.points)
+        name = next(name for name, points in known if tuple(map(as_float, points)) == error.points)
         return OutsideTable(error.x, error.points, name)
 
     def table_hint(self, error: Exception) -> str:

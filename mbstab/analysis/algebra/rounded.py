@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from decimal import Decimal
+from fractions import Fraction
 from functools import cache, lru_cache
 from typing import Any
 
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.model.arithmetic import CONSTANTS, FLOAT, KINK, Arithmetic
+from mbstab.model.arithmetic import CONSTANTS, FLOAT, KINK, Arithmetic, as_float
 from mbstab.model.functions import TABLE
 from mbstab.records import dataclass
 
@@ -239,8 +239,8 @@ def _inside(x: Any) -> float:
 
 @lru_cache(maxsize=4096)
 def _number(text: str) -> Any:
-    v = float(text)
-    exact = (v.is_integer() and abs(v) < 1e15 and "e-" not in text) or Decimal(text) == Decimal(v)
+    v = as_float(text)
+    exact = (v.is_integer() and abs(v) < 1e15 and not {"e-", "/"} & {*text}) or Fraction(text) == Fraction(v)
     # Of plain numbers no operation is counted: 341/100 would be exact.
     return v if exact and v in (0.0, 1.0) else Rounded(v, 0.0 if exact else UNIT * abs(v))
 

@@ -32,6 +32,7 @@ from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.written import with_state, with_time
 from mbstab.compiler.system import Array
 from mbstab.errors import percent
+from mbstab.model.arithmetic import as_float
 from mbstab.model.expressions import Number
 from mbstab.model.units import per_second
 
@@ -136,7 +137,7 @@ class Grounds:
         scene = self.system.scene
         numbers = {name: float(value) for name, value in scene.parameters.items()}
         written = (node for expression in scene.written for node in expression.walk())
-        numbers |= {node.text: float(node.text) for node in written if isinstance(node, Number)}
+        numbers |= {node.text: as_float(node.text) for node in written if isinstance(node, Number)}
         small = [name for name, value in numbers.items() if 0.0 < abs(value) < TOLERANCES.number_lost]
         if not small:
             return ""
