@@ -267,7 +267,7 @@ def test_coefficients_between_the_speeds_of_a_table(column, rpm, value, slope):
     """Monotone cubics with three-point ends (Fritsch, Butland)."""
     x, y = (tuple(map(Decimal, map(str, numbers))) for numbers in (SPEEDS, COLUMNS[column]))
     table = TableValue(x, y, Location("short.csv", 1, 1))
-    points = tuple(map(float, table.points("table")))
+    points = tuple(map(FLOAT.number, table.points("table")))
     assert FLOAT.table(rpm, *points) == pytest.approx(value, rel=1e-15)
     if slope is not None:
         assert FLOAT.hermite1(rpm, *points) == pytest.approx(slope, rel=1e-14)

@@ -215,8 +215,20 @@ def test_a_slope_that_is_zero_is_exactly_zero(x, y, force, verdict):
     mechanism = mbstab.loads(CRITICAL.format(x=x, y=y, force=force))
     for found in (mechanism.eig(), mechanism.eig_precise(30)):
         assert found.verdict == verdict
-        assert min(abs(value) for value in found.values()) == 0.0
-    assert mechanism.certify().verdict == "undecided"
+        assert min(abs(x.value) for x in found.eigenvalues) == 0.0
+    assert mechanism.certify().verdict == "not provable"
+
+
+@pytest.mark.parametrize("name", ["table", "spline", "linear"])
+def test_whole_numbers_stay_exact_in_every_number_system(name):
+    """Quotients of Python integers are floats."""
+    x, y = [-3, 0, 3, 7], [-1, 0, 2, 1]
+    slopes = SLOPES[name](list(map(Fraction, x)), list(map(Fraction, y)))
+    with mpmath.workdps(50):
+        f = mpmath_arithmetic()
+        at = [v for row in zip(x, y, map(f.number, map(str, slopes)), strict=True) for v in row]
+        found = [getattr(f, name)(mpmath.mpf(1), *points) for points in (at, map(mpmath.mpf, at))]
+        assert abs(found[0] - found[1]) < 1e-48
 
 
 def test_slopes_are_exact_fractions_or_decimals_of_sixty_digits():

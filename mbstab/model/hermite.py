@@ -59,7 +59,9 @@ def hermite(order: int, lines: bool = False) -> Callable[..., Any]:
     piece = _line if lines else _piece
 
     def formula(f: Any, x: Any, *points: Any) -> Any:
-        rows = [points[i : i + 3] for i in range(0, len(points), 3)]
+        # Quotients of Python integers would be floats, whatever the number system is.
+        known = [f.number(str(point)) if isinstance(point, int) else point for point in points]
+        rows = [known[i : i + 3] for i in range(0, len(known), 3)]
         first, last = rows[0][0], rows[-1][0]
         total = f.inside(((x - first) / (last - first) * (EDGE - 2) + 1) / EDGE)
         side = f.abs_slope if lines and order else f.signum  # where lines meet there is no slope
