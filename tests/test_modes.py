@@ -218,7 +218,9 @@ def test_negative_squares_of_random_forms():
         K = K + K.T
         N = np.linalg.svd(J)[2][len(J) :].T if len(J) else np.eye(n)
         values = np.linalg.eigvalsh(N.T @ K @ N)
-        found = ConstrainedForms(sparse.csr_array(J)).negatives(sparse.csr_array(K), 1e-14)
+        found = ConstrainedForms(sparse.csr_array(J)).negatives(
+            sparse.csr_array(K), sparse.csr_array(1e-14 * np.abs(K))
+        )
         told += found is not None
         assert found in (None, int(np.sum(values < 0.0)))
         assert found is not None or min(abs(values), default=0.0) < 1e-10
@@ -228,8 +230,9 @@ def test_negative_squares_of_random_forms():
 def test_a_form_that_rounding_may_change_has_no_count():
     forms = ConstrainedForms(sparse.csr_array(np.array([[1.0, 0.0, 0.0]])))
     K = sparse.csr_array(np.diag([1.0, 1.0, 1e-13]))
-    assert forms.negatives(K, 1e-18) == 0
-    assert forms.negatives(K, 1e-12) is None
+    everywhere = sparse.csr_array(np.ones((3, 3)))
+    assert forms.negatives(K, 1e-18 * everywhere) == 0
+    assert forms.negatives(K, 1e-12 * everywhere) is None
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,11 @@ With N a basis of the null space of J, which has c independent rows, NᵀKN has 
 [[K, Jᵀ], [J, 0]] (Chabrillac and Crouzeix 1984, Linear Algebra Appl. 63; Gould 1985, Math. Prog. 32). Those are
 counted by an LDLᵀ factorization (Sylvester's law of inertia), which must not pivot off the diagonal:
 
-    A = [[K/κ + ρ JᵀJ, Jᵀ], [J, 0]],   κ = max |K|
+    A = [[K + ρ JᵀJ, Jᵀ], [J, 0]]
 
-has the same inertia for any ρ, and no zeros on the diagonal of K. Each row is matched with a coordinate, so that the
+has the same inertia for any ρ, and no zeros on the diagonal of K. Coordinates and rows are scaled so that all rows of
+[[K, Jᵀ], [J, 0]] have about unit length (Ruiz 2001, RAL-TR-2001-034): the congruence leaves the inertia alone, and
+errors of the entries count relative to what they are added to. Each row is matched with a coordinate, so that the
 product of the entries is largest (Duff and Pralet 2005, SIAM J. Matrix Anal. Appl. 27); rotations that diagonalize the
 2×2 tiles [[a, j], [j, 0]] of the pairs leave B = TᵀAT without zeros on its diagonal. The factors that are found are
 exactly those of B + E; the count is that of B if |E| is less than the smallest singular value of B, with a margin.
@@ -14,11 +16,12 @@ exactly those of B + E; the count is that of B if |E| is less than the smallest 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.sparse import bordered
+from mbstab.analysis.algebra.sparse import bordered, scaled
 from mbstab.analysis.algebra.tolerances import EPS, TOLERANCES
 from mbstab.compiler.system import Array
 
@@ -29,49 +32,55 @@ class ConstrainedForms:
     Parameters
     ----------
     J : sparse array, shape (c, n)
-        Independent rows of unit length.
+        Independent rows of about unit length.
+    error : sparse array, shape (c, n), optional
+        Bounds of the errors of their entries, if they may be larger than the rounding of one term.
     """
 
-    def __init__(self, J: Any) -> None:
+    def __init__(self, J: Any, error: Any = None) -> None:
         self.J = J.tocsr()
         self.c, self.n = J.shape
+        self.error = TOLERANCES.entry_rounding * abs(self.J) if error is None else error.tocsr()
         self._partner = _matched(self.J)
-        self._squares = (self.J.T @ self.J).tocsr()
 
-    def negatives(self, K: Any, unsure: float) -> int | None:
+    def negatives(self, K: Any, error: Any) -> int | None:
         """Return the number of negative squares of a form, or None if its uncertainty may change the number.
 
         Parameters
         ----------
         K : sparse array, shape (n, n)
             A symmetric form.
-        unsure : float
-            Frobenius norm of its possible error.
+        error : sparse array, shape (n, n)
+            Bounds of the errors of its entries.
         """
         if self.c >= self.n:
             return 0
-        largest = float(np.max(np.abs(K.data), initial=0.0))
-        if not largest:
+        K = K.tocsr()
+        if not np.any(K.data) or not np.all(np.isfinite(error.data)) or not np.all(np.isfinite(self.error.data)):
             return None
-        unsure = unsure / largest + 4.0 * TOLERANCES.entry_rounding * self.c**0.5
+        columns, rows = _equilibrated(K, self.J)
+        K, error = (scaled(x.tocsr(), columns, columns) for x in (K, error))
+        J, of_rows = (scaled(x, columns, rows) for x in (self.J, self.error))
         found = None
         # Pivots that cancel with one weight do not with another.
         for weight in TOLERANCES.weights_of_rows if self._partner is not None else ():
-            found = self._sparse(K / largest, unsure, weight)
+            found = self._sparse(K, error, J, of_rows, weight)
             if found is not None or not self.c:
                 break
         if found is None and self.n <= TOLERANCES.dense_null_space:
-            found = self._dense((K / largest).toarray(), unsure)
+            found = self._dense(K.toarray(), error, J.toarray(), of_rows)
         return found
 
-    def _sparse(self, K: Any, unsure: float, weight: float) -> int | None:
+    def _sparse(self, K: Any, error: Any, J: Any, of_rows: Any, weight: float) -> int | None:
         from scipy.sparse.linalg import splu
 
         B = K
         if self.c:
-            A = bordered(K + weight * self._squares, self.J).tocsr()
-            T = self._rotations(A.diagonal())
-            B = T.T @ A @ T
+            A = bordered(K + weight * (J.T @ J), J).tocsr()
+            mixed = abs(J).T @ of_rows
+            error = bordered(error + weight * (mixed + mixed.T), of_rows)
+            T = self._rotations(A.diagonal(), J)
+            B, error = T.T @ A @ T, abs(T).T @ error @ abs(T)
         B = 0.5 * (B + B.T)
         try:
             options = {"SymmetricMode": True}
@@ -82,20 +91,20 @@ class ConstrainedForms:
             return None
         pivots = lu.U.diagonal()
         order = np.argsort(lu.perm_c)
-        missed = float(np.linalg.norm((lu.L @ lu.U - B.tocsr()[order][:, order]).data))
-        rounding = 10.0 * EPS * float(np.linalg.norm(B.data))
+        missed = _norm_at_most(lu.L @ lu.U - B.tocsr()[order][:, order])
+        rounding = 10.0 * EPS * _norm_at_most(B)
         least = 1.0 / _largest(lu.solve, len(pivots))
-        if not missed + rounding + unsure <= TOLERANCES.inertia_error * least:
+        if not missed + rounding + _norm_at_most(error) <= TOLERANCES.inertia_error * least:
             return None
         return int(np.sum(pivots < 0.0)) - int(self.c)
 
-    def _rotations(self, diagonal: Array) -> Any:
+    def _rotations(self, diagonal: Array, J: Any) -> Any:
         """Return T, which diagonalizes the block of each row and its partner."""
         from scipy import sparse
 
         assert self._partner is not None
         rows, size = np.arange(self.c), self.n + self.c
-        entries = np.asarray(self.J[rows, self._partner]).ravel()
+        entries = np.asarray(J[rows, self._partner]).ravel()
         angle = 0.5 * np.arctan2(2.0 * entries, diagonal[self._partner])
         cosine, sine = np.ones(size), np.sin(angle)
         cosine[self._partner] = cosine[self.n :] = np.cos(angle)
@@ -103,13 +112,45 @@ class ConstrainedForms:
         j = np.concatenate([np.arange(size), self.n + rows, self._partner])
         return sparse.csr_array((np.concatenate([cosine, -sine, sine]), (i, j)), shape=(size, size))
 
-    def _dense(self, K: Array, unsure: float) -> int | None:
+    def _dense(self, K: Array, error: Any, J: Array, of_rows: Any) -> int | None:
         """Return the count by the eigenvalues of the reduced form."""
-        N = np.linalg.svd(self.J.toarray())[2][self.c :].T
+        _, s, right = np.linalg.svd(J)
+        N = right[self.c :].T
         values = np.linalg.eigvalsh(N.T @ K @ N)
-        if not float(np.min(np.abs(values))) * TOLERANCES.inertia_error > unsure + 10.0 * EPS * self.n:
+        # Errors of the rows turn their null space.
+        turned = (_norm_at_most(of_rows) + 10.0 * EPS) / float(np.min(s, initial=1.0))
+        unsure = _norm_at_most(error) + (10.0 * EPS * self.n**0.5 + 2.0 * turned) * float(np.linalg.norm(K, 2))
+        if not float(np.min(np.abs(values))) * TOLERANCES.inertia_error > unsure:
             return None
         return int(np.sum(values < 0.0))
+
+
+def _equilibrated(K: Any, J: Any) -> tuple[Array, Array]:
+    """Return factors, powers of two, of coordinates and rows that leave the rows of [[K, Jᵀ], [J, 0]] of one size."""
+    K, J = abs(K), abs(J)
+    columns, rows = np.ones(J.shape[1]), np.ones(J.shape[0])
+    for _ in range(TOLERANCES.balancing_rounds):
+        form, constraints = scaled(K, columns, columns), scaled(J, columns, rows)
+        of_columns, of_rows = _largest_entries(form), _largest_entries(constraints)
+        np.maximum.at(of_columns, constraints.indices, constraints.data)
+        columns, rows = (
+            x / np.sqrt(np.where(size > 0.0, size, 1.0)) for x, size in ((columns, of_columns), (rows, of_rows))
+        )
+    return np.exp2(np.round(np.log2(columns))), np.exp2(np.round(np.log2(rows)))
+
+
+def _largest_entries(A: Any) -> Array:
+    """Return the largest entry of each row of a nonnegative matrix."""
+    found = np.zeros(A.shape[0])
+    np.maximum.at(found, np.repeat(np.arange(len(found)), np.diff(A.indptr)), A.data)
+    return found
+
+
+def _norm_at_most(A: Any) -> float:
+    """Return a bound of the spectral norm of a sparse matrix."""
+    sizes = abs(A)
+    sums = (float(np.max(np.asarray(sizes.sum(axis=k)).ravel(), initial=0.0)) for k in (0, 1))
+    return min(float(np.linalg.norm(sizes.data)), math.sqrt(math.prod(sums)))
 
 
 def _matched(J: Any) -> Any:

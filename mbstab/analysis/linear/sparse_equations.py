@@ -134,10 +134,12 @@ class SparseEquations:
         return [self._composite(x, [0.0 * z for z in self.neutral]) for x in self.displaced]
 
     @cached_property
-    def unsure(self) -> float:
-        """Frobenius norm of the possible error of K."""
-        entries = ALGEBRA.entry_rounding * float(np.linalg.norm(self.sizes.K.data))
-        return entries + max((float(np.linalg.norm(x.K.data)) for x in self.displaced), default=0.0)
+    def unsure(self) -> Any:
+        """Bounds of the errors of the entries of K, a sparse matrix."""
+        moved: Any = 0.0 * self.sizes.K
+        for x in self.displaced:
+            moved = moved.maximum(abs(x.K))
+        return ALGEBRA.entry_rounding * self.sizes.K + moved
 
     @cached_property
     def remainder(self) -> SparseQuadratic | None:

@@ -425,7 +425,7 @@ class Finder:
             rounding = TOLERANCES.rest_rounding * float(abs(M).sum())
             # Most mass matrices are positive by themselves, whatever the rows allow.
             dominant = bool(np.all(2.0 * M.diagonal() - np.asarray(abs(M).sum(axis=1)).ravel() > least + rounding))
-            if dominant or C.forms.negatives(M - least * identity(M.shape[0]), rounding) == 0:
+            if dominant or C.forms.negatives(M - least * identity(M.shape[0]), TOLERANCES.rest_rounding * abs(M)) == 0:
                 return sparse_mobility(M, C.J[C.kept]), None
         allowed = spaces.allowed
         M_z = allowed.T @ M @ allowed

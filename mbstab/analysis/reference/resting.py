@@ -107,13 +107,8 @@ def at_rest(system: System) -> Rest | None:
     kept, rank, warnings = _independent(system, J)
     forms = ConstrainedForms(J[kept])
     M = scaled(state.M, scale, scale)
-    if (
-        forms.negatives(
-            M - TOLERANCES.massless * abs(M).max() * identity(system.n_q),
-            TOLERANCES.rest_rounding * float(abs(M).sum()),
-        )
-        != 0
-    ):
+    least = TOLERANCES.massless * abs(M).max()
+    if forms.negatives(M - least * identity(system.n_q), TOLERANCES.rest_rounding * abs(M)) != 0:
         return None
     rest = Rest(
         system, q, np.zeros(system.n_c), (), time, finder.sizes, state, scale, row_scale, kept, rank, forms,

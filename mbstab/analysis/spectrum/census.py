@@ -116,17 +116,15 @@ def census(equations: SparseEquations, at_rest: Resting | None) -> Census:
     if below is None:
         for part in TOLERANCES.square_rate_zero:
             band = part * equations.rate**2
-            low, high = (forms.negatives(K + x * m.M, equations.unsure) for x in (band, -band))
+            unsure = equations.unsure + ALGEBRA.entry_rounding * band * equations.sizes.M
+            low, high = (forms.negatives(K + x * m.M, unsure) for x in (band, -band))
             if low is not None and high is not None:
                 below, zeros = low, high - low
                 break
     if below is None:
         return Census(None, how="the inertia of the stiffness cannot be told in double precision")
     D = 0.5 * (m.R + m.R.T)
-    dissipative = (
-        at_rest.damped
-        and forms.negatives(D, ALGEBRA.entry_rounding * float(np.linalg.norm(equations.sizes.R.data))) == 0
-    )
+    dissipative = at_rest.damped and forms.negatives(D, ALGEBRA.entry_rounding * equations.sizes.R) == 0
     if at_rest.gyroscopic and not dissipative and below:
         text = "with gyroscopic forces and damping that does not reach all motions, the stiffness does not count them"
         return Census(None, least=0 if zeros else below % 2, zeros=zeros, how=text)

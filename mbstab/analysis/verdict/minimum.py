@@ -223,14 +223,19 @@ class SecondVariation:
 
         linear, spaces = self.linear, self.linear.spaces
         assert not isinstance(spaces.C, Rank)
-        forms, symmetries = spaces.C.forms, self.structure.invariance.symmetries
+        known, symmetries = roundings(linear), self.structure.invariance.symmetries
+        of_K, of_J = known.errors.K + TOLERANCES.roundings_of_variation * EPS * abs(linear.K), known.errors.J
+        for change in known.displaced:
+            of_K, of_J = of_K + abs(change.K), of_J + abs(change.J)
+        J, kept = spaces.C.J, spaces.C.kept
+        rows, of_rows = (x[kept] for x in (J, scaled(of_J, spaces.scale, spaces.row_scale) + 2.0 * EPS * abs(J)))
         if symmetries:
             basis = np.linalg.qr(np.array([x.direction / spaces.scale for x in symmetries]).T)[0]
             further = csr_array(np.where(np.abs(basis) > EPS, basis, 0.0).T)
-            forms = ConstrainedForms(vstack([spaces.C.J[spaces.C.kept], further], format="csr"))
-        error = roundings(linear).errors.K + TOLERANCES.roundings_of_variation * EPS * abs(linear.K)
-        K, error = (scaled(x, spaces.scale, spaces.scale) for x in (linear.K, error))
-        return int(forms.negatives(0.5 * (K + K.T), float(np.linalg.norm(error.data))) == 0)
+            rows, of_rows = (vstack(x, format="csr") for x in ((rows, further), (of_rows, 4.0 * EPS * abs(further))))
+        K, error = (scaled(x, spaces.scale, spaces.scale) for x in (linear.K, of_K))
+        forms = ConstrainedForms(rows, of_rows)
+        return int(forms.negatives(0.5 * (K + K.T), error) == 0)
 
     # --- what it says -------------------------------------------------------------------------------------------------
 
