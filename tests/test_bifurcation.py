@@ -12,6 +12,7 @@ import mbstab
 from mbstab.errors import UsageError
 from mbstab.report.export import sweep_csv, sweep_data, to_json
 from mbstab.report.pictures.bifurcation import _pieces, bifurcation, shown_names
+from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.scales import Axis
 from mbstab.report.pictures.sweep_curves import SweepCurves
 
@@ -99,3 +100,29 @@ def test_what_cannot_be_drawn_is_refused(words, said):
     answer = run("sweep", *words)
     assert answer.exit_code == 2
     assert said in " ".join(answer.output.split())
+
+
+def test_the_legend_tells_names_from_lines(truss):
+    """Names belong to colours, where there is more than one curve in a panel, and lines to stability."""
+    legend = bifurcation(truss, Axis("P"), "").legends[0]
+    assert [x.get_text() for x in legend.get_texts()] == [
+        "stable",
+        "unstable",
+        "critical value",
+        "where it is critical",
+    ]
+    stable, unstable = legend.get_lines()[:2]
+    assert [stable.get_color(), unstable.get_color(), stable.get_linestyle()] == [INK[0], INK[0], "-"]
+    car = bifurcation(CAR.sweep("steer", np.linspace(0.03, 0.07, 9)), Axis("steer"), "")
+    names = [x.get_text() for x in car.legends[0].get_texts()]
+    assert names[:2] == ["car.y", "car.x"]
+    assert not [name for name in names if name.startswith("rate(")]  # each alone in its panel
+    assert "no answer" in names
+
+
+def test_what_has_no_answer_begins_where_the_path_ends():
+    """The steady turn ends in a fold, 0.0584430954089223 rad, between two points of the sweep."""
+    found = list(SweepCurves(CAR.sweep("steer", np.linspace(0.03, 0.07, 9)), Axis("steer")).ranges())
+    assert found == [(pytest.approx(0.0584430954089223, rel=1e-8), 0.07, -1)]
+    down = list(SweepCurves(CAR.sweep("steer", np.linspace(0.07, 0.03, 9)), Axis("steer")).ranges())
+    assert down == found

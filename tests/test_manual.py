@@ -161,7 +161,9 @@ ENGINEERS = {
         "balancing, base excitation, Denavit, earthquake, flexible joint, harmonic drive, inverse dynamics, inverse "
         "kinematics, Jeffcott rotor, noise, oil whip, payload, resonance, SCARA, trajectory, understeer, suspension, "
         "rotating damping, journal bearing, overhung, quarter car, end effector, torsional vibration, flywheel, "
-        "self-aligning torque, stability threshold, satellite, Segway, uneven road"
+        "self-aligning torque, stability threshold, satellite, Segway, uneven road, "
+        "caravan, hitch, jackknife, two-track, single-track, wheelbase, track width, toe angle, steering angle, "
+        "anti-roll bar, series elastic, computed torque, gravity compensation, derailment, misalignment"
     ),
     "mechanics": (
         "backlash, Baumgarte, centre of gravity, center of mass, circulatory, Coriolis, Coulomb, eigenfrequency, "
@@ -174,7 +176,7 @@ ENGINEERS = {
         "chaos, hunting, Hurwitz, limit cycle, Lyapunov exponent, Mathieu, parametric resonance, phase portrait, "
         "Poincaré, poincare map, Routh, snaking"
     ),
-    "numerical work": "CAD, Jupyter, Monte Carlo, notebook, optimization",
+    "numerical work": "CAD, Jupyter, Monte Carlo, notebook, optimization, Simulink, FMU, exercise, bug report",
 }
 """What engineers type, by the heading of the glossary under which it is explained."""
 

@@ -153,3 +153,20 @@ def test_many_branches_have_unlike_colours():
     apart = np.linalg.norm(inks[:, None] - inks, axis=2) + 9.0 * np.eye(len(inks))
     assert apart.min() > 0.07
     assert np.max(inks.mean(axis=1)) < 0.88
+
+
+def test_no_frequency_of_a_campbell_diagram_is_negative():
+    """Also where its axis is logarithmic: frequencies of 1.5 and 48 Hz."""
+    text = """mbstab: 1
+parameters: {n: {value: 10, unit: rad/s}}
+bodies: {a: {type: planar, mass: 5, inertia: 0.2}, b: {type: planar, mass: 0.05, inertia: 0.2}}
+forces:
+  s: {type: bearing, between: [a, ground], stiffness: 450, damping: 1}
+  t: {type: bearing, between: [b, ground], stiffness: 4500, damping: 0.1}
+reference:
+  coordinates: {a: {x: 0, y: 0, theta: 0}, b: {x: 0, y: 0, theta: 0}}
+  rates: {a: {x: 0, y: 0, theta: n}, b: {x: 0, y: 0, theta: n}}
+"""
+    (axes,) = campbell(mbstab.loads(text).sweep("n", np.linspace(1.0, 500.0, 9)), Axis("n"), "").axes
+    assert axes.get_yscale() == "asinh"
+    assert axes.get_ylim()[0] == 0.0

@@ -84,3 +84,14 @@ def test_a_moving_picture_for_a_slide_has_its_shape(tmp_path):
     assert run(*command, "--size", "slide").exit_code == 0
     with Image.open(goal) as picture:
         assert picture.size == (720, pytest.approx(720 * 143 / 254, abs=1.0))
+
+
+def test_panels_are_as_high_as_what_they_show(tmp_path):
+    """Five modes of an arm, three in a row: panels are not as high as those of two in a row would be."""
+    assert run("eig", "robot_arm.yaml", "--plot", "modes", "--pictures", str(tmp_path / "a.png")).exit_code == 0
+    with Image.open(tmp_path / "a-modes.png") as picture:
+        pixels = np.array(picture.convert("L"))
+    frames = np.flatnonzero(np.mean((pixels > 195) & (pixels < 215), axis=1) > 0.4)  # edges of the panels of a row
+    (top, *_), (*_, low) = np.split(frames, np.flatnonzero(np.diff(frames) > 5) + 1)[:2]
+    dark = np.flatnonzero(np.any(pixels[top + 10 : low - 10] < 100, axis=1))
+    assert np.ptp(dark) > 0.7 * (low - top)

@@ -120,13 +120,15 @@ def _panel(count: int, ratio: float, above: float, head: float) -> tuple[int, fl
         below = BELOW if picture_height() else 1.3 * BELOW  # a legend of two lines
         return (longest() - above - below) / -(-count // columns) - HEAD
 
+    def needed(columns: int) -> float:
+        return float(np.clip(width(columns) * ratio, FLATTEST, TALLEST))
+
     columns = 1 if picture_width() < NARROW else 2
-    tall = float(np.clip(width(columns) * ratio, FLATTEST, TALLEST))
-    if not picture_height() and tall <= height(columns):
-        return columns, width(columns), tall
+    if not picture_height() and needed(columns) <= height(columns):
+        return columns, width(columns), needed(columns)
     fitting = [n for n in range(1, count + 1) if n == 1 or head < 80.0 * (width(n) + GAP)]
     best = max(fitting, key=lambda columns: min(ratio * width(columns), height(columns)))
-    return best, width(best), max(height(best) if picture_height() else min(height(best), tall), 0.1)
+    return best, width(best), max(height(best) if picture_height() else min(height(best), needed(best)), 0.1)
 
 
 def _draw(axes: Axes, view: View, frames: Sequence[int]) -> None:

@@ -11,6 +11,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from mbstab.analysis.algebra.arrays import Index
 from mbstab.analysis.sweep.sweep import Sweep
@@ -19,7 +20,7 @@ from mbstab.errors import UsageError, alternatives
 from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated
 from mbstab.report.pictures.dense_curves import slopes
-from mbstab.report.pictures.drawing import CRITICAL_STYLE, draw_legend, house_style, legend_marker
+from mbstab.report.pictures.drawing import CRITICAL_STYLE, draw_legend, house_style, legend_marker, no_answer_patch
 from mbstab.report.pictures.over_parameter import panels_over_parameter
 from mbstab.report.pictures.scales import Axis, axis_range, typeset
 from mbstab.report.pictures.sweep_curves import SweepCurves
@@ -136,7 +137,7 @@ def bifurcation(result: Sweep, label: Axis | str, title: str, asked: Sequence[st
         inks = {name: INK[k % len(INK)] for group in groups for k, name in enumerate(group)}
         for axes, group in zip(panels, groups, strict=False):
             _draw(axes, pieces, {name: inks[name] for name in group}, curves)
-        draw_legend(figure, _entries(pieces, inks, curves, unlabelled, left))
+        draw_legend(figure, _entries(pieces, groups, inks, curves, unlabelled, left))
         return figure
 
 
@@ -254,17 +255,31 @@ def _around(earlier: Sweep, later: Sweep, fold: float, factor: float, names: Seq
 
 
 def _entries(
-    pieces: Sequence[_Piece], inks: dict[str, str], curves: SweepCurves, unlabelled: int, left: int
+    pieces: Sequence[_Piece],
+    groups: Sequence[Sequence[str]],
+    inks: dict[str, str],
+    curves: SweepCurves,
+    unlabelled: int,
+    left: int,
 ) -> list[Artist]:
     """Return the entries of the legend."""
-    handles: list[Artist] = [Line2D([], [], color=ink, linewidth=THIN, label=name) for name, ink in inks.items()]
+    # Names belong to colours, lines to stability; a single short name stands at the axis of its panel.
+    handles: list[Artist] = [
+        Patch(facecolor=inks[name], label=name)
+        for group in groups
+        for name in group
+        if len(group) > 1 or len(name) > LONGEST
+    ]
+    shade = "0.4" if len(set(inks.values())) > 1 else INK[0]
     words = {0: "stable", 1: "unstable", -1: "undecided"}
     for state in sorted({piece.state for piece in pieces}, key=lambda k: (k < 0, k)):
-        handles.append(Line2D([], [], color="0.4", linewidth=THIN, linestyle=STYLES[state], label=words[state]))
+        handles.append(Line2D([], [], color=shade, linewidth=THIN, linestyle=STYLES[state], label=words[state]))
     if curves.marked:
         text = "critical value" + (f" ({unlabelled} without label)" if unlabelled else "")
         handles += [Line2D([], [], color="k", linewidth=1.0, linestyle=CRITICAL_STYLE, label=text)]
         handles += [legend_marker("D", 5.0, "where it is critical")]
+    if np.any(curves.unanswered):
+        handles.append(no_answer_patch(curves.gap))
     if left:
         handles.append(Line2D([], [], linestyle="", label=f"{left} more depend on it, see --coordinate"))
     return handles

@@ -117,6 +117,7 @@ def _set_scale(axes: Axes, frequency: Array, largest: float) -> None:
     low = float(np.min(highest[highest > TINY * largest], initial=top))
     if low * SQUEEZED < top:
         set_logarithmic(axes, "y", decade(low, top), 0.0, top)
+        axes.set_ylim(bottom=0.0)  # no frequency is negative
     else:
         axes.set_ylim(upward_range(frequency, largest))
 

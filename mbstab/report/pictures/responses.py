@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,12 @@ from mbstab.analysis.response.response import Response
 from mbstab.analysis.response.transfer import Channel
 from mbstab.analysis.sweep.unbalance import UnbalanceResponse
 from mbstab.compiler.system import Array
+from mbstab.records import dataclass
 from mbstab.report.picture_sizes import FONT, scaled
 from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.drawing import UNSTABLE_SHADE, draw_legend, house_style, titled_figure, unstable_patch
-from mbstab.report.pictures.scales import Axis, number_text, typeset
+from mbstab.report.pictures.point_labels import PointLabels
+from mbstab.report.pictures.scales import Axis, number_text, typeset, with_minus_sign
 from mbstab.report.responses import decibels, phase, unit
 
 STYLES = ("-", "--", "-.", ":")
@@ -59,6 +62,9 @@ RING = np.tan(np.linspace(-1.5, 1.5, 81))
 BENT, ADDED = 2e-3, 300
 """Curves over the spin get more points where they leave their chord by this part of a panel, so many at most."""
 
+MARGIN: dict[str, Any] = {"linewidth": 1.8, "linestyle": (0, (1.0, 1.0)), "markersize": 4.5, "markerfacecolor": "w"}
+"""How margins are drawn."""
+
 WIDE = 2.2
 """Width of a panel in heights."""
 
@@ -95,13 +101,69 @@ def _bode(result: Response, title: str) -> Figure:
         high = max(high, float(np.max(gain[gain < high + PEAK], initial=high)))
         upper.semilogx(x, gain, **style)
         lower.semilogx(x, phase(values), **style)
+    marks = _margins_in(result, x, every)
+    low, high = min([low, *(0.0 for m in marks if m.of_gain)]), max([high, *(0.0 for m in marks if m.of_gain)])
     upper.set_ylim(low - 0.05 * (high - low) - 1.0, high + 0.05 * (high - low) + 1.0)
+    for axes in (upper, lower):
+        _mark(axes, [m for m in marks if m.of_gain == (axes is upper)])
     _finish(upper, lower, "frequency (rad/s)")
     upper.set_ylabel("gain (dB)")
     for axes in (upper, lower):
         axes.set_xlim(result.x[0], result.x[-1])
+    if marks:
+        handles.append(Line2D([], [], label="gain and phase margins", marker="o", **{**MARGIN, "color": "k"}))
     draw_legend(figure, handles)
+    for axes in (upper, lower):
+        _label(axes, [m for m in marks if m.of_gain == (axes is upper)])
     return figure
+
+
+@dataclass(frozen=True)
+class _Margin:
+    """A margin in a Bode diagram: a step at a frequency from a curve to 0 dB, or to an odd multiple of 180 degrees."""
+
+    of_gain: bool
+    frequency: float
+    start: float
+    end: float
+    ink: str
+
+
+def _margins_in(result: Response, x: Array, curves: Sequence[Any]) -> list[_Margin]:
+    """Return the margins at the frequencies of a picture, those of each channel in its ink."""
+    found = []
+    for k, (own, values) in enumerate(zip(result.margins, curves, strict=False)):
+        ink, angle = INK[k % len(INK)], phase(values)
+        known = np.isfinite(angle)
+        if own.doubt or not known.any():
+            continue
+        for g in own.gain:
+            found.append(_Margin(True, g.frequency, -float(decibels(g.factor)), 0.0, ink))
+        for p in own.phase:
+            # The margin is known exactly, the turns of the curve from its points.
+            rough = float(np.interp(math.log(p.frequency), np.log(x[known]), angle[known])) - p.phase
+            end = 360.0 * round((rough - 180.0) / 360.0) + 180.0
+            found.append(_Margin(False, p.frequency, end + p.phase, end, ink))
+    return [m for m in found if result.x[0] <= m.frequency <= result.x[-1]]
+
+
+def _mark(axes: Axes, marks: Sequence[_Margin]) -> None:
+    """Draw the margins of a panel, and the level to which they count."""
+    for level in {m.end for m in marks}:
+        axes.axhline(level, color="0.35", linewidth=0.8, zorder=1.6)
+    for m in marks:
+        axes.plot(
+            [m.frequency] * 2, [m.start, m.end], marker="o", markevery=[0], zorder=4, **{**MARGIN, "color": m.ink}
+        )
+
+
+def _label(axes: Axes, marks: Sequence[_Margin]) -> None:
+    """Write the sizes of the margins of a panel."""
+    labels = PointLabels(axes)
+    for m in marks:
+        size, unit_ = (m.end - m.start, " dB") if m.of_gain else (m.start - m.end, "°")
+        labels.add(m.frequency, 0.5 * (m.start + m.end), with_minus_sign(f"{size:.3g}") + unit_)
+    labels.draw()
 
 
 def _over_time(result: Response, title: str) -> Figure:

@@ -18,6 +18,9 @@ from mbstab.report.pictures.curves import Mask, branch_ink
 from mbstab.report.pictures.dense_curves import dense
 from mbstab.report.pictures.scales import Axis, number_text
 
+ENDS = ("fold", "loss of equilibrium", "end of the equations")
+"""Kinds of critical values at which a path has an answer on one side only."""
+
 TINY = 1e-10
 """Imaginary parts below this fraction of the largest eigenvalue are drawn as zero."""
 
@@ -165,7 +168,27 @@ class SweepCurves:
                     found[-1] = (found[-1][0], b, value)
                 elif b - a > 1e-9 * self.span:
                     found.append((a, b, value))
-        yield from (piece for piece in found if piece[2])
+        yield from (piece for piece in self._up_to_ends(found, sign) if piece[2])
+
+    def _up_to_ends(
+        self, found: list[tuple[float, float, int]], sign: npt.NDArray[np.intp]
+    ) -> Iterator[tuple[float, float, int]]:
+        """Yield ranges of which those without an answer begin where the path ends, not at its last point."""
+        x = self.points
+        ends = [c.value for group in self.critical for c in group if c.kind in ENDS]
+        for a, b, state in found:
+            low, high = a, b
+            for end in ends if state < 0 else ():
+                k = int(np.searchsorted(x, end)) - 1
+                if not (0 <= k < len(x) - 1 and x[k] < end < x[k + 1]):
+                    continue
+                if sign[k] >= 0 > sign[k + 1] and x[k] >= a:
+                    low = end
+                    yield a, end, int(sign[k])
+                elif sign[k + 1] >= 0 > sign[k] and x[k + 1] <= b:
+                    high = end
+                    yield end, b, int(sign[k + 1])
+            yield low, high, state
 
     def _change(self, k: int) -> float:
         """Return where the state changes behind a point: at a critical value on a point, or else in the middle."""
