@@ -477,9 +477,10 @@ def area(polygon):
 
 
 def circle_on(x, y):
-    """Return the points in which the unit circle crosses the lines of a grid."""
+    """Return the points in which the unit circle crosses the lines of a grid, around it."""
     found = [(s * math.sqrt(1.0 - v * v), v) for v in y if abs(v) < 1.0 for s in (1, -1)]
-    return np.array(found + [(v, s * math.sqrt(1.0 - v * v)) for v in x if abs(v) < 1.0 for s in (1, -1)])
+    found += [(v, s * math.sqrt(1.0 - v * v)) for v in x if abs(v) < 1.0 for s in (1, -1)]
+    return np.array(sorted(found, key=lambda point: math.atan2(point[1], point[0])))
 
 
 @pytest.mark.parametrize("down", [False, True])
@@ -492,6 +493,19 @@ def test_regions_end_at_their_boundary(down):
     assert sum(sizes.values()) == pytest.approx(abs(np.ptp(x) * np.ptp(y)), rel=1e-12)
     # Chords of the circle, of which a cell of the grid cuts off at most 3 % here; half cells are 10 % away.
     assert 0.97 * math.pi < sizes[1] < math.pi
+
+
+@pytest.mark.parametrize("slope", [0.3, 2.7, -3.1])
+@pytest.mark.parametrize("transposed", [False, True])
+def test_regions_end_at_a_boundary_that_is_known_in_each_row_only(slope, transposed):
+    """Such as that of folds: its line crosses several columns from one row to the next."""
+    x, y = np.linspace(0.0, 10.0, 21), np.linspace(0.0, 3.0, 4)
+    line = 5.0 - slope * (y - 1.5) + 0.013
+    beyond = np.where(x < line[:, None], 0, -1)
+    curve = np.column_stack([line, y])
+    found = regions(y, x, beyond.T, [curve[:, ::-1]]) if transposed else regions(x, y, beyond, [curve])
+    sizes = {label: sum(abs(area(polygon)) for polygon in polygons) for label, polygons in found.items()}
+    assert sizes == {0: pytest.approx(3.0 * 5.013, rel=1e-12), -1: pytest.approx(3.0 * 4.987, rel=1e-12)}
 
 
 def test_cells_with_three_and_four_regions_are_filled_once():

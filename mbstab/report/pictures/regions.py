@@ -18,7 +18,7 @@ Polygon = list[Point]
 def regions(x: Array, y: Array, labels: Labels, boundaries: Sequence[Array]) -> dict[int, list[Polygon]]:
     """Return the polygons that fill the region of each label.
 
-    An edge of the grid between two labels is cut where a boundary has a point on it, or else in the middle. Cuts of a
+    An edge of the grid between two labels is cut where a boundary crosses it, or else in the middle. Cuts of a
     cell are joined as `mbstab.analysis.sweep.boundaries` joins them to boundaries.
 
     Parameters
@@ -28,7 +28,7 @@ def regions(x: Array, y: Array, labels: Labels, boundaries: Sequence[Array]) -> 
     boundaries : sequence of ndarray, shape (k, 2)
     """
     across, up = 0.5 * (x[1:] + x[:-1]) * np.ones((len(y), 1)), 0.5 * (y[1:] + y[:-1])[:, None] * np.ones(len(x))
-    for curve in boundaries:
+    for curve in (_crossing(curve, x, y) for curve in boundaries):
         _cut(across, x, y, labels, curve)
         _cut(up.T, y, x, labels.T, curve[:, ::-1])
     corners = [labels[:-1, :-1], labels[:-1, 1:], labels[1:, 1:], labels[1:, :-1]]
@@ -47,6 +47,22 @@ def regions(x: Array, y: Array, labels: Labels, boundaries: Sequence[Array]) -> 
         for label, polygon in _divided(cell, cuts, [int(corner[i, j]) for corner in corners]):
             found[label].append(polygon)
     return found
+
+
+def _crossing(curve: Array, x: Array, y: Array) -> Array:
+    """Return a boundary with points where it crosses lines of the grid between its own, such as folds in each row."""
+    found = [curve[:1]]
+    for p, q in pairwise(curve):
+        between = []
+        for axis, lines in enumerate((x, y)):
+            for line in lines[(lines - p[axis]) * (lines - q[axis]) < 0.0].tolist():
+                part = (line - p[axis]) / (q[axis] - p[axis])
+                point = p + part * (q - p)
+                point[axis] = line
+                between.append((part, point))
+        found += [point[None] for _, point in sorted(between, key=lambda item: item[0])]
+        found.append(q[None])
+    return np.concatenate(found)
 
 
 def _cut(across: Array, x: Array, y: Array, labels: Labels, curve: Array) -> None:
