@@ -50,6 +50,12 @@ MISTAKES = {
     "digits apart": ("theta: 0", "theta: 1 000", "digits of a number stand together: 1000"),
     "a comma in a vector": ("[0, -9.81]", "[0, -9,81]", "decimals have a point: -9.81 for -9,81"),
     "commas in a vector": ("[0, L/2]", "[0,5, 1,2]", "decimals have a point: 0.5 for 0,5"),
+    "a comma in a table": ("title: Pendulum", "tables: {T: {x: [0,5, 1], y: [0, 1]}}", "have a point: 0.5 for 0,5"),
+    "a comma in a controller": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: state_space, joint: pin, signal: angle(pin), A: [[0,5]], B: [1], C: [1]}",
+        "it has 1 row, and one of them 2 numbers",
+    ),
     "three numbers": ("[0, -9.81]", "[1,2,3]", "the scene is planar: its vectors have x and y"),
     "a function without its argument": ("theta: 0", "theta: cos", "cos is a function: cos(…)"),
     "a short word": ("theta: 0", "theta: in", "declare it: parameters: {in: {value: …, unit: …}}"),
@@ -144,6 +150,19 @@ def test_a_range_behind_the_name_of_a_parameter_is_told_apart(given, said):
     answer = CliRunner().invoke(main, ["sweep", "whipple_bicycle.yaml", "--param", given])
     assert answer.exit_code == 2
     assert answer.stderr.endswith(f"hint: {said}\n")
+
+
+def test_a_decimal_comma_in_a_range_is_told():
+    answer = CliRunner().invoke(main, ["sweep", "whipple_bicycle.yaml", "--param", "v", "--from", "1,5", "--to", "6"])
+    assert answer.exit_code == 2
+    assert "--from is given 2 times for 1 parameter" in answer.stderr
+    assert "decimals have a point" in answer.stderr
+
+
+def test_a_range_to_vary_is_no_value():
+    answer = CliRunner().invoke(main, ["design", "pendulum.yaml", "--vary", "L", "--goal", "decay"])
+    assert answer.exit_code == 2
+    assert answer.stderr.endswith("--vary L: write NAME=RANGE, such as --vary L=0.9..1.1\n")
 
 
 @pytest.mark.parametrize(

@@ -89,8 +89,10 @@ def failure_of(name: str, error: Exception) -> MbstabError:
     return error if isinstance(error, MbstabError) else UnforeseenError(name, error)
 
 
-def parse_settings(settings: tuple[str, ...], option: str = "--set") -> dict[str, str]:
-    """Return options such as ``--set`` as a dictionary.
+def parse_settings(
+    settings: tuple[str, ...], option: str = "--set", what: str = "VALUE", example: str = "0.5"
+) -> dict[str, str]:
+    """Return options such as ``--set`` as a dictionary; `what` messages call the values, and an `example` of one.
 
     Raises
     ------
@@ -102,7 +104,7 @@ def parse_settings(settings: tuple[str, ...], option: str = "--set") -> dict[str
         name, equals, value = setting.partition("=")
         name = name.strip()
         if not equals or not name or not value.strip():
-            raise UsageError(f"{option} {setting}: write NAME=VALUE, such as {option} {name or 'NAME'}=0.5")
+            raise UsageError(f"{option} {setting}: write NAME={what}, such as {option} {name or 'NAME'}={example}")
         if name in found:
             raise UsageError(f"{option} {name} is given twice")
         found[name] = value.strip()

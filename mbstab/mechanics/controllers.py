@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from mbstab.errors import counted
 from mbstab.mechanics.catalogue import EFFORT, ElementUse, Field, Item, Kind, Part, PartError, Product
 from mbstab.mechanics.drives import MOTION
 
@@ -125,7 +126,8 @@ def _state_space(name: str, given: Mapping[str, Any]) -> Part:
     n = len(A)
     for row in A:
         if len(row) != n:
-            raise PartError("A", f"A must be square: it has {n} rows, and one of them {len(row)} numbers")
+            rows, numbers = counted(n, "row"), counted(len(row), "number")
+            raise PartError("A", f"A must be square: it has {rows}, and one of them {numbers}")
     for key, x in (("B", B), ("C", C)):
         if len(x) != n:
             raise PartError(key, f"{key} must have as many numbers as A has rows: {n}, got {len(x)}")

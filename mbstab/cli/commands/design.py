@@ -84,7 +84,9 @@ def design(
     --vary w=5% --vary c=5% --vary tilt=5% --vary x_H=5% --vary z_H=5%
     """
     mechanism = load_model(file, settings)
-    ranges, box = parse_settings(vary, "--vary"), parse_settings(over, "--over")
+    ranges, box = (
+        parse_settings(given, option, "RANGE", "0.9..1.1") for given, option in ((vary, "--vary"), (over, "--over"))
+    )
     with progress_bar("designing") as progress:
         found = mechanism.design(ranges, goal, progress, over=box, least=least, steps=steps)
     from mbstab.analysis.design.design import settings as as_settings

@@ -249,7 +249,9 @@ def _check_options(
     for name, values in given.items():
         if values and len(values) != len(parameters):
             times = "once" if len(values) == 1 else f"{len(values)} times"
-            raise UsageError(f"{name} is given {times} for {counted(len(parameters), 'parameter')}: once for each")
+            message = f"{name} is given {times} for {counted(len(parameters), 'parameter')}: once for each"
+            hint = "\nhint: commas stand between the values of two parameters, and decimals have a point"
+            raise UsageError(message + hint * (len(values) > len(parameters)))
     if len(parameters) == 2 and listed:
         raise UsageError("--values goes with one parameter")
     if "none" in pictures and (len(pictures) > 1 or place is not None):

@@ -9,6 +9,7 @@ from mbstab.mechanics.catalogue import Field, Number
 from mbstab.mechanics.gears import SMALL, nearest_whole, whole_turns
 from mbstab.model.fields.base import NUMBER, TEXT, FieldKind, Owner, Reading
 from mbstab.model.fields.values import NumberField
+from mbstab.model.nodes import decimal_commas
 from mbstab.model.numbers import all_of, nominal
 from mbstab.model.schema import Components, Quantity
 from mbstab.model.yamlfile import Sequence, YamlNode
@@ -74,7 +75,8 @@ class RadiiField(FieldKind):
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
         """Return both."""
         if not isinstance(node, Sequence) or len(node.items) != 2:
-            reading.nodes.complain(node, path, "expected a list of two numbers, one for each wheel", field.doc)
+            hint = (decimal_commas(node, 2) if isinstance(node, Sequence) else "") or field.doc
+            reading.nodes.complain(node, path, "expected a list of two numbers, one for each wheel", hint)
             return None
         return reading.quantities.components(node.items, node, path, field.unit)
 

@@ -7,7 +7,7 @@ from decimal import Decimal
 
 from mbstab.errors import alternatives
 from mbstab.model.columns import MAX_POINTS, Column, read_csv, table_of
-from mbstab.model.nodes import NodeReader
+from mbstab.model.nodes import NodeReader, decimal_commas
 from mbstab.model.schema import TABLE_FIELDS, TableValue
 from mbstab.model.sections.parameters import RESERVED
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
@@ -45,7 +45,9 @@ class TableReader:
         x, y = columns
         if len(x) != len(y):
             message = f"{len(x)} values of x and {len(y)} of y"
-            self.nodes.complain((y if len(y) > len(x) else x)[min(len(x), len(y))][1], path, message)
+            longer = mapping.entries.get("y" if len(y) > len(x) else "x")
+            hint = decimal_commas(longer, min(len(x), len(y))) if isinstance(longer, Sequence) else ""
+            self.nodes.complain((y if len(y) > len(x) else x)[min(len(x), len(y))][1], path, message, hint)
             return None
         return table_of(self.nodes, x, y, mapping, path)
 
