@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import mbstab
+from mbstab.analysis.reference import continuation
 from mbstab.analysis.reference.sheets import follow_all
 
 # x² = ROOM where that is positive; at x > 0 the stiffness is 2 x, and the damping changes its sign in the chart.
@@ -89,3 +90,18 @@ def test_a_row_is_not_continued_on_another_sheet():
     fold = 2.0 * (np.maximum(b, 0.0) / 3.0) ** 1.5
     exists = (a < fold[:, None]) | (b[:, None] < 0.0)
     assert np.array_equal(chart.unstable >= 0, exists)
+
+
+def test_rows_that_end_follow_those_beside_them(monkeypatch):
+    """The first row is followed step by step; the others go through the points near its own, in steps that fit."""
+    room, (low, high), _ = REGIONS["disk"]
+    a, b = np.linspace(low, high, 9), np.linspace(-0.5, 0.6, 9)
+    steps = []
+    fitting = continuation._Curve._fitting
+    monkeypatch.setattr(continuation._Curve, "_fitting", lambda self, *step: steps.append(1) or fitting(self, *step))
+    sheet = follow_all(mbstab.loads(TEXT.replace("ROOM", room)).model, ("a", "b"), a, b)
+    ends = np.array([path.values[-1] for (path,) in sheet.paths])
+    np.testing.assert_allclose(ends, np.sqrt(1.0 - b**2), rtol=1e-13)
+    assert len(steps) < 12 * len(b)
+    for value, (path,) in zip(b, sheet.paths, strict=True):
+        np.testing.assert_allclose(path.q[:, 0] ** 2, 1.0 - path.values**2 - value**2, atol=1e-14)

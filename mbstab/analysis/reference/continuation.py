@@ -11,20 +11,17 @@ has led to another path, and is repeated with half its length.
 
 from __future__ import annotations
 
-import contextlib
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import pairwise, takewhile
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import least_squares
-from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.roots import root
-from mbstab.analysis.reference.curve_points import Point, Run, joined, nearest_turn, pole_ahead, rounded, without_value
-from mbstab.analysis.reference.equilibrium import Problem
+from mbstab.analysis.reference.curve_equations import CurveEquations, Solved
+from mbstab.analysis.reference.curve_points import Point, Run, joined, pole_ahead, rounded, without_value
 from mbstab.analysis.reference.paths import Path, PathEnd
 from mbstab.analysis.reference.smooth import SmoothSolutions
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -84,17 +81,44 @@ def follow(
     return replace(curve.path(main, start), moved=moved, beyond=tuple(beyond))
 
 
-class _Curve:
-    """The curve of solutions through one of them.
+def follow_row(
+    model: Model,
+    parameter: str,
+    ends: tuple[float, float],
+    start: float,
+    near: tuple[Array, Array],
+    beside: Sequence[Point] = (),
+) -> tuple[Path, list[Point]]:
+    """Return the solutions over a range of a parameter up to their folds, and where steps led if they are not smooth.
 
-    The unknowns are [q; c; p] without what is given, scaled by the size of the scene, its speed and
-    the range.
+    `beside` are such points of a row beside, ascending, which may lead along this one.
 
-    Attributes
-    ----------
-    work : list of int
-        How many times the equations may still be evaluated; shared with the curves that branch off.
+    Raises
+    ------
+    MbstabError
+        If there is no solution near the one to start from.
     """
+    curve = _Curve(model, parameter, ends, start, near)
+    if not beside and (smooth := curve.smooth(start, math.inf)):
+        return smooth, []
+    up, down = (curve.traced(sign, False, _onwards(beside, sign, start))[0] for sign in (1.0, -1.0))
+    return curve.path(joined(down, up), start), [*_reversed(down.lead), *up.lead[1:]]
+
+
+def _reversed(points: Sequence[Point]) -> list[Point]:
+    """Return points of a path as one meets them on the way back."""
+    return [replace(point, tangent=-point.tangent) for point in reversed(points)]
+
+
+def _onwards(points: Sequence[Point], sign: float, start: float) -> Sequence[Point]:
+    """Return those of ascending points that lie upwards or downwards of a start, and the last one before it."""
+    along = points if sign > 0.0 else _reversed(points)
+    before = sum(1 for _ in takewhile(lambda point: sign * (start - point.p) >= 0.0, along))
+    return along[max(before - 1, 0) :]
+
+
+class _Curve(CurveEquations):
+    """The curve of solutions through one of them."""
 
     def __init__(
         self,
@@ -104,40 +128,9 @@ class _Curve:
         start: float,
         near: tuple[Array, Array] | None,
     ) -> None:
-        self.model, self.parameter = model, parameter
-        self.width = (ends[1] - ends[0]) or 1.0
-        self.problem = Problem(System(evaluate(model, {parameter: start})), massless=True)
-        system = self.problem.system
-        self.work = [max(TOLERANCES.path_evaluations, TOLERANCES.path_evaluated_numbers // (system.n_q + system.n_c))]
-        self.low, self.high = (self._last_valid(start, end) for end in ends)
-        _, search, at, _ = self.problem.solved(*((self.problem.start,) if near is None else near))
-        self.balance = search.balance
-        _, A = self._equations(at.q, at.c, start)
-        s = np.linalg.svd(A, compute_uv=False)
-        self.rank = int(np.sum(s > TOLERANCES.path_singular_value * max(float(s[0]), 1e-300))) if len(s) else 0
-        # The minimum-norm change with the parameter: it has no component along symmetries.
-        by_p = np.append(least_squares(A[:, :-1], -A[:, -1], rcond=TOLERANCES.path_singular_value), 1.0)
-        self.first = self._point(at.q, at.c, start, A, by_p, None)
+        super().__init__(model, parameter, ends, start, near)
         self.folds: list[Point] = []
         self.branchings: list[Point] = []
-
-    def _last_valid(self, start: float, end: float) -> float:
-        """Return the value nearest to an end of the range up to which the model is valid."""
-
-        def valid(value: float) -> bool:
-            try:
-                evaluate(self.model, {self.parameter: value})
-            except MbstabError:
-                return False
-            return True
-
-        if valid(end):
-            return end
-        good, bad = start, end
-        while good != 0.5 * (good + bad) != bad:
-            middle = 0.5 * (good + bad)
-            good, bad = (middle, bad) if valid(middle) else (good, middle)
-        return good
 
     def smooth(self, start: float, wanted: float) -> Path | None:
         """Return the path over the whole range if it is smooth, for so many values on it."""
@@ -167,94 +160,20 @@ class _Curve:
         size = np.abs(q) / self.balance.sizes
         return tuple(self.problem.system.names[i] for i in np.flatnonzero(size > TOLERANCES.pole_share * np.max(size)))
 
-    # --- equations --------------------------------------------------------------------------------------------------
-
-    def _equations(self, q: Array, c: Array, p: float) -> tuple[Array, Array]:
-        """Return the residuals that multipliers cannot balance, and their derivative by the scaled unknowns."""
-        step = TOLERANCES.parameter_difference * self.width
-        # Central, or at an end of the range or of the solutions one-sided with two points: of second order everywhere.
-        inward = -step if p > self.high - step else step
-        central = [(step, -step)] if self.low + step <= p <= self.high - step else []
-        for sides in (*central, (inward, 2.0 * inward), (-inward, -2.0 * inward)):
-            self.work[0] -= 1
-            around = p + np.array([0.0, *sides])
-            with contextlib.suppress(*FAILURES):
-                system = System(evaluate(self.model, {self.parameter: around}))
-                balance = self.balance.over(system)
-                at = balance.state(balance.completed(np.tile(q, (3, 1))), np.tile(c, (3, 1)))
-                if np.all(np.isfinite(at.residual)):
-                    break
-        else:
-            raise NumericalError("the equations are not finite")
-        G, moving = balance.jacobian(at)[0], balance.moving
-        (one, two), changes = around[1:] - around[0], at.residual[1:] - at.residual[0]
-        by_p = (changes[0] * two / one - changes[1] * one / two) / (two - one) * self.width
-        A = np.column_stack([G[:, :moving], by_p])
-        forces = G[:, moving:]
-        if not forces.size:
-            return at.residual[0], A
-        left = rank_of(forces.T / max(float(np.max(np.abs(forces))), 1e-300)).null
-        # With the rows themselves: a basis would differ at every solution, and with it the signs of determinants.
-        return left @ (left.T @ at.residual[0]), left @ (left.T @ A)
-
-    def _stepped(self, q: Array, c: Array, p: float, step: Array) -> tuple[Array, Array, float]:
-        q, c = self.balance.shifted(q, c, step[:-1])
-        return q, c, p + float(step[-1]) * self.width
-
-    def _point(self, q: Array, c: Array, p: float, A: Array, along: Array, before: Point | None) -> Point:
-        """Return a solution with the tangent nearest to a direction, aligned with a solution next to it."""
-        left, s, right = np.linalg.svd(A)
-        left, right = left[:, self.rank :], right[self.rank :].T
-        tangent = right @ (right.T @ along)
-        length = float(np.linalg.norm(tangent))
-        if not length:
-            raise NumericalError("the equations do not say in which direction the solution goes on")
-        tangent /= length
-        if before is not None:
-            left, right = left @ nearest_turn(left.T @ before.left), right @ nearest_turn(right.T @ before.right)
-        bordered = np.block([[A, left], [right.T, np.zeros((right.shape[1], left.shape[1]))]])
-        sign = float(np.linalg.slogdet(bordered)[0])
-        return Point(q, c, p, tangent, left, right, bordered, sign, float(s[self.rank - 1]) if self.rank else 0.0)
-
-    def _corrected(self, start: Point, ahead: Array, hold: Array) -> tuple[Point, float] | None:
-        """Return the solution near a step, perpendicular to `hold`, and how far the step missed it."""
-        q, c, p = self._stepped(start.q, start.c, start.p, ahead)
-        missed = np.zeros(len(ahead))
-        try:
-            with np.errstate(all="ignore"):
-                for _ in range(TOLERANCES.path_newton_steps):
-                    residual, A = self._equations(q, c, p)
-                    step = least_squares(np.vstack([A, hold]), -np.append(residual, 0.0), rcond=1e-11)
-                    q, c, p = self._stepped(q, c, p, step)
-                    missed += step
-                    if not np.max(np.abs(missed)) < 1.0:
-                        return None
-                    # Where another path crosses, steps become half as long at best.
-                    slow = (
-                        np.max(np.abs(residual)) < TOLERANCES.path_residual_rounding
-                        and np.max(np.abs(step)) < TOLERANCES.path_step_rounding
-                    )
-                    if slow or np.max(np.abs(step)) < TOLERANCES.path_last_newton_step:
-                        residual, A = self._equations(q, c, p)
-                        if np.max(np.abs(residual)) > TOLERANCES.residual:
-                            return None
-                        point = self._point(q, c, p, A, start.tangent, start)
-                        return point, float(np.max(np.abs(missed)))
-        except FAILURES:
-            pass
-        return None
-
     # --- along the path ---------------------------------------------------------------------------------------------
 
-    def traced(self, sign: float, further: bool = True) -> list[Run]:
+    def traced(self, sign: float, further: bool = True, beside: Sequence[Point] = ()) -> list[Run]:
         """Return the path from the first solution on, divided at its folds, or only up to the first fold.
 
-        The parameter increases at first where `sign` is positive.
+        The parameter increases at first where `sign` is positive. `beside` are points of a path that is near.
         """
         at = replace(self.first, tangent=self.first.tangent * (sign if self.first.rise >= 0.0 else -sign))
         runs = [Run([at])]
+        length = self._led(runs[0], beside) if len(beside) > 1 else TOLERANCES.path_first_step
         while True:
-            fold = self._run(runs[-1])
+            fold = self._run(runs[-1], length)
+            length = TOLERANCES.path_first_step
+            runs[-1].lead = [*runs[-1].points, *([] if fold is None else [fold])]
             if self._closes(runs):
                 return runs[:-1]
             if fold is None:
@@ -264,7 +183,7 @@ class _Curve:
                 return runs
             branches = self._branches(fold)
             runs[-1].ends.append((fold.p, PathEnd.BRANCHES if branches else PathEnd.TURNS))
-            self._close_in(runs, fold)
+            self._close_in(runs, fold, further)
             # On a closed curve this part has been followed from the other side.
             if not further or any(self._same(fold, other) for other in self.folds):
                 return runs[:-1]
@@ -281,9 +200,50 @@ class _Curve:
         """Return whether the allowed work is used up."""
         return self.work[0] <= 0
 
-    def _run(self, run: Run) -> Point | None:
+    def _led(self, run: Run, beside: Sequence[Point]) -> float:
+        """Add the points near those of another path, as far as steps from one to the next fit; return the next step.
+
+        There are twice as many as on the other path; steps leave some out where they can.
+        """
+        starts, ahead, hold = [], [], []
+        for one, other in pairwise(beside):
+            gap = self._open(self._between(one, other))
+            length = float(np.linalg.norm(gap))
+            starts += [one, one]
+            ahead += [0.0 * gap, 0.5 * gap + 0.125 * length * (one.tangent - other.tangent)]
+            hold += [one.tangent, gap / max(length, 1e-300)]
+        at = run.points[0]
+        every = self._all_corrected(starts[1:], ahead[1:], hold[1:])
+        found = [x for x in every if x is not None and (x[2] - at.p) * at.rise > 0.0]
+        k: int | None = 0
+        while k is not None:
+            # Longer steps come first: points would become more and more from row to row.
+            steps = range(min(k + TOLERANCES.points_left_out, len(found) - 1), k - 1, -1)
+            k = next((step + 1 for step in steps if self._joined(run, found[step])), None)
+        rest = self._open(self._between(run.points[-1], beside[-1]))
+        return max(float(np.linalg.norm(rest)) * TOLERANCES.step_beyond_lead, TOLERANCES.path_least_step)
+
+    def _joined(self, run: Run, solved: Solved) -> bool:
+        """Add a solution to a run if a step leads to it."""
+        at, (q, c, p, A) = run.points[-1], solved
+        point = self._point(q, c, p, A, at.tangent, at)
+        gap = self._open(self._between(at, point))
+        ahead = float(gap @ at.tangent)
+        if (
+            ahead <= 0.0
+            or np.max(np.abs(gap - ahead * at.tangent)) > TOLERANCES.path_prediction_error
+            or point.tangent @ at.tangent <= TOLERANCES.path_turn_cosine
+            or point.rise * at.rise <= 0.0
+            or not self.low < p < self.high
+            or not self._leads(run, at, point)
+        ):
+            return False
+        run.points.append(point)
+        return True
+
+    def _run(self, run: Run, length: float = TOLERANCES.path_first_step) -> Point | None:
         """Add points until the parameter turns back or leaves the range; return the fold if it turns."""
-        length, jumped = TOLERANCES.path_first_step, False
+        jumped = False
         while True:
             at = run.points[-1]
             end = self.high if at.rise > 0.0 else self.low
@@ -495,18 +455,17 @@ class _Curve:
         except NumericalError:
             return None
 
-    def _close_in(self, runs: list[Run], fold: Point) -> None:
-        """Add points next to a fold on both of its sides, and begin the run beyond it."""
+    def _close_in(self, runs: list[Run], fold: Point, further: bool) -> None:
+        """Add points next to a fold on both of its sides, or only before it, and begin the run beyond it."""
         before = runs[-1]
         at = before.points[-1]
         distance = float(np.linalg.norm(self._between(fold, at)))
-        sides = []
-        for side in (-1.0, 1.0):
-            near = [
-                self._corrected(fold, side * distance * 0.5**k * fold.tangent, fold.tangent)
-                for k in range(1, TOLERANCES.fold_halvings + 1)
-            ]
-            sides.append([found[0] for found in near if found is not None])
+        sides: list[list[Point]] = [[], []]
+        for near, side in zip(sides, (-1.0, 1.0) if further else (-1.0,), strict=False):
+            count = TOLERANCES.fold_halvings
+            ahead = [side * distance * 0.5**k * fold.tangent for k in range(1, count + 1)]
+            found = self._all_corrected([fold] * count, ahead, [fold.tangent] * count)
+            near += [self._point(*x, fold.tangent, fold) for x in found if x is not None]
         if not self._branches(fold):
             # A point whose sign differs lies beyond a crossing, or on another path.
             sides[1] = list(takewhile(lambda x: x.sign == fold.sign, sides[1][::-1]))[::-1]
@@ -514,11 +473,6 @@ class _Curve:
         before.points += [x for x in sides[0] if (x.rise > 0.0) == rising]
         before.points.append(fold)
         runs.append(Run([fold, *(x for x in sides[1][::-1] if (x.rise > 0.0) != rising)], [before.ends[-1]]))
-
-    def _between(self, one: Point, other: Point) -> Array:
-        """Return the scaled difference of two solutions."""
-        q = (other.q - one.q) / self.balance.sizes
-        return np.concatenate([q, (other.c - one.c) / self.balance.speed, [(other.p - one.p) / self.width]])
 
     def _same(self, one: Point, other: Point) -> bool:
         return abs(one.p - other.p) < TOLERANCES.equal_solutions * self.width and self.problem.alike(one.q, other.q)
@@ -535,9 +489,3 @@ class _Curve:
                 found = self._corrected(one, ahead, np.eye(len(ahead))[-1])
                 return found is not None and self._same(found[0], self.first)
         return False
-
-    def _open(self, difference: Array) -> Array:
-        """Return a difference of solutions without the entries that are given."""
-        n = len(self.balance.sizes)
-        wanted = [*self.balance.open, *(n + k for k in self.balance.free), n + self.balance.family.size]
-        return difference[np.array(wanted, dtype=np.intp)]

@@ -70,13 +70,15 @@ class Point:
 class Run:
     """Points of a path between two folds, where and why it ends within the range, and where others cross.
 
-    `refused` says why the equations have no value beyond an end.
+    `refused` says why the equations have no value beyond an end. `lead` are the points to which steps led, with the
+    fold at its end, but without those that close in on it.
     """
 
     points: list[Point]
     ends: list[tuple[float, PathEnd]] = field(default_factory=list)
     crossings: list[float] = field(default_factory=list)
     refused: dict[float, str] = field(default_factory=dict)
+    lead: list[Point] = field(default_factory=list)
 
 
 def joined(down: Run, up: Run) -> Run:

@@ -16,7 +16,8 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, Index
 from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.reference.continuation import follow
+from mbstab.analysis.reference.continuation import follow, follow_row
+from mbstab.analysis.reference.curve_points import Point
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.many_points import newton
 from mbstab.analysis.reference.paths import Path, Sheet, Surface, meet
@@ -92,6 +93,7 @@ class _Rows:
     def __init__(self, model: Model, parameters: tuple[str, str], x: Array, y: Array) -> None:
         self.model, self.parameters, self.x, self.y = model, parameters, x, y
         self.paths: list[list[Path]] = [[] for _ in y]
+        self.leads: list[list[list[Point]]] = [[] for _ in y]
         self.tried: dict[int, Flags] = {side: np.zeros((len(y), len(x)), dtype=bool) for side in (-1, 1)}
         """Columns at which a row was left for the one below (−1) or above."""
 
@@ -100,9 +102,12 @@ class _Rows:
         one, other = self.parameters
         with contextlib.suppress(MbstabError):
             at = bound(self.model, settings_in_si({other: float(self.y[j])}))
-            path = follow(at, one, float(self.x[0]), float(self.x[-1]), start, near, further=False)
+            leads = [x for i in (j - 1, j + 1) if 0 <= i < len(self.y) for x in self.leads[i]]
+            beside = next((x for x in leads if x[0].p <= start <= x[-1].p), ())
+            path, lead = follow_row(at, one, (float(self.x[0]), float(self.x[-1])), start, near, beside)
             if not any(meet(path, known) for known in self.paths[j]):
                 self.paths[j].append(path)
+                self.leads[j] += [lead] if lead else []
 
     def spread(self) -> None:
         """Reach more of the rows from those beside them, as long as some are found."""

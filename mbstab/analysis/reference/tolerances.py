@@ -136,6 +136,12 @@ class Tolerances:
     """At a fold another path branches off if the equations are dependent to this."""
     path_turning_slope: Final = 1e-9
     """A fold is where the parameter changes by less than this along the path: its error there is the square."""
+    points_left_out: Final = 3
+    """So many points near those of the row beside are left out if a step fits without them."""
+    step_beyond_lead: Final = 1.5
+    """A row is followed beyond the points of the one beside it by so many times the last step there, at first."""
+    entries_at_curve_points: Final = 3_000_000
+    """Points of a curve are computed at once as long as their matrices have no more entries than this."""
     fold_halvings: Final = 20
     """Points added at a fold, each at half the distance: coordinates vary as a square root of the parameter there."""
     folds_of_path: Final = 10
