@@ -102,6 +102,33 @@ def test_a_wheel_that_does_not_return_goes_on_across(law, in_place, drift):
     assert ("growing" in result.reasons[0]) == bool(drift)
 
 
+@pytest.mark.parametrize(
+    ("across", "grows"),
+    [
+        ("x**2", True),  # x decays like the root of 1/(2 t): y grows like log(t)/2
+        ("x**2 + rate(x)", True),
+        ("0*x", False),
+    ],
+)
+@pytest.mark.parametrize("how", ["force", "state"])
+def test_what_a_slow_decay_drives_may_grow_even_by_its_square(across, grows, how):
+    across = across.replace("x", "b.x")
+    text = """
+mbstab: 1
+bodies: {b: {type: planar_point, mass: 1}}
+constraints: {rail: {holonomic: b.y}}
+forces: {f: {type: expression, on: {b.x: -b.x**3 - rate(b.x)}}}
+states: {F: {rate: RATE}}
+reference: {coordinates: {b: {x: 0, y: 0}}}
+"""
+    if how == "force":
+        text = text.replace("states: {F: {rate: RATE}}\n", "").replace("constraints: {rail: {holonomic: b.y}}\n", "")
+        text = text.replace("- rate(b.x)}", "- rate(b.x), b.y: RATE - rate(b.y)}")
+    result = mbstab.loads(text.replace("RATE", across)).eig()
+    assert result.verdict == ASYMPTOTIC_UP_TO
+    assert ("may go on growing, more slowly than t" in result.reasons[0]) == grows
+
+
 def test_a_towed_wheel_below_its_pin_goes_on_across():
     result = mbstab.load("shimmy.yaml").eig(l=0)
     assert not result.in_place

@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.optimize import brentq, linear_sum_assignment
 
+import mbstab
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import Search, root
 from mbstab.analysis.sweep.batched_verdict import (
@@ -174,6 +175,40 @@ def test_unstable_eigenvalues_are_counted_where_the_verdict_is_not_open():
     assert unplaced(sides[1:3], words[1:3], {}) == 1
     assert unplaced(sides, words, {}) == 0
     assert signs(sides).tolist() == [[1, -1], [1, 0], [-1, 0], [0, 0], [0, 0]]
+
+
+SINGULAR = """
+mbstab: 1
+parameters: {s: 0.7}
+bodies: {p: {type: planar_point, mass: 1}}
+forces:
+  f:
+    type: expression
+    on:
+      p.x: -p.x - s*p.y - rate(p.x) - 2*rate(p.y)
+      p.y: -s*p.x - s**2*p.y - 2*rate(p.x) - s**2*rate(p.y)
+reference: {coordinates: {p: {x: 0, y: 0}}}
+"""
+
+
+@pytest.mark.parametrize(("low", "high"), [(-2, 2), (-2, 0), (-2, -1), (-1.9, 1), (0, 2), (0.5, 2.5)])
+@pytest.mark.parametrize("points", [5, 9, 17])
+def test_a_zero_at_all_points_hides_no_change_beside_it(low, high, points):
+    """The stiffness is singular for all s; at s = 0 the damping is as well, which is no rule for the others."""
+    truth = {-1.764878249016: (0, 2), 0.0: (2, 1), 2.0: (1, 0)}
+    found = {c.value: c.unstable for c in mbstab.loads(SINGULAR).sweep("s", np.linspace(low, high, points)).critical}
+    expected = {s: unstable for s, unstable in truth.items() if low + 1e-6 < s < high - 1e-6}
+    inner = {s: unstable for s, unstable in found.items() if low + 1e-6 < s < high - 1e-6}
+    assert list(inner) == pytest.approx(list(expected), abs=1e-9)
+    assert list(inner.values()) == list(expected.values())
+
+
+def test_a_change_of_the_verdict_between_points_is_never_without_a_value(monkeypatch):
+    for module in ("branches", "critical_values"):
+        monkeypatch.setattr(f"mbstab.analysis.sweep.{module}.settled", lambda sides, *_: np.full(len(sides), -1))
+    (found,) = mbstab.loads(SINGULAR).sweep("s", np.linspace(-2.0, -1.0, 5)).critical
+    assert (found.kind, found.unstable) == ("unresolved", (0, -1))
+    assert abs(found.value + 1.764878249016) < 0.25
 
 
 def test_zeros_that_nothing_explains_are_shown_as_such():

@@ -92,7 +92,10 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
                 c.kind + _signs(c) + (", branch point" if c.branching and c.kind != "branch point" else ""),
                 number(c.frequency, 6) if c.frequency else "-",
                 ", ".join(_branch(result, b) for b in c.branches) or "-",
-                " → ".join("none" if n < 0 else str(n) for n in _in_order(result, c.unstable)),
+                " → ".join(
+                    str(n) if n >= 0 else "?" if c.kind == "unresolved" else "none"
+                    for n in _in_order(result, c.unstable)
+                ),
             ]
             for c in _in_order(result, result.critical)
         ]

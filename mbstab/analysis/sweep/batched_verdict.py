@@ -195,13 +195,21 @@ def unstable_counts(sides: Sides, words: npt.NDArray[np.int8]) -> Index:
 def unplaced(sides: Sides, words: npt.NDArray[np.int8], problems: Container[int]) -> int:
     """Return the number of eigenvalues that are undecided at all of many points: unexplained zeros.
 
-    Where a family of motions explains them at some points, and the motion is unstable at others, only the
-    latter count: no family is searched there.
+    A single point at which fewer are is special: terms of the equations vanish there. Where a family of motions
+    explains them at some points, and the motion is unstable at others, only the latter count: no family is searched
+    there.
     """
     asked = np.array([i not in problems for i in range(len(words))], dtype=bool)
     if np.any((words != WORD[UNSTABLE]) & (words != WORD[UNDECIDED])):
         asked &= words == WORD[UNSTABLE]
-    return int(np.min(np.sum(sides == OPEN, axis=1)[asked], initial=sides.shape[1])) if asked.any() else 0
+    if not asked.any():
+        return 0
+    number = np.sum(sides == OPEN, axis=1)[asked]
+    if len(number) > 3:
+        beside = np.stack([np.roll(number, 1), np.roll(number, -1)])
+        beside[0, 0], beside[1, -1] = number[2], number[-3]
+        number = np.maximum(number, np.min(beside, axis=0))
+    return int(np.min(number))
 
 
 def settled(sides: Sides, words: npt.NDArray[np.int8], number: int) -> Index:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.matching import assigned
@@ -14,20 +15,13 @@ from mbstab.analysis.algebra.roots import Search
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import PathEnd
-from mbstab.analysis.sweep.batched_verdict import (
-    AXIS,
-    RIGHT,
-    Sides,
-    settled,
-    signs,
-    touching,
-)
+from mbstab.analysis.sweep.batched_verdict import AXIS, RIGHT, WORD, Sides, settled, signs, touching
 from mbstab.analysis.sweep.brackets import Bracket, RealPart, Stretch, Test, far_apart, needed, spaced
 from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, symmetric_product, turning
-from mbstab.analysis.verdict.rule import WORDS
+from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
 
@@ -248,6 +242,18 @@ class CriticalValues(Branches):
         counts = settled(sides, words, self.unplaced)
         values, sides = (np.take_along_axis(part, order, axis=1) for part in (values, sides))
         return Stretch(x, values, sides, mirrored, counts)
+
+    def untold(self, words: npt.NDArray[np.int8], found: list[Critical]) -> list[Critical]:
+        """Return changes of which nothing but the verdicts at both neighbouring points is known."""
+        x, unstable, told = self.x, words == WORD[UNSTABLE], self.good & (words != WORD[UNDECIDED])
+        pairs = np.flatnonzero(told[:-1] & told[1:] & (unstable[:-1] != unstable[1:])).tolist()
+        near, counts = TOLERANCES.meeting_rounding * self.width, np.where(unstable, self.counts, 0).tolist()
+        said = [any(x[k] - near <= c.value <= x[k + 1] + near for c in found) for k in pairs]
+        return [
+            Critical(0.5 * float(x[k] + x[k + 1]), "unresolved", (), 0.0, (counts[k], counts[k + 1]))
+            for k, known in zip(pairs, said, strict=True)
+            if not known
+        ]
 
     def known(self, value: float, critical: list[Critical]) -> bool:
         """Return whether a value is among the critical ones."""

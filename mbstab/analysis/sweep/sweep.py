@@ -231,6 +231,7 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
         critical += [tracker.branch_point(value, branches) for value in others]
         # The fold from which a further path starts is reported with the path that leads to it.
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
+    critical += tracker.untold(words, critical)
     critical.sort(key=lambda c: c.value)
     warnings = (*tracker.warnings, *idle(model, [parameter], None if path is None else {parameter: path.start}))
     # What is said of the speeds of one point holds for the others.

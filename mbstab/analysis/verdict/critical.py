@@ -99,8 +99,11 @@ def critical_zero(
     if yielding is None:
         return None
     if k % 2 and sign * yielding > 0:
-        word = ASYMPTOTIC_UP_TO if neutral else ASYMPTOTIC
-        return Critical(word, f"{grows} and brings the motion back", drift=_drift(separated, count))
+        why = f"{grows} and brings the motion back"
+        if not neutral:
+            return Critical(ASYMPTOTIC, why)
+        # It decays like t^(-1/(k-1)): even its square, which linear equations do not show, need not be summable.
+        return Critical(ASYMPTOTIC_UP_TO, why, drift=max(1, _drift(separated, count)))
     return Critical(UNSTABLE, f"{grows} and drives the motion away, at least to one side")
 
 
