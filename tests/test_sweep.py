@@ -1418,10 +1418,9 @@ def test_the_table_has_the_order_that_was_asked_for():
     rising, falling = (
         sweep_text(model.sweep("v", np.linspace(*ends, 15)), "m/s", 1.0, "") for ends in ((1, 8), (8, 1))
     )
-    assert re.findall(r"([\d.]+)  (divergence|flutter) .*?(\d → \d)", falling) == [
-        ("6.024262015389", "divergence", "1 → 0"),
-        ("4.292382536341", "flutter", "0 → 2"),
-    ]
+    found = re.findall(r"([\d.]+)  (divergence|flutter) .*?(\d → \d)", falling)
+    assert [row[1:] for row in found] == [("divergence", "1 → 0"), ("flutter", "0 → 2")]
+    assert [float(row[0]) for row in found] == pytest.approx([CAPSIZE, WEAVE], rel=1e-12)
     ranges = re.findall(r"^  ([\d.]+) to ([\d.]+): (.*)$", rising, flags=re.M)
     assert re.findall(r"^  ([\d.]+) to ([\d.]+): (.*)$", falling, flags=re.M) == [(b, a, c) for a, b, c in ranges[::-1]]
     assert len(ranges) == 3
