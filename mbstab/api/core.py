@@ -18,6 +18,7 @@ from mbstab.api.printing import printed
 from mbstab.compiler.system import System
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.doubts import extreme_numbers
+from mbstab.model.garbage import uncollected
 from mbstab.model.parameters import Latest, bound, evaluate_parameters
 from mbstab.model.reader import with_counts
 from mbstab.model.schema import Model, after_number
@@ -111,7 +112,12 @@ class Core:
         ModelFileError
             If a value is out of range.
         """
-        return self._latest.of(parameters, lambda: System(evaluate(self.at(**parameters).model)))
+
+        def made() -> System:
+            with uncollected():
+                return System(evaluate(self.at(**parameters).model))
+
+        return self._latest.of(parameters, made)
 
     def parameters(self, **parameters: Setting) -> dict[str, float]:
         """Return the value of every parameter in SI."""

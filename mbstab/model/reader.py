@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import gc
-from collections.abc import Iterator
 from collections.abc import Mapping as MappingType
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 from mbstab.errors import UsageError
 from mbstab.model.expansion import EXPANDED, expanded
+from mbstab.model.garbage import uncollected
 from mbstab.model.names import Names
 from mbstab.model.nodes import NodeReader
 from mbstab.model.quantities import QuantityReader
@@ -41,7 +39,7 @@ def read_model(path: Path) -> Model:
 
 def read_model_text(text: str | bytes, name: str = "<text>", beside: MappingType[str, str] | None = None) -> Model:
     """Read a model from text; `name` is what messages call it, `beside` has other files that it names."""
-    with _uncollected():
+    with uncollected():
         document, root = parse_yaml(text, name)
         document.beside.update(beside or {})
         if not root.entries.keys() & SECTIONS.keys():
@@ -98,18 +96,6 @@ def _whole(name: str, value: object) -> int:
             f"{name} is a count of the file: expected a whole number, not {text!r}\nhint: such as {name}=10"
         )
     return int(text)
-
-
-@contextmanager
-def _uncollected() -> Iterator[None]:
-    """Keep the garbage collector from going through all nodes again and again: they stay, and hold no circles."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 def _read(document: Document, root: Mapping) -> Model:

@@ -17,6 +17,7 @@ exactly those of B + E; the count is that of B if |E| is less than the smallest 
 from __future__ import annotations
 
 import math
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,12 @@ class ConstrainedForms:
         self.c, self.n = J.shape
         self.error = TOLERANCES.entry_rounding * abs(self.J) if error is None else error.tocsr()
         self._partner = _matched(self.J)
+
+    def known_to(self, error: Any) -> ConstrainedForms:
+        """Return the same with other bounds of the errors of the rows."""
+        found = copy(self)
+        found.error = error.tocsr()
+        return found
 
     def negatives(self, K: Any, error: Any) -> int | None:
         """Return the number of negative squares of a form, or None if its uncertainty may change the number.

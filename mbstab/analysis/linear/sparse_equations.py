@@ -38,8 +38,10 @@ class SparseEquations:
     ----------
     matrices : Matrices
         M, R, K, J and D_q in scaled coordinates and rows of about unit length, all of them independent.
-    sizes : Matrices
+    terms : Matrices
         Sizes of the terms whose sums are their entries.
+    sizes : Matrices
+        The same, at least so large that no entry is wrong by more than the rounding of one term of this size.
     lost : Matrices or None
         Rounding errors of these sums.
     displaced : tuple of Matrices
@@ -55,6 +57,7 @@ class SparseEquations:
     """
 
     matrices: Matrices
+    terms: Matrices
     sizes: Matrices
     lost: Matrices | None
     displaced: tuple[Matrices, ...]
@@ -82,9 +85,10 @@ class SparseEquations:
             D_q = scaled(m.D_q, columns, rows[system.n_h :])[nonholonomic]
             return Matrices(M, R, K, scaled(m.J, columns, rows)[kept], D_q)
 
-        displaced = tuple(chosen(x) for x in rest.displaced)
+        displaced, spread = tuple(chosen(x) for x in rest.displaced), chosen(_spread(_named(terms), groups))
+        sizes = _covering(spread, chosen(rest.errors))
         return cls(
-            chosen(found), chosen(_spread(_named(terms), groups)), chosen(_named(lost)), displaced, rest.forms,
+            chosen(found), spread, sizes, chosen(_named(lost)), displaced, rest.forms.known_to(_known(sizes.J)),
             rest.scale, rest.rank_holonomic, rest.n_f, system.names,
         )  # fmt: skip
 
@@ -109,10 +113,10 @@ class SparseEquations:
         plain = Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q)
         known, found = roundings(linear), chosen(plain)
         errors = [sum(parts) for parts in zip(*(map(np.abs, x) for x in (known.errors, *known.displaced)), strict=True)]
-        sizes = Matrices(
-            *(np.maximum(np.abs(x), e / ALGEBRA.entry_rounding) for x, e in zip(plain, errors, strict=True))
-        )
-        return cls(found, chosen(sizes), None, (), ConstrainedForms(found.J), columns, len(C), linear.n_f, linear.names)
+        terms = Matrices(*map(abs, found))
+        sizes = _covering(terms, chosen(Matrices(*errors)))
+        forms = ConstrainedForms(found.J, _known(sizes.J))
+        return cls(found, terms, sizes, None, (), forms, columns, len(C), linear.n_f, linear.names)
 
     @cached_property
     def problem(self) -> SparseQuadratic:
@@ -139,7 +143,7 @@ class SparseEquations:
         moved: Any = 0.0 * self.sizes.K
         for x in self.displaced:
             moved = moved.maximum(abs(x.K))
-        return ALGEBRA.entry_rounding * self.sizes.K + moved
+        return _known(self.sizes.K) + moved
 
     @cached_property
     def remainder(self) -> SparseQuadratic | None:
@@ -152,7 +156,7 @@ class SparseEquations:
 
         The rounding errors of the sums are included, so that only exact zeros vanish.
         """
-        m, lost, sizes = self.matrices, self.lost, self.sizes
+        m, lost, sizes = self.matrices, self.lost, self.terms
         blind = np.ones(self.n_q, dtype=bool)
         for x in (m.K, m.J[: self.n_h], m.D_q):
             blind &= np.asarray(abs(x).sum(axis=0)).ravel() == 0.0
@@ -183,7 +187,7 @@ class SparseEquations:
 
     @cached_property
     def _damped(self) -> list[bool]:
-        m, lost, sizes, n_h = self.matrices, self.lost, self.sizes, self.n_h
+        m, lost, sizes, n_h = self.matrices, self.lost, self.terms, self.n_h
         parts = [(m.R, lost and lost.R, sizes.R), (m.J[n_h:], lost and lost.J[n_h:], sizes.J[n_h:])]
         return [not all(_vanishes(*part, z) for part in parts) for z in self.neutral]
 
@@ -249,6 +253,16 @@ class SparseEquations:
 
 def _named(terms: dict[str, Any]) -> Matrices:
     return Matrices(terms["M"], terms["R"], terms["K"], terms["J"], terms["D"])
+
+
+def _covering(terms: Matrices, errors: Matrices) -> Matrices:
+    """Return sizes of terms, and where errors are larger than the rounding of one, sizes that cover these."""
+    return Matrices(*(x.maximum((1.0 / ALGEBRA.entry_rounding) * e) for x, e in zip(terms, errors, strict=True)))
+
+
+def _known(sizes: Any) -> Any:
+    """Return bounds of the errors of entries from the sizes of their terms."""
+    return ALGEBRA.entry_rounding * sizes
 
 
 def _directions(names: Sequence[str]) -> Any:

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from decimal import Decimal
 from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import others
 from mbstab.analysis.algebra.inertia import ConstrainedForms
+from mbstab.analysis.algebra.rounded import value_and_error
 from mbstab.analysis.algebra.sparse import identity, in_sparse, row_norms, scaled
 from mbstab.analysis.algebra.sparse_rank import Rows, SparseRank, sparse_rank
 from mbstab.analysis.algebra.subspaces import Redundancy, coordinate_scale, require_gap
@@ -27,6 +27,7 @@ from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.imbalance import balanced_at
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.refusals import singular_configuration
+from mbstab.analysis.reference.rounded_scene import errors_of, rounded_system
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, amount
@@ -43,6 +44,9 @@ class Rest:
         With sparse matrices.
     q, nu : ndarray
         Coordinates (m, rad) and multipliers.
+    errors : Matrices
+        Error bounds of M, R, K, J and D_q entry by entry, at exact coordinates and multipliers: by the rounding of the
+        decimals of the file, and inside of parameters and elements.
     displaced : tuple of Matrices
         Changes of M, R, K, J and D_q, all entries together, by the possible rounding of the coordinates and of the
         forces that the multipliers balance, with random signs.
@@ -63,6 +67,7 @@ class Rest:
     system: System
     q: Array
     nu: Array
+    errors: Matrices
     displaced: tuple[Matrices, ...]
     time: float
     sizes: Array
@@ -111,8 +116,8 @@ def at_rest(system: System) -> Rest | None:
     if forms.negatives(M - least * identity(system.n_q), TOLERANCES.rest_rounding * abs(M)) != 0:
         return None
     rest = Rest(
-        system, q, np.zeros(system.n_c), (), time, finder.sizes, state, scale, row_scale, kept, rank, forms,
-        (*finder.warnings, *warnings),
+        system, q, np.zeros(system.n_c), Matrices(*5 * (None,)), (), time, finder.sizes, state, scale, row_scale, kept,
+        rank, forms, (*finder.warnings, *warnings),
     )  # fmt: skip
     _check_constant_rank(rest, J)
     return _balanced(finder, rest, J)
@@ -174,10 +179,20 @@ def _balanced(finder: Finder, rest: Rest, J: Any) -> Rest:
     if not balanced_at(system, at, left, rest.dynamics.F0, rest.sizes, scale, rest.time):
         worst = int(np.argmax(np.abs(left)))
         finder.refuse_unbalanced(worst, float(-left[worst] * scale[worst]), float(-left[worst] / scale[worst]))
-    return replace(found, displaced=_displaced(found, allowed))
+    errors, loads = _errors(found)
+    return replace(found, errors=errors, displaced=_displaced(found, allowed, loads))
 
 
-def _displaced(rest: Rest, allowed: Rows) -> tuple[Matrices, ...]:
+def _errors(rest: Rest) -> tuple[Matrices, Array]:
+    """Return error bounds of the matrices, and of the forces that the multipliers balance."""
+    system, still = rounded_system(rest.system), np.zeros_like(rest.q)
+    at = system.dynamics(rest.q, still, system.scene.time)
+    M, J = errors_of(at.M), errors_of(at.J)
+    K, R, D_q = (errors_of(x) for x in system.linearize(rest.q, still, still, rest.nu, system.scene.time))
+    return Matrices(M, R, K, J, D_q), errors_of(at.F0) + J.T @ np.abs(rest.nu)
+
+
+def _displaced(rest: Rest, allowed: Rows, unsure_loads: Array) -> tuple[Matrices, ...]:
     system, scale, still = rest.system, rest.scale, 0.0 * rest.q
 
     def matrices(q: Array, nu: Array, at: Dynamics) -> Matrices:
@@ -186,33 +201,32 @@ def _displaced(rest: Rest, allowed: Rows) -> tuple[Matrices, ...]:
 
     terms = system.terms(rest.q, still, still, rest.nu, rest.time)
     loads, unsure = terms["F"] + terms["J"].T @ np.abs(rest.nu), _unsure(rest)
+    loads = np.maximum(loads, unsure_loads / TOLERANCES.rest_rounding)
+    # Over no more than the sizes of the coordinates, however little is known of them.
+    step = TOLERANCES.drawn_rounding_size / float(np.max(unsure / rest.sizes, initial=1.0))
     here, rng, found = matrices(rest.q, rest.nu, rest.dynamics), np.random.default_rng(23), []
     for _ in range(TOLERANCES.drawn_roundings):
         signs, others = rng.choice((-1.0, 1.0), size=(2, system.n_q))
-        q = rest.q + TOLERANCES.drawn_rounding_size * signs * unsure
+        q = rest.q + step * signs * unsure
         at = system.dynamics(q, still, rest.time)
-        left = (at.F0 + at.J.T @ rest.nu + TOLERANCES.drawn_rounding_size * others * loads) * scale
+        left = (at.F0 + at.J.T @ rest.nu + step * others * loads) * scale
         nu = rest.nu.copy()
         nu[rest.kept] -= allowed.split(left)[1] * rest.row_scale[rest.kept]
         found.append(
             Matrices(
-                *(
-                    (x - y) * (TOLERANCES.rest_rounding / TOLERANCES.drawn_rounding_size)
-                    for x, y in zip(matrices(q, nu, at), here, strict=True)
-                )
+                *((x - y) * (TOLERANCES.rest_rounding / step) for x, y in zip(matrices(q, nu, at), here, strict=True))
             )
         )
     return tuple(found)
 
 
 def _unsure(rest: Rest) -> Array:
-    """Return the sizes to which the rounding of coordinates is relative: zero for decimals that are exact."""
-    given = rest.system.scene.model.reference.coordinates
+    """Return the sizes to which the rounding of coordinates is relative: those given by their errors."""
+    given = rounded_system(rest.system).scene.coordinates
     found: Array = rest.sizes.copy()
-    for i, (name, value) in enumerate(zip(rest.system.names, rest.q.tolist(), strict=True)):
-        if name in given and given[name].literal:
-            exact = abs(Decimal(given[name].text.strip().lstrip("+-"))) == abs(Decimal(value))
-            found[i] = 0.0 if exact else abs(value)
+    for i, name in enumerate(rest.system.names):
+        if name in given:
+            found[i] = value_and_error(given[name])[1] / TOLERANCES.rest_rounding
     return found
 
 

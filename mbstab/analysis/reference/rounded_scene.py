@@ -9,6 +9,7 @@ import numpy as np
 from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
 from mbstab.compiler.system import Array, System
 from mbstab.model.expressions import ExpressionError
+from mbstab.model.garbage import uncollected
 from mbstab.model.schema import Model
 from mbstab.model.units import exact_factor
 from mbstab.model.values import evaluate
@@ -16,7 +17,12 @@ from mbstab.model.values import evaluate
 
 def rounded_system(system: System) -> System:
     """Return a scene in the arithmetic of numbers with error bounds."""
-    return system.remember("rounded", None, lambda: _rounded(system))
+
+    def made() -> System:
+        with uncollected():
+            return _rounded(system)
+
+    return system.remember("rounded", None, made)
 
 
 def _rounded(system: System) -> System:

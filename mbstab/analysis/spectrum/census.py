@@ -116,7 +116,7 @@ def census(equations: SparseEquations, at_rest: Resting | None) -> Census:
     if below is None:
         for part in TOLERANCES.square_rate_zero:
             band = part * equations.rate**2
-            unsure = equations.unsure + ALGEBRA.entry_rounding * band * equations.sizes.M
+            unsure = equations.unsure + (ALGEBRA.entry_rounding * band) * equations.sizes.M
             low, high = (forms.negatives(K + x * m.M, unsure) for x in (band, -band))
             if low is not None and high is not None:
                 below, zeros = low, high - low
