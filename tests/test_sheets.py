@@ -5,7 +5,9 @@ import pytest
 
 import mbstab
 from mbstab.analysis.reference import continuation
+from mbstab.analysis.reference.paths import Path, PathEnd, Sheet
 from mbstab.analysis.reference.sheets import follow_all
+from mbstab.analysis.sweep.chart import _ends
 
 # x² = ROOM where that is positive; at x > 0 the stiffness is 2 x, and the damping changes its sign in the chart.
 TEXT = """\
@@ -105,3 +107,18 @@ def test_rows_that_end_follow_those_beside_them(monkeypatch):
     assert len(steps) < 12 * len(b)
     for value, (path,) in zip(b, sheet.paths, strict=True):
         np.testing.assert_allclose(path.q[:, 0] ** 2, 1.0 - path.values**2 - value**2, atol=1e-14)
+
+
+def test_curves_of_ends_go_around_a_hole():
+    """Four rows across a ring: where one path becomes two, the outer curves go on and the inner one begins."""
+    parameter = mbstab.loads(TEXT.replace("ROOM", "1")).model.parameters["a"]
+
+    def path(low, high):
+        values, none = np.array([low, high]), np.zeros((2, 0))
+        return Path(parameter, values, none, none, ((low, PathEnd.TURNS), (high, PathEnd.TURNS)), (), low)
+
+    ends = [[(-0.7, 0.75)], [(-0.8, -0.2), (0.25, 0.85)], [(-0.9, -0.3), (0.35, 0.95)], [(-0.6, 0.65)]]
+    rows = tuple(tuple(path(*part) for part in row) for row in ends)
+    curves = _ends(Sheet(parameter, np.arange(4.0), rows, rows[0][0], (0.0, 0.0)))
+    expected = [(-0.7, -0.8, -0.9, -0.6), (0.25, 0.35), (0.75, 0.85, 0.95, 0.65), (-0.2, -0.3)]
+    assert sorted(tuple(curve[:, 0].tolist()) for curve in curves) == sorted(expected)

@@ -200,7 +200,8 @@ class Sheet:
     values : ndarray, shape (k,)
         Its values (SI), ascending.
     paths : tuple of tuple of Path
-        Those at each value, over parts of the first parameter that do not meet; none where no solution is known.
+        Those at each value, over ascending parts of the first parameter that do not meet; none where no solution is
+        known.
     edge : Path
         The path over the second parameter from which the others start.
     start : tuple of float

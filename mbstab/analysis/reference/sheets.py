@@ -51,7 +51,8 @@ def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) ->
         q, c = edge.predicted({other: y[j : j + 1]})
         rows.add(j, begin, (q[0], c[0]))
     rows.spread()
-    return Sheet(model.parameters[other], y, tuple(map(tuple, rows.paths)), edge, (begin, edge.start))
+    paths = tuple(tuple(sorted(row, key=lambda path: float(path.values[0]))) for row in rows.paths)
+    return Sheet(model.parameters[other], y, paths, edge, (begin, edge.start))
 
 
 def _surface(model: Model, axes: Mapping[str, Array]) -> Surface | None:

@@ -163,17 +163,24 @@ def _charted(
 
 
 def _ends(sheet: Sheet) -> list[Array]:
-    """Return the curves on which equilibria end: the folds of neighbouring paths, below and above."""
-    curves: list[Array] = []
-    for side in (0, -1):
-        open_: list[tuple[Path, list[tuple[float, float]]]] = []
+    """Return the curves on which equilibria end: the folds of neighbouring paths, below and above.
+
+    Where one path stands beside several, the end belongs to the outermost of them.
+    """
+    curves: list[list[tuple[float, float]]] = []
+    for side, step in ((0, 1), (-1, -1)):
+        before: list[tuple[Path, list[tuple[float, float]]]] = []
         for value, paths in zip([*sheet.values, math.nan], [*sheet.paths, ()], strict=True):
-            longer = []
-            for path in paths:
+            row, taken = [], set()
+            for path in paths[::step]:
+                k = next((k for k, (other, _) in enumerate(before) if meet(other, path)), -1)
+                known = [] if k in taken or k < 0 else before[k][1]
+                taken.add(k)
                 if path.ended(side):
-                    known = next((k for k, (before, _) in enumerate(open_) if meet(before, path)), None)
-                    points = [] if known is None else open_.pop(known)[1]
-                    longer.append((path, [*points, (float(path.values[side]), float(value))]))
-            curves += [np.array(points) for _, points in open_ if len(points) > 1]
-            open_ = longer
-    return curves
+                    row.append((path, [*known, (float(path.values[side]), float(value))]))
+                else:
+                    curves.append(known)
+                    row.append((path, []))
+            curves += [points for k, (_, points) in enumerate(before) if k not in taken]
+            before = row
+    return [np.array(points) for points in curves if len(points) > 1]
