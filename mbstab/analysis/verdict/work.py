@@ -156,7 +156,7 @@ class Work:
         if element.stored:
             return "damping" if element.damped else "potential"
         try:
-            with Digits(element) as f:
+            with Digits(element) as (element, f):
                 kind = self._asked(element, f) if element.analytic else "other"
                 return "drag" if kind == "other" and self._resists(element, f) else kind
         except (ArithmeticError, ValueError):
@@ -297,7 +297,7 @@ def acts_symmetrically(
         The coordinates in the arithmetics used so far; empty at first.
     """
     try:
-        with Digits(element) as f:
+        with Digits(element) as (element, f):
             limit = _limit(f)
             place = states.setdefault(f.name == "mpmath", numbers(q, f) if f.name == "mpmath" else q.tolist())
             still = [f.number("0")] * len(q)
