@@ -25,7 +25,7 @@ from mbstab.analysis.reference.steady import Generator, spun
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.verdict.many_digits import ManyDigits
-from mbstab.analysis.verdict.minimum import SecondVariation
+from mbstab.analysis.verdict.minimum import SecondVariation, norm_of_error
 from mbstab.analysis.verdict.neutral import Separated, Structure, unseparated
 from mbstab.analysis.verdict.rule import Critical, Disc, Facts, Minimum, Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
@@ -326,7 +326,7 @@ class Grounds:
         h, known = B.T @ energy.H @ B, np.abs(B).T @ energy.known_to @ np.abs(B)
         scale = 1.0 / np.sqrt(np.maximum(np.max(np.abs(h), axis=1), 1e-300))
         least = float(np.linalg.svd(h * scale * scale[:, None], compute_uv=False)[-1])
-        return least > float(np.linalg.norm(known * scale * scale[:, None], 2))
+        return least > norm_of_error(known * scale * scale[:, None])
 
     @cached_property
     def reversor(self) -> Reversor | None:

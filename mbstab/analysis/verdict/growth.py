@@ -69,7 +69,7 @@ def _same_slopes(structure: Structure) -> bool:
         return False
     try:
         for element in invariance.elements:
-            with Digits(element) as (element, f):
+            with Digits(element) as f:
                 found = []
                 for state in invariance.states:
                     q, u, a = (numbers(x, f) for x in (state.q, state.u, state.a))

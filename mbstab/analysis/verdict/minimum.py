@@ -23,11 +23,11 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.rank import Rank
-from mbstab.analysis.algebra.sparse import scaled
+from mbstab.analysis.algebra.sparse import dense, scaled
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
-from mbstab.analysis.reference.coefficients import matrices_in
+from mbstab.analysis.reference.coefficients import Matrices, matrices_in
 from mbstab.analysis.reference.fields import Shift, Turn
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.verdict.neutral import Separated, Structure
@@ -107,22 +107,44 @@ class SecondVariation:
 
     @cached_property
     def known_to(self) -> Array:
-        """Bound of the rounding error of each entry of H, shape (n, n)."""
-        terms, spaces = self.linear.terms, self.linear.spaces
-        N = np.abs(spaces.scale[:, None] * spaces.N)
-        n, rates = N.shape[1], np.abs(self.rates)
-        size = rates.T @ (N.T @ terms.M @ N) @ rates
-        stiffness = N.T @ terms.K @ N
-        size[:n, :n] += 0.5 * (stiffness + stiffness.T)
-        result: Array = TOLERANCES.roundings_of_variation * EPS * size
-        if self.linear.system.scene.model.reference.find is not None:
-            # Coordinates that were solved for are the less accurate the flatter the energy is.
-            known = roundings(self.linear)
-            result[:n, :n] += N.T @ known.errors.K @ N
-            basis = spaces.scale[:, None] * spaces.N
-            for changes in known.displaced:
-                result[:n, :n] += np.abs(basis.T @ changes.K @ basis)
-        return result
+        """Bound of the error of each entry of H, shape (n, n): of its evaluation, and of the numbers of the file."""
+        linear, known = self.linear, roundings(self.linear)
+        basis = linear.spaces.scale[:, None] * linear.spaces.N
+        N, n, rates = np.abs(basis), basis.shape[1], np.abs(self.rates)
+        errors = Matrices(*(dense(np.nan_to_num(x, nan=np.inf)) for x in known.errors))
+        evaluated = TOLERANCES.roundings_of_variation * EPS
+        mass, stiffness = (
+            N.T @ (evaluated * dense(terms) + error) @ N + _both(self._beside(dense(form), errors.J, basis))
+            for form, terms, error in (
+                (linear.M, linear.terms.M, errors.M),
+                (linear.K, linear.terms.K, errors.K),
+            )
+        )
+        result = rates.T @ mass @ rates + _both(self._carried(errors, basis))
+        result[:n, :n] += 0.5 * (stiffness + stiffness.T)
+        for changes in known.displaced:
+            result[:n, :n] += np.abs(basis.T @ changes.K @ basis)
+        bound: Array = np.nan_to_num(result, nan=np.inf)
+        return bound
+
+    def _beside(self, form: Array, error: Array, basis: Array) -> Array:
+        """Return what a form takes from motions across the rows, shape (n_ξ, n_ξ).
+
+        Rows that are known to δJ allow motions that differ by J⁺ δJ N, to first order.
+        """
+        spaces, n_h = self.linear.spaces, self.linear.n_h
+        reactions = spaces.C.pseudo_inverse.T @ (spaces.scale[:, None] * (form.T @ basis))
+        across: Array = np.abs(reactions).T @ (spaces.row_scale[:n_h, None] * (error[:n_h] @ np.abs(basis)))
+        return across
+
+    def _carried(self, errors: Matrices, basis: Array) -> Array:
+        """Return what the kinetic energy takes from speeds across the rows on speeds, shape (n, n)."""
+        spaces, n_h, N = self.linear.spaces, self.linear.n_h, np.abs(basis)
+        rows = errors.J[n_h:] @ N @ np.abs(self.rates)
+        rows[:, : N.shape[1]] += errors.D_q @ N
+        weights = spaces.W.pseudo_inverse.T @ (basis.T @ dense(self.linear.M) @ basis @ self.rates)
+        across: Array = np.abs(weights).T @ (spaces.row_scale[n_h:, None] * rows)
+        return across
 
     @cached_property
     def applies(self) -> bool:
@@ -152,10 +174,11 @@ class SecondVariation:
             return nothing
         columns, S = self.structure.followers, self.separated.S
         inverse = np.linalg.pinv(columns)
-        known = TOLERANCES.roundings_of_variation * EPS * np.abs(inverse) @ np.abs(S) @ np.abs(columns)
+        evaluated = TOLERANCES.roundings_of_variation * EPS
+        known = evaluated * np.abs(inverse) @ np.abs(S) @ np.abs(columns)
         scale = spaces.scale[states]
-        entries = float(np.max(linear.entries.D_q[:, states] * scale)) / float(np.min(scale))
-        error = float(np.linalg.norm(known, 2)) + TOLERANCES.roundings_of_variation * EPS * entries
+        rows = evaluated * linear.entries.D_q + np.nan_to_num(roundings(linear).errors.D_q, nan=np.inf)
+        error = float(np.linalg.norm(known, 2)) + float(np.max(rows[:, states] * scale)) / float(np.min(scale))
         return columns if decays(inverse @ S @ columns, error) else nothing
 
     @property
@@ -300,7 +323,7 @@ class SecondVariation:
         scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(h)), 1e-300))
         known = np.abs(W).T @ other.known_to @ np.abs(W)
         least = float(np.linalg.eigvalsh(h * scale * scale[:, None])[0])
-        return least - float(np.linalg.norm(known * scale * scale[:, None], 2))
+        return least - norm_of_error(known * scale * scale[:, None])
 
     def _seen_from(self, generator: Generator) -> SecondVariation:
         """Return the second variation in another frame."""
@@ -385,6 +408,16 @@ def decays(A: Array, error: float) -> bool:
     )
 
 
+def _both(change: Array) -> Array:
+    """Return the sum of a change of one factor of a form and of that of the other."""
+    return change + change.T
+
+
+def norm_of_error(known_to: Array) -> float:
+    """Return the spectral norm of the bounds of errors; inf where an error has no bound."""
+    return float(np.linalg.norm(known_to, 2)) if np.isfinite(known_to).all() else np.inf
+
+
 def sign_of(h: Array, known_to: Array) -> int:
     """Return the sign of a definite matrix with given rounding errors, or 0."""
     diagonal = np.diag(h)
@@ -392,7 +425,7 @@ def sign_of(h: Array, known_to: Array) -> int:
         if np.all(sign * diagonal > np.diag(known_to)):
             scale = 1.0 / np.sqrt(sign * diagonal)
             least = float(np.linalg.eigvalsh(sign * h * scale * scale[:, None])[0])
-            if least > float(np.linalg.norm(known_to * scale * scale[:, None], 2)):
+            if least > norm_of_error(known_to * scale * scale[:, None]):
                 return sign
     return 0
 

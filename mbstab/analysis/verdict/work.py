@@ -22,8 +22,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mbstab.analysis.algebra.rounded import rounded_arithmetic, value_and_error
 from mbstab.analysis.algebra.sparse import unchanged
 from mbstab.analysis.reference.element_comparison import Digits, State, numbers
+from mbstab.analysis.reference.rounded_scene import rounded_system
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
@@ -156,7 +158,7 @@ class Work:
         if element.stored:
             return "damping" if element.damped else "potential"
         try:
-            with Digits(element) as (element, f):
+            with Digits(element) as f:
                 kind = self._asked(element, f) if element.analytic else "other"
                 return "drag" if kind == "other" and self._resists(element, f) else kind
         except (ArithmeticError, ValueError):
@@ -203,9 +205,26 @@ class Work:
                 slopes.append((R, K, still))
                 if kind == "powerless" and not self._powerless(element, q, u, zero, f, limit):
                     kind = "damping"
-        if kind == "damping" and not _damps(slopes, limit):
+        errors = self._errors(element)
+        if errors is None or (kind == "damping" and not _damps(slopes, limit, errors)):
             return "other"
         return kind
+
+    def _errors(self, element: Acting) -> list[list[float]] | None:
+        """Return the error bounds of ∂F/∂u at the reference; None where an entry may be zero by rounding alone."""
+        motion, f = self.motion, rounded_arithmetic()
+        states = motion.q.tolist(), motion.u.tolist(), [0.0] * len(motion.q)
+        _, R = self._rounded[id(element)].slopes(*states, motion.time, f)
+        pairs = [[value_and_error(x) for x in row] for row in R]
+        return None if any(e and not v for row in pairs for v, e in row) else [[e for _, e in row] for row in pairs]
+
+    @cached_property
+    def _rounded(self) -> dict[int, Acting]:
+        """The elements with error bounds of their numbers, by the identity of the plain ones."""
+        return {
+            id(element): other
+            for element, other in zip(self.invariance.elements, rounded_system(self.system).acting(), strict=True)
+        }
 
     def _powerless(self, element: Acting, q: Any, u: Any, zero: Any, f: Any, limit: float) -> bool:
         """Return whether the velocity-dependent part of a force does no work: with all speeds, and each one and two."""
@@ -297,7 +316,7 @@ def acts_symmetrically(
         The coordinates in the arithmetics used so far; empty at first.
     """
     try:
-        with Digits(element) as (element, f):
+        with Digits(element) as f:
             limit = _limit(f)
             place = states.setdefault(f.name == "mpmath", numbers(q, f) if f.name == "mpmath" else q.tolist())
             still = [f.number("0")] * len(q)
@@ -326,7 +345,7 @@ def _symmetric(K: list[list[Any]], limit: float) -> bool:
     )
 
 
-def _damps(slopes: list[tuple[Any, Any, Any]], limit: float) -> bool:
+def _damps(slopes: list[tuple[Any, Any, Any]], limit: float, errors: list[list[float]]) -> bool:
     """Return whether ∂F/∂u is the same matrix at all states, with a positive semidefinite symmetric part."""
     first = slopes[0][0]
     for R, K, still in slopes:
@@ -334,11 +353,14 @@ def _damps(slopes: list[tuple[Any, Any, Any]], limit: float) -> bool:
             for row, same in zip(one, other, strict=True):
                 if any(abs(x - y) > limit * (abs(x) + abs(y)) for x, y in zip(row, same, strict=True)):
                     return False
-    return _takes(first, limit)
+    return _takes(first, limit, errors)
 
 
-def _takes(R: list[list[Any]], limit: float) -> bool:
-    """Return whether Σ R_ij u_i u_j ≥ 0 for all u: by elimination, each row in its own unit, however small."""
+def _takes(R: list[list[Any]], limit: float, errors: list[list[float]] | None = None) -> bool:
+    """Return whether Σ R_ij u_i u_j ≥ 0 for all u: by elimination, each row in its own unit, however small.
+
+    With error bounds of the numbers in R, what is not zero must be positive beyond them.
+    """
     n = len(R)
     rounded = [[abs(R[i][j] + R[j][i]) <= limit * (abs(R[i][j]) + abs(R[j][i])) for j in range(n)] for i in range(n)]
     S = [[0 * R[i][j] if i != j and rounded[i][j] else R[i][j] + R[j][i] for j in range(n)] for i in range(n)]
@@ -347,10 +369,15 @@ def _takes(R: list[list[Any]], limit: float) -> bool:
     # A zero on the diagonal with a nonzero entry beside it supplies energy in one direction.
     if any(not units[i] > 0 for i in left):
         return False
+    spread = 0.0
+    if errors is not None and left:
+        spread = n * max(2.0 * errors[i][j] / float(units[i] * units[j]) ** 0.5 for i in left for j in left)
     while left:
         k = max(left, key=lambda i: S[i][i] / units[i])
         if S[k][k] <= known * units[k]:  # only rounding is left, as must be off the diagonal, too
             return all(abs(S[i][j]) <= known * (units[i] * units[j]) ** 0.5 for i in left for j in left)
+        if not S[k][k] > spread * units[k]:
+            return False
         left.remove(k)
         for i in left:
             factor = S[i][k] / S[k][k]
