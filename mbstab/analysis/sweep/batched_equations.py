@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.sweep.batched_massless import Light
 from mbstab.analysis.sweep.batched_structure import Known
 from mbstab.analysis.sweep.cancellation import Cancellation
+from mbstab.analysis.sweep.data_errors import EntryErrors
 from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.stacks import transposed
 from mbstab.analysis.sweep.tolerances import TOLERANCES
@@ -49,6 +50,8 @@ class Pattern:
     sizes : ndarray, shape (n_q,)
     balance : Balance or None
         The equations of the motion, if it was solved for.
+    errors : dict
+        How much the rounding of the file changes the equations, by the values of the parameters that vary.
     """
 
     linear: Linearization
@@ -56,6 +59,7 @@ class Pattern:
     family: Family | None
     sizes: Array
     balance: Balance | None
+    errors: dict[tuple[float, ...], EntryErrors | None] = field(default_factory=dict, compare=False, repr=False)
 
 
 class Equations:
@@ -114,15 +118,16 @@ class Equations:
         S = self._balanced_matrix(A, gamma, N.shape[-1])
         if self.light is not None:
             self.good &= self.light.carried(M_z)
-        ratio, terms = cancellation.larger()
+        (ratio, terms), data = cancellation.larger(), _scaled_errors(cancellation, scale)
         spread = ratio * (1.0 if self.light is None else self.light.cancelling)
-        error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, W_inverse, S) * spread
+        error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, W_inverse, S, data) * spread
         return self.good, Points(
             system,
             q,
             u,
             a,
             steady,
+            data,
             scale,
             M,
             R,
@@ -158,15 +163,19 @@ class Equations:
         inverse: Array,
         W_inverse: Array,
         S: Array,
+        data: tuple[Array, Array, Array],
     ) -> Array:
-        """Return the norm of the rounding error of S: of sums as large as the matrices, and of the bases."""
+        """Return the norm of the rounding error of S: of sums as large as the matrices, of the bases, of the data."""
         M, R, K, D_q = (_norm(x) for x in matrices)
         lost = _norm(np.asarray(np.linalg.inv(M_z), dtype=float)) if M_z.size else np.zeros(1)
         rate = _norm(P)
         forces = K / gamma + R * (1.0 + rate / gamma) + M * rate * (1.0 + rate / gamma) + _norm(S)
         rows = _norm(W_inverse) * (D_q + rate) if D_q.any() else np.zeros(1)
         bases = 1.0 + _norm(inverse) / math.sqrt(max(inverse.shape[-1], 1))
-        result: Array = TOLERANCES.roundings_of_matrix * EPS * bases * (lost * forces + rows + _norm(S))
+        evaluated = TOLERANCES.roundings_of_matrix * EPS * bases * (lost * forces + rows + _norm(S))
+        given = lost * (_norm(data[0]) / gamma + _norm(data[1]) * (1.0 + rate / gamma)) + (data[2] - 1.0) * evaluated
+        # Bounds of the data need no margin: with most of it, the larger one of both stands for the sum.
+        result: Array = np.maximum(evaluated, given / (TOLERANCES.part_of_margin * TOLERANCES.bounds_from_axis))
         return result
 
     def cancellation(self) -> tuple[Array, Array]:
@@ -406,6 +415,13 @@ class Equations:
         both = scale[:, None, :] * scale[:, :, None]
         D_q = D_q * scale[:, None, :] * row_scale[:, n_h:, None]
         return K * both, R * both, D_q, (balance, allowed, across)
+
+
+def _scaled_errors(cancellation: Cancellation, scale: Array) -> tuple[Array, Array, Array]:
+    """Return the errors of the data, of K and R in scaled coordinates."""
+    K, R, ratio = cancellation.data.larger()
+    both = scale[:, None, :] * scale[:, :, None]
+    return K * both, R * both, ratio
 
 
 def _times(matrix: Array, vector: Array) -> Array:

@@ -1,15 +1,17 @@
 """Eigenvalues and verdicts at all points of a sweep at once.
 
-One point is computed in full (`mbstab.analysis.verdict.facts`): its ranks, its symmetries and the frame of
-its motion are the pattern. Every other point must have the same pattern, which is checked with the
-same thresholds; points that do not are computed with a pattern of their own, finally one
-by one. Points that the bounds for many points do not decide are judged by the code of `mbstab eig`.
+One point is computed in full (`mbstab.analysis.verdict.facts`): its ranks, its symmetries and the frame of its motion
+are the pattern. Every other point must have the same pattern, which is checked with the same thresholds; points that do
+not are computed with a pattern of their own, finally one by one. Points that the bounds for many points do not decide
+are judged by the code of `mbstab eig`.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -38,6 +40,7 @@ from mbstab.analysis.sweep.batched_verdict import (
     unstable_counts,
 )
 from mbstab.analysis.sweep.cancellation import Cancellation, sampled
+from mbstab.analysis.sweep.data_errors import EntryErrors, entry_errors
 from mbstab.analysis.sweep.open_points import Kind, Part, kinds_of_open_points, nearly_meeting, settle, spread
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
@@ -53,6 +56,7 @@ from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
 FROZEN = "frozen-time: the coefficients change along the motion"
+RAISED: Any = {"over": "raise", "divide": "raise", "invalid": "raise", "under": "ignore"}
 
 
 @dataclass(frozen=True)
@@ -101,8 +105,7 @@ class Evaluator:
     ----------
     model : Model
     path : Path, Sheet or Surface, optional
-        Equilibria over the parameters that vary, if a file asks to find them; without it
-        each point is solved by itself.
+        Equilibria over the parameters that vary, if a file asks to find them; without it each point is solved alone.
     patterns : sequence of Pattern, optional
         Those that are tried first.
     """
@@ -181,9 +184,7 @@ class Evaluator:
 
     def modes(self, values: Mapping[str, float]) -> tuple[Complex, Complex, Linearization]:
         """Return eigenvalues of one point, their shapes Δq as columns, and the linearized equations."""
-        work = _Work(self, {name: np.array([x]) for name, x in values.items()}, lambda done: None)
-        system = System(work.scene(0))
-        linear = linearize(system, work.motion(system, 0)[0])
+        linear = _Work(self, {name: np.array([x]) for name, x in values.items()}, lambda done: None)._linear(0)
         space = state_space(linear)
         found, vectors = np.linalg.eig(space.A)
         return found.astype(complex), space.to_coordinates @ vectors, linear
@@ -225,6 +226,7 @@ class _Work:
         self.path = evaluator.path
         self.problems: dict[int, str] = {}
         self.found: list[Part] = []
+        self.linearized: dict[int, Linearization] = {}
 
     def scene(self, index: Index | int) -> Scene:
         """Return the scene at some points, or at one."""
@@ -321,8 +323,7 @@ class _Work:
     def _doubt(self, i: int) -> str:
         """Return why the motion at a point is not steady, or does not exist."""
         try:
-            system = System(self.scene(i))
-            linear = linearize(system, self.motion(system, i)[0])
+            linear = self._linear(i)
             if not linear.constant:
                 return FROZEN
             return Grounds(linear).kink(1)
@@ -430,14 +431,20 @@ class _Work:
 
     # --- one point --------------------------------------------------------------------------------------------------
 
+    def _linear(self, i: int) -> Linearization:
+        """Return the linearized equations of a point."""
+        if i in self.linearized:
+            return self.linearized[i]
+        system = System(self.scene(i))
+        if system.scene.period is not None:
+            raise UsageError("periodic motions are not swept: their multipliers take an integration each")
+        return linearize(system, self.motion(system, i)[0])
+
     def _grounds(self, i: int) -> Grounds | None:
         """Return the facts about a point, or None, and record why there are none."""
         try:
-            with np.errstate(over="raise", divide="raise", invalid="raise", under="ignore"):
-                system = System(self.scene(i))
-                if system.scene.period is not None:
-                    raise UsageError("periodic motions are not swept: their multipliers take an integration each")
-                grounds = Grounds(linearize(system, self.motion(system, i)[0]))
+            with np.errstate(**RAISED):
+                grounds = Grounds(self._linear(i))
                 if not grounds.linear.constant:
                     self.problems[i] = FROZEN
                     return None
@@ -565,12 +572,10 @@ class _Work:
 
     def _equations(self, pattern: Pattern, index: Index, scene: Scene) -> Equations:
         """Return the equations of some points of a pattern."""
-        some = lambda part: System(self.scene(index[part]))  # noqa: E731
-        return Equations(pattern, System(scene), len(index), self._start(index), some)
+        return Equations(pattern, System(scene), len(index), self._start(index), lambda x: System(self.scene(index[x])))
 
     def _start(self, index: Index) -> tuple[Array, Array] | None:
-        chosen = {name: x[index] for name, x in self.values.items()}
-        return None if self.path is None else self.path.predicted(chosen)
+        return None if self.path is None else self.path.predicted({k: x[index] for k, x in self.values.items()})
 
     def _cancellation(self, pattern: Pattern, index: Index) -> Cancellation | None:
         """Return how much cancels in the matrices, from some of the points; None where it is known of none."""
@@ -578,9 +583,18 @@ class _Work:
         earlier = evaluator.cancellation
         if earlier is not None and (not self.sampled or points < TOLERANCES.points_of_lonely_pattern):
             return earlier
-        found = sampled(
-            lambda some: self._equations(pattern, index[some], self.scene(index[some])).cancellation(), points
-        )
+        terms = lambda some: self._equations(pattern, index[some], self.scene(index[some])).cancellation()  # noqa: E731
+        found = sampled(terms, points, lambda i: self._errors(pattern, int(index[i])))
         if found is not None:
             evaluator.cancellation = found.largest(earlier)
         return found or earlier
+
+    def _errors(self, pattern: Pattern, i: int) -> EntryErrors | None:
+        """Return how much the rounding of the file changes the equations of a point; None where it has none."""
+        place, known = tuple(float(x[i]) for x in self.values.values()), pattern.errors
+        if place not in known:
+            known[place] = None
+            with contextlib.suppress(MbstabError, ArithmeticError, np.linalg.LinAlgError), np.errstate(**RAISED):
+                self.linearized[i] = self._linear(i)
+                known[place] = entry_errors(self.linearized[i])
+        return known[place]

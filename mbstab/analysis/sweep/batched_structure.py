@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.rounded import value_and_error
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.fields import Combination, Symmetry
+from mbstab.analysis.reference.rounded_scene import rounded_system
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.sweep.points import Points, disturbance, seen_from
 from mbstab.analysis.sweep.stacks import (
@@ -310,16 +312,19 @@ class Known:
     # --- the energy -------------------------------------------------------------------------------------------------
 
     @cached_property
-    def signs(self) -> list[Any]:
-        """Signs of the numbers at the point, as `number_signs`."""
-        return number_signs(self.grounds.linear.system)
+    def numbers(self) -> list[tuple[float, float]]:
+        """The numbers at the point and their error bounds, as `coefficients`."""
+        return [value_and_error(x) for x in coefficients(rounded_system(self.grounds.linear.system))]
 
     def same_signs(self, points: Points) -> Flags:
-        """Return where all numbers have the signs that they have at the point."""
+        """Return where all numbers have the signs that they have at the point, as far as rounding lets them be told."""
         result: Flags = np.ones(1, dtype=bool)
-        for sign, own in zip(number_signs(points.system), self.signs, strict=True):
-            if isinstance(sign, np.ndarray) or sign != own:
-                result = result & (sign == own)
+        for x, (own, error) in zip(coefficients(points.system), self.numbers, strict=True):
+            sign = _sign(own, error)
+            if isinstance(x, np.ndarray):
+                result = result & (np.where(np.abs(x) <= error, 0.0, np.sign(x)) == sign)
+            elif _sign(x, error) != sign:
+                result = result & False
         return result
 
     def keeps_energy(self, points: Points) -> Flags:
@@ -371,8 +376,9 @@ class Known:
         stiffness = transposed(points.N) @ K @ points.N
         N, moved = np.abs(points.N), np.abs(rates)
         size = transposed(moved) @ (transposed(N) @ np.abs(points.M) @ N) @ moved
-        known = transposed(N) @ terms @ N
-        size = points.spread[:, None, None] * size
+        error, _, ratio = points.data
+        known = transposed(N) @ (terms + error / (VERDICT.roundings_of_variation * EPS)) @ N
+        size = np.maximum(points.spread, ratio)[:, None, None] * size
         shape = points.S.shape
         H, size = (np.broadcast_to(x, np.broadcast_shapes(x.shape, shape)).copy() for x in (H, size))
         H[:, :n, :n] += 0.5 * (stiffness + transposed(stiffness))
@@ -446,7 +452,7 @@ class Known:
             columns[:, points.n_xi :] = 0.0
             if reference.following.size:
                 followers = points.followers(self.grounds.system.following)
-                decaying(points.S, followers, points.spread, good)
+                decaying(points.S, followers, np.maximum(points.spread, points.data[2]), good)
                 columns = beside(columns, followers)
             return complement(orthonormal(columns, n - reference.basis.shape[1], good))
         momenta = tuple(self.grounds.structure.invariance.momenta)
@@ -464,8 +470,13 @@ class Known:
         return kernel @ complement(orthonormal(inside @ transposed(right[:, right.shape[1] - along :]), along, good))
 
 
-def number_signs(system: System) -> list[Any]:
-    """Return the signs of the numbers of all elements and of the coefficients in written expressions.
+def _sign(x: float, error: float) -> int:
+    """Return the sign of a number with an error bound; 0 where it is not known."""
+    return 0 if abs(x) <= error else int(x > 0) - int(x < 0)
+
+
+def coefficients(system: System) -> list[Any]:
+    """Return the numbers of all elements and the coefficients in written expressions.
 
     A force that is zero at one point and not at another has no trace in linear equations where it is of higher order,
     and one that changes its sign drives instead of damping: structure is carried only between equal signs.
@@ -480,7 +491,7 @@ def number_signs(system: System) -> list[Any]:
     numbers = list(system.numbers())
     for expression in written:
         numbers += expression.coefficients(scene.parameters, scene.arithmetic)
-    return [np.sign(x) if isinstance(x, np.ndarray) else int(x > 0) - int(x < 0) for x in numbers]
+    return numbers
 
 
 # --- matrices of many points ------------------------------------------------------------------------------------------

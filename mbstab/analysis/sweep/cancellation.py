@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Index
+from mbstab.analysis.sweep.data_errors import DataErrors, EntryErrors, data_errors
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
@@ -26,15 +27,18 @@ class Cancellation:
         Terms of each entry of K by the norm of K: what cancels in one entry may be small beside another.
     right : ndarray of int, shape (points,)
         Number of the first sample that is not left of each point.
+    data : DataErrors
+        What cancels in the numbers of the file themselves, as errors that are left of it.
     """
 
     ratio: Array
     stiffness: Array
     right: Index
+    data: DataErrors
 
     def at(self, part: Any) -> Cancellation:
         """Return that of some of the points."""
-        return Cancellation(self.ratio, self.stiffness, self.right[part])
+        return Cancellation(self.ratio, self.stiffness, self.right[part], self.data.at(part))
 
     def larger(self) -> tuple[Array, Array]:
         """Return for each point the ratio and the terms of the stiffness: the larger ones of its two samples."""
@@ -51,10 +55,13 @@ class Cancellation:
         both = (self,) if other is None else (self, other)
         ratio = np.max([np.max(x.ratio) for x in both])
         stiffness = np.max([np.max(x.stiffness, axis=0) for x in both], axis=0)
-        return Cancellation(np.array([ratio]), stiffness[None], np.zeros(1, dtype=int))
+        data = self.data.largest(None if other is None else other.data)
+        return Cancellation(np.array([ratio]), stiffness[None], np.zeros(1, dtype=int), data)
 
 
-def sampled(terms: Callable[[Index], tuple[Array, Array]], points: int) -> Cancellation | None:
+def sampled(
+    terms: Callable[[Index], tuple[Array, Array]], points: int, errors: Callable[[int], EntryErrors | None]
+) -> Cancellation | None:
     """Return how much cancels at points, by those of them that have a scene; None if none of the samples has.
 
     Parameters
@@ -62,14 +69,16 @@ def sampled(terms: Callable[[Index], tuple[Array, Array]], points: int) -> Cance
     terms : callable
         Returns the ratios and the terms of the stiffness of points, given by their numbers.
     points : int
+    errors : callable
+        Returns the error bounds of a point, given by its number, or None.
     """
     some = np.unique(np.linspace(0, points - 1, TOLERANCES.points_with_terms).round().astype(int))
-    found = list(_sampled(terms, some))
-    if not found:
+    found, data = list(_sampled(terms, some)), data_errors(errors, points)
+    if not found or data is None:
         return None
     samples, ratio, stiffness = (np.concatenate(x) for x in zip(*found, strict=True))
     right = np.clip(np.searchsorted(samples, np.arange(points)), min(1, len(samples) - 1), len(samples) - 1)
-    return Cancellation(ratio, stiffness, right)
+    return Cancellation(ratio, stiffness, right, data)
 
 
 def _sampled(terms: Callable[[Index], tuple[Array, Array]], some: Index) -> Iterator[tuple[Index, Array, Array]]:

@@ -26,6 +26,10 @@ class Points:
     q, u, a : ndarray, shape (points, n_q)
     steady : Generator or None
         The co-moving frame of the motions, if it rotates.
+    data : tuple of ndarray
+        Error bounds of K and R by the numbers of the file, shape (points, n_q, n_q), and the ratio by which that of M
+        and of the rows is larger than the rounding of an evaluation, shape (points,); as in
+        `mbstab.analysis.sweep.data_errors`.
     scale : ndarray, shape (points, n_q)
     M, R, K : ndarray, shape (points, n_q, n_q)
     allowed : ndarray, shape (points, n_q, m)
@@ -51,6 +55,7 @@ class Points:
     u: Array
     a: Array
     steady: Generator | None
+    data: tuple[Array, Array, Array]
     scale: Array
     M: Array
     R: Array
@@ -111,7 +116,8 @@ class Points:
                 self.error, self.across, self.spread, self.terms,
             )
         )  # fmt: skip
-        return Points(self.system, self.q[index], self.u[index], self.a[index], steady, *arrays)
+        K, R, ratio = (some(x, index, 0) for x in self.data)
+        return Points(self.system, self.q[index], self.u[index], self.a[index], steady, (K, R, ratio), *arrays)
 
 
 def seen_from(points: Points, step: Generator, rate: Array) -> Points:

@@ -17,6 +17,12 @@ class Tolerances:
     """Entries of a matrix over all points evaluated together: enough to amortize Python, few enough for the caches."""
     points_with_terms: Final = 17
     """Number of points of a block at which the terms of the matrices are formed."""
+    points_with_errors: Final = 6
+    """Number of points at which the rounding of the file is propagated, at most: the two ends, and others …"""
+    errors_alike: Final = 100.0
+    """… between two points at which it differs by more than this factor."""
+    unknown_error: Final = 1e100
+    """Stands for the error of an entry without a bound: no side and no sign is known beside it."""
     points_guarded: Final = 9
     """Number of points, spread over a sweep, at which the motion is checked to be steady in its frame."""
     neutral_elsewhere: Final = 1e-6
@@ -35,6 +41,8 @@ class Tolerances:
     # Sides of the imaginary axis
     bounds_from_axis: Final = 10.0
     """An eigenvalue has a side if its distance from the axis is this many times its bound."""
+    part_of_margin: Final = 0.8
+    """Errors of the data are proven bounds: they are compared with this part of that distance."""
     bounds_apart: Final = 16.0
     """First-order bounds hold if eigenvalues are apart by this many times the largest bound times their number."""
     parallel_vectors: Final = 1e12
