@@ -314,7 +314,7 @@ def test_components_and_disturbances_are_inverse(name):
 def test_neighbours_move_as_differences_of_motions_do(name):
     # At a state in motion off symmetry; accelerations are defined beside the constraints as well.
     model = mbstab.load(MODELS[name])
-    flow = floquet._Flow(model.system(), model.motion(), 0.7)
+    flow = floquet.Flow(model.system(), model.motion(), 0.7)
     rng = np.random.default_rng(3)
     x = flow.begin + 0.1 * rng.uniform(-1.0, 1.0, flow.begin.shape)
     units = np.stack([flow.scale, flow.scale]) / flow.sizes  # neighbours are in other units than the motion

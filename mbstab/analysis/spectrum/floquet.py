@@ -32,16 +32,15 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.spectrum.time_features import short_steps, variation
+from mbstab.analysis.spectrum.flow import Flow, Instant, norm
+from mbstab.analysis.spectrum.period_rounding import error_of_data
+from mbstab.analysis.spectrum.time_features import short_steps
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
-from mbstab.analysis.verdict.written import with_features
-from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
-from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError, amount
+from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError
 from mbstab.model.schema import is_angle
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
@@ -62,7 +61,7 @@ class Monodromy:
         The monodromy matrix, y(T) = Phi @ y(0); its eigenvalues are the multipliers.
     error : float
         Estimate of its error in the spectral norm: the difference of two tolerances, the part outside
-        the basis, and rounding.
+        the basis, and rounding, that of the numbers of the file included.
     period : float (s)
     n_xi : int
         The first n_xi components of y are positions, the others speeds times the period.
@@ -127,7 +126,7 @@ def monodromy(
     """
     if not (math.isfinite(period) and period > 0.0):
         raise UsageError(f"the period must be a positive number of seconds, not {period:g}")
-    flow = _Flow(system, motion, period)
+    flow = Flow(system, motion, period)
     ends, fastest, evaluations = [], 0.0, 0
     for number, accuracy in enumerate(zip(TOLERANCES.monodromy_tolerances, TOLERANCES.monodromy_steps, strict=True)):
         told = _part(progress, number, len(TOLERANCES.monodromy_tolerances))
@@ -140,12 +139,12 @@ def monodromy(
         evaluations += count
     (rough, _), (Phi, rest) = (flow.components(end) for end in ends)
     end = ends[-1]
-    size = max(1.0, _norm(Phi))
+    size = max(1.0, norm(Phi))
     mismatch = _check_periodic(flow, end, fastest, 10.0 * TOLERANCES.monodromy_tolerances[-1] * size)
     scale, units = flow.scale, np.stack([flow.sizes, flow.sizes / period])
     return Monodromy(
         Phi=Phi,
-        error=_norm(Phi - rough) + rest + TOLERANCES.monodromy_rounding * size,
+        error=norm(Phi - rough) + rest + TOLERANCES.monodromy_rounding * size + error_of_data(flow, parts, states),
         period=period,
         n_xi=motion.spaces.N.shape[1],
         to_coordinates=scale[:, None] * flow.basis[0],
@@ -160,112 +159,8 @@ def monodromy(
     )
 
 
-def _norm(matrix: Array) -> float:
-    return float(np.linalg.norm(matrix, 2)) if matrix.size else 0.0
-
-
-# --- the flow -------------------------------------------------------------------------------------------------------
-
-
-class _Flow:
-    """The motion and its neighbours in scaled units.
-
-    A state has the shape (2, n_q, 1 + n_f): positions, and speeds times the period; first the motion, relative to the
-    sizes in the scene, then its neighbours in the scaled coordinates of `Subspaces`. So everything is of order 1.
-    """
-
-    def __init__(self, system: System, motion: Motion, period: float) -> None:
-        spaces = motion.spaces
-        self.system, self.motion, self.period = system, motion, period
-        self.form, self.variation = Form(system), variation(system, motion.time, period)
-        self.scale, self.row_scale, self.sizes = spaces.scale, spaces.row_scale, motion.sizes
-        self.rank = spaces.C.rank + spaces.W.rank
-        N, NZ = spaces.N, spaces.N @ spaces.Z
-        self.least = 0.0
-        own = np.stack([motion.q / self.sizes, motion.u * period / self.sizes])
-        start = self.at(own, 0.0)
-        self.least = TOLERANCES.constraints_singular * start.singular
-        follow = start.follow @ N
-        self.basis = np.stack([np.hstack([N, 0.0 * NZ]), np.hstack([follow, NZ])])
-        self.dual = np.stack([np.vstack([N.T, -NZ.T @ follow @ N.T]), np.vstack([0.0 * N.T, NZ.T])])
-        self.begin = np.concatenate([own[:, :, None], self.basis], axis=2)
-
-    def looked_along(self, parts: Array, states: Array, longest: float) -> bool:
-        """Take in functions of the motion as it was followed; return whether steps must be shorter for them."""
-        if not with_features(self.system):
-            return False
-        from scipy.interpolate import CubicHermiteSpline
-
-        q = CubicHermiteSpline(parts, states[:, 0, :, 0] * self.sizes, states[:, 1, :, 0] * self.sizes)
-        self.variation = variation(
-            self.system, self.motion.time, self.period, lambda part: (q(part), q(part, 1) / self.period)
-        )
-        return bool(len(short_steps(*self.variation, longest)))
-
-    def at(self, own: Array, part: float) -> _Instant:
-        """Return the equations at a state of the motion, shape (2, n_q), at the time `part` · T."""
-        return _Instant(self, own[0] * self.sizes, own[1] * self.sizes / self.period, part)
-
-    def slope(self, part: float, x: Array) -> Array:
-        """Return the derivative of a state by t/T."""
-        now = self.at(x[:, :, 0], part)
-        dq, du = x[:, :, 1:]
-        slope = np.empty_like(x)
-        slope[0] = x[1]
-        slope[1, :, 0] = now.a * self.period**2 / self.sizes
-        slope[1, :, 1:] = now.augmented.solve(-(now.R @ du + now.K @ dq), now.A_u @ du + now.A_q @ dq)[0]
-        return slope
-
-    def components(self, x: Array) -> tuple[Array, float]:
-        """Return the neighbours in the basis, and the size of their part outside of it."""
-        y = self.dual[0] @ x[0, :, 1:] + self.dual[1] @ x[1, :, 1:]
-        rest = x[:, :, 1:] - self.basis @ y
-        return y, _norm(np.vstack([rest[0], rest[1]]))
-
-
-class _Instant:
-    """The equations of motion and those of the neighbours, in scaled coordinates and with the period as unit of time.
-
-    Attributes
-    ----------
-    state : Dynamics
-    a : ndarray, shape (n_q,)
-        Accelerations (m/s², rad/s²).
-    J, M, R, K, A_q, A_u : ndarray
-    augmented : Augmented
-        Of M and J.
-    follow : ndarray, shape (n_q, n_q)
-        −J⁺ V_q: the speeds that follow from the positions where rows move.
-    singular : float
-        Least singular value of J, apart from those of redundant rows.
-    """
-
-    def __init__(self, flow: _Flow, q: Array, u: Array, part: float) -> None:
-        form, scale, period = flow.form, flow.scale, flow.period
-        time = flow.motion.time + part * period
-        weights, rows = scale * scale[:, None], scale * flow.row_scale[:, None]
-        self.state = form.dynamics(q, u, time)
-        self.J, self.M = self.state.J * rows, self.state.M * weights
-        # The rank is that at the start: off the constraints, where an integrator evaluates too, redundant rows are
-        # slightly independent.
-        self.augmented, self.singular = of_rank(self.M, self.J, flow.rank)
-        if self.singular < flow.least:
-            raise ConstraintError(
-                f"the constraints lose rank: a singular value falls to {amount(self.singular)}\n"
-                "hint: the motion passes a singular configuration of the mechanism, from which it may go on in "
-                "different ways"
-            )
-        a, nu = self.augmented.solve(-self.state.F0 * scale, self.state.B * flow.row_scale)
-        self.a = a * scale
-        K, R, _ = form.linearize(q, u, self.a, nu * flow.row_scale, time)
-        V_q, A_q, A_u = form.linearize_rows(q, u, self.a, time)
-        self.R, self.K = R * weights * period, K * weights * period**2
-        self.A_u, self.A_q = A_u * rows * period, A_q * rows * period**2
-        self.follow = -self.augmented.inverse @ (V_q * rows * period)
-
-
 def _integrate(
-    flow: _Flow, tolerance: float, longest: float, progress: Callable[[float], object]
+    flow: Flow, tolerance: float, longest: float, progress: Callable[[float], object]
 ) -> tuple[Array, Array, int]:
     """Return all steps through a period, as fractions of it, the states there, and the number of evaluations."""
     from scipy.integrate import DOP853
@@ -324,7 +219,7 @@ def _part(progress: Callable[[float], object] | None, number: int, count: int) -
     return lambda done: progress((number + done) / count) if progress else None
 
 
-def _drift(flow: _Flow, x: Array) -> float:
+def _drift(flow: Flow, x: Array) -> float:
     """Return the largest residual of a row, relative to its change by the characteristic sizes of the coordinates."""
     state = flow.at(x[:, :, 0], 1.0).state
     sizes = np.abs(state.J) @ flow.sizes
@@ -336,7 +231,7 @@ def _drift(flow: _Flow, x: Array) -> float:
 # --- does it repeat? ------------------------------------------------------------------------------------------------
 
 
-def _check_periodic(flow: _Flow, end: Array, fastest: float, rounding: float) -> float:
+def _check_periodic(flow: Flow, end: Array, fastest: float, rounding: float) -> float:
     """Return the difference of a motion after the period, and refuse it if it is more than rounding.
 
     Speeds, accelerations and the deflated coefficients are compared, not coordinates: these may have advanced by whole
@@ -364,7 +259,7 @@ def _check_periodic(flow: _Flow, end: Array, fastest: float, rounding: float) ->
     return max(float(np.max(np.abs(speeds), initial=0.0)) / max(fastest, TOLERANCES.motion_in_period), worst)
 
 
-def _change(flow: _Flow, now: _Instant, then: _Instant) -> float:
+def _change(flow: Flow, now: Instant, then: Instant) -> float:
     """Return the largest change of the deflated coefficients, relative to their size or to 1 per period."""
     spaces, n_h = flow.motion.spaces, flow.system.n_h
     N, Z = spaces.N, spaces.Z
@@ -376,7 +271,7 @@ def _change(flow: _Flow, now: _Instant, then: _Instant) -> float:
     return worst
 
 
-def _not_periodic(flow: _Flow, difference: Array, what: str, order: int) -> ModelFileError:
+def _not_periodic(flow: Flow, difference: Array, what: str, order: int) -> ModelFileError:
     i = int(np.argmax(np.abs(difference) / flow.sizes))
     name = flow.system.names[i]
     unit = per_second(flow.system.units[i], order)
@@ -384,6 +279,6 @@ def _not_periodic(flow: _Flow, difference: Array, what: str, order: int) -> Mode
     return _problem(flow, f"{message} {difference[i]:.6g} {unit}")
 
 
-def _problem(flow: _Flow, message: str) -> ModelFileError:
+def _problem(flow: Flow, message: str) -> ModelFileError:
     model = flow.system.scene.model
     return ModelFileError([model.document.problem(model.reference.location, "reference", message, FIX)])

@@ -130,6 +130,8 @@ class Tolerances:
     """Speeds and coefficients are the same after a period if they agree to this, relative to their largest values."""
     monodromy_rounding: Final = 10.0 * EPS
     """Rounding error of the monodromy matrix, relative to its norm."""
+    instants_rounded: Final = 13
+    """Number of instants of a period at which the rounding of the numbers of the file is propagated."""
     constraints_singular: Final = 1e-5
     """A mechanism is singular where the smallest singular value of the rows falls to this fraction of the first."""
     monodromy_growth: Final = 1e6
