@@ -103,6 +103,16 @@ def _measure_slope(kind: str, s: complex, slopes: Complex) -> Array:
     return np.asarray(-slopes.real / size + s.real * (s.conjugate() * slopes).real / size**3)
 
 
+def _known_to(kind: str, local: Local) -> float:
+    """Return the error of the measure that is smallest, if it is that of a simple eigenvalue."""
+    if not len(local.values):
+        return 0.0
+    i = int(np.argmin(measure(kind, local.values)))
+    if np.isnan(local.slopes[i]).any() or not np.isfinite(local.errors[i]):
+        return 0.0  # where eigenvalues meet, their bounds say little about how they move
+    return float(local.errors[i] / (1.0 if kind == "decay" else max(abs(local.values[i]), 1e-300)))
+
+
 class Margin:
     """The smallest decay rate or damping ratio over a box of other parameters."""
 
@@ -110,7 +120,9 @@ class Margin:
 
     def __init__(self, plant: Plant, cube: Cube, kind: str, over: Mapping[str, Ends]) -> None:
         self.plant, self.cube, self.kind = plant, cube, kind
-        self.rounding = TOLERANCES.rounding * (plant.size if kind == "decay" else 1.0)
+        self.rounding = max(
+            TOLERANCES.rounding * (plant.size if kind == "decay" else 1.0), _known_to(kind, plant.start)
+        )
         self.box, self.sides = Cube(over) if over else None, len(over)
         few = self.sides <= len(TOLERANCES.grid)
         self.count = TOLERANCES.grid[self.sides - 1] if few else TOLERANCES.grid_of_many

@@ -28,10 +28,13 @@ class Local:
         All that are not neutral, pairs with both of their members (1/s).
     slopes : ndarray of complex, shape (r, parameters)
         Their derivatives in 1/s per SI unit; nan for those that are not known to be simple.
+    errors : ndarray, shape (r,)
+        Their error bounds (1/s).
     """
 
     values: Complex
     slopes: Complex
+    errors: Array
 
     def partner(self, i: int) -> int:
         """Return the eigenvalue next to another one."""
@@ -60,6 +63,8 @@ class Plant:
         Number of eigenvalues that are not neutral there.
     size : float
         The largest of them (1/s).
+    start : Local
+        All of them there.
 
     Raises
     ------
@@ -69,7 +74,8 @@ class Plant:
 
     def __init__(self, model: Model, start: Place) -> None:
         self.model, self.evaluator = model, Evaluator(model)
-        values = self.local(start, tuple(start)).values
+        self.start = self.local(start, tuple(start))
+        values = self.start.values
         self.count, self.size = len(values), float(np.max(np.abs(values), initial=0.0))
         self.evaluator.patterns += self.evaluator.patterns_at(start)
         found = self.evaluator.near({name: np.array([x]) for name, x in start.items()}, self.count)
@@ -98,12 +104,16 @@ class Plant:
             if name in found.missing:
                 raise UsageError(f"{name} cannot be varied: {found.missing[name]}")
         columns = [found.parameters.index(name) for name in names]
-        values, slopes = [], []
+        values, slopes, errors = [], [], []
         for item in found.derivatives:
-            value, slope = found.eigenvalue(item).value, item.slopes[columns]
+            own, slope = found.eigenvalue(item), item.slopes[columns]
+            value, error = own.value, own.error_bound
             values += [value, value.conjugate()] if value.imag else [value]
             slopes += [slope, slope.conj()] if value.imag else [slope]
-        return Local(np.array(values, dtype=complex), np.array(slopes).reshape(len(values), len(columns)))
+            errors += [error, error] if value.imag else [error]
+        return Local(
+            np.array(values, dtype=complex), np.array(slopes).reshape(len(values), len(columns)), np.array(errors)
+        )
 
     def known(self, place: Place, names: Sequence[str]) -> Local | None:
         """Return the eigenvalues at a place and their derivatives, or None if there are none."""
