@@ -7,9 +7,10 @@ arrays, symbols and any other number type that has these functions.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -193,3 +194,12 @@ def mpmath_arithmetic() -> Arithmetic:
             "power": real(power),
         },
     )
+
+
+@contextlib.contextmanager
+def more_digits(f: Arithmetic, number: int) -> Iterator[Arithmetic]:
+    """Give the arithmetic of mpmath numbers with this many digits, or with so many more than one that is in use has."""
+    from mpmath import mp
+
+    with mp.workdps((mp.dps if f.name == "mpmath" else 0) + number):
+        yield mpmath_arithmetic()

@@ -12,6 +12,7 @@ from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.mechanics.measures import Pose
 from mbstab.model.arithmetic import Arithmetic
+from mbstab.model.exact_values import with_more_digits
 from mbstab.model.expressions import Expression, ExpressionError, Node
 from mbstab.model.numbers import all_of, broken_sign, is_finite, nominal, require_finite
 from mbstab.model.rationals import Rationals
@@ -92,7 +93,7 @@ class Evaluator:
         if value is None:
             return 1.0
         if field is not None and not self.symbolic:
-            if self.judges and not self._has_sign(value, quantity, field):
+            if self.judges and (value := self._with_sign(value, quantity, field)) is None:
                 return 1.0
             if length and field.unit == "m" and not hasattr(value, "shape"):
                 self.lengths.append(abs(value))
@@ -129,16 +130,21 @@ class Evaluator:
                 self.complain(quantity, f"the width of {function}() must {broken[0]}, got {broken[1]:g}", hint)
         return good
 
-    def _has_sign(self, value: Number, quantity: Quantity, field: Field) -> bool:
+    def _with_sign(self, value: Number, quantity: Quantity, field: Field) -> Number | None:
+        """Return a number with the sign that its field asks for, by the decimals of the file; None after a problem."""
         broken = broken_sign(value, field.sign, field.most)
         if broken is None:
-            return True
+            return value
+        known = with_more_digits(value, quantity, self.model, self.parameters, self.f)
+        if known is not None and (broken := broken_sign(known, field.sign, field.most)) is None:
+            return known
+        assert broken is not None
         rule, shown = broken
         got = f"{shown:g}{after_number(field.unit)}"
         without = re.search(r"; (without it[^;]*)", field.doc)
         hint = f"leave it out: {without[1]}" if without and not shown else field.instead
         self.complain(quantity, f"{field.name.replace('_', ' ')} must {rule}, got {got}", hint)
-        return False
+        return None
 
     def vector(self, components: Components, length: bool = False) -> Vector:
         """Return the numbers of a vector; if they are lengths, they count towards the size of the scene."""

@@ -19,7 +19,7 @@ from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
-from mbstab.compiler.placed import Acting, Placed
+from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import MbstabError
 from mbstab.mechanics.catalogue import ROWS
@@ -359,7 +359,7 @@ class ElementComparison:
             signs = T.diagonal()[columns]
             if not exact or not np.array_equal(own_part(T, columns), np.diag(np.sign(signs))):
                 return self._same_to_rounding(element, here, there, T)
-            with Digits(element) as (element, f):
+            with Digits(element, exact=True) as f:
                 first, second = (
                     element.force(numbers(x.q, f), numbers(x.u, f), numbers(x.a, f), time, f) for x in (here, there)
                 )
@@ -393,8 +393,11 @@ class ElementComparison:
         """
         if not (element.written and isinstance(field, Turn) and _is_short(field.generator)):
             return True
-        columns = list(element.columns)
-        with Digits(element) as (element, f):
+        columns, placed = list(element.columns), element.placed
+        with Digits(element) as f:
+            # Products of parameters have all digits, too.
+            parameters = tuple(numbers(np.array(placed.parameters, dtype=float), f))
+            element = replace(element, placed=replace(placed, parameters=parameters))
             for state in self.states:
                 q, u, a = (numbers(x, f) for x in (state.q, state.u, state.a))
                 X, slope = (np.asarray(part(np.array(q, dtype=object))) for part in (field.field, field.slope))
@@ -512,22 +515,18 @@ def _on_grid(x: Array, sizes: Array) -> Array:
 
 
 class Digits:
-    """An element and the arithmetic in which it is evaluated: many digits for expressions, floats for the others.
-
-    Parameters of expressions have all digits, too: of 1e12 - 1e-6 a float leaves 1e12.
-    """
+    """The arithmetic in which an element is evaluated: many digits for expressions, floats for the others."""
 
     def __init__(self, element: Acting, exact: bool = True) -> None:
-        self.element, self.exact = element, exact and element.written
+        self.exact = exact and element.written
 
-    def __enter__(self) -> tuple[Acting, Any]:
+    def __enter__(self) -> Any:
         if not self.exact:
-            return self.element, FLOAT
+            return FLOAT
         from mpmath import mp
 
         self.before, mp.dps = mp.dps, TOLERANCES.comparison_digits
-        f = mpmath_arithmetic()
-        return replace(self.element, placed=in_digits(self.element.placed, f)), f
+        return mpmath_arithmetic()
 
     def __exit__(self, *_: object) -> None:
         if self.exact:
@@ -539,11 +538,6 @@ class Digits:
 def numbers(x: Array, f: Any) -> list[Any]:
     """Return floats as exact numbers of an arithmetic."""
     return [f.number(value) for value in x.tolist()]
-
-
-def in_digits(placed: Placed, f: Any) -> Placed:
-    """Return an element whose parameters are numbers of an arithmetic."""
-    return replace(placed, parameters=tuple(numbers(np.array(placed.parameters, dtype=float), f)))
 
 
 def _is_short(turn: Generator) -> bool:

@@ -235,12 +235,12 @@ class Invariance(SymmetryCandidates):
             return None
         found: list[tuple[Any, Any]] = []
         for state in self.states:
-            with Digits(element, exact=steps_are_exact(field)) as (exact, f):
+            with Digits(element, exact=steps_are_exact(field)) as f:
                 limit = TOLERANCES.comparison_exact if f.name == "mpmath" else TOLERANCES.force_change
                 weights = [f.number(repr(float(field.direction[i]))) for i in element.columns]
                 q, u, zero = numbers(state.q, f), numbers(state.u, f), numbers(0.0 * state.q, f)
-                K, R = exact.slopes(q, u, zero, self.motion.time, f)
-                still = exact.force(q, zero, zero, self.motion.time, f)
+                K, R = element.slopes(q, u, zero, self.motion.time, f)
+                still = element.force(q, zero, zero, self.motion.time, f)
                 pushes = [_weighted(weights, still), *(_weighted(weights, column) for column in zip(*K, strict=True))]
                 if any(abs(total) > limit * size for total, size in pushes):
                     return None
@@ -358,11 +358,11 @@ class Invariance(SymmetryCandidates):
                 ):
                     return False
                 continue
-            force: Any = self._force(element, state)
-            with Digits(element, exact=steps_are_exact(field)) as (exact, f):
+            with Digits(element, exact=steps_are_exact(field)) as f:
+                force: Any = self._force(element, state)
                 if f.name == "mpmath":
                     q, u, a = (numbers(x, f) for x in (state.q, state.u, state.a))
-                    force = exact.force(q, u, a, self.motion.time, f)
+                    force = element.force(q, u, a, self.motion.time, f)
                 work = [x * f.number(repr(float(Y[i]))) for i, x in zip(element.columns, force, strict=True)]
                 limit = TOLERANCES.comparison_exact if f.name == "mpmath" else TOLERANCES.force_change
                 if abs(sum(work)) > limit * sum(abs(x) for x in work):

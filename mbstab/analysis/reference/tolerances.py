@@ -222,9 +222,9 @@ class Tolerances:
     """… or this fraction of all its forces: that is the rounding of components mixed by a rotation."""
     roundings_of_comparison: Final = 8.0
     """Numbers computed in a comparison may be wrong by this many roundings of their terms."""
-    comparison_digits: Final = 100
+    comparison_digits: Final = 40
     """Expressions are compared with this many digits …"""
-    comparison_exact: Final = 1e-80
+    comparison_exact: Final = 1e-32
     """… and are equal if they agree to this."""
     row_change_of_state: Final = 1e-12
     """Rates of first-order states agree to this, relative to the terms of their change, where steps are not exact."""

@@ -1,0 +1,63 @@
+"""Numbers of a file whose terms cancel, with more digits: whether one is negative, or is so by rounding alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any
+
+from mbstab.mechanics.catalogue import Number
+from mbstab.model.arithmetic import Arithmetic, more_digits
+from mbstab.model.expressions import ExpressionError
+from mbstab.model.rationals import Meaning, meaning
+from mbstab.model.schema import Model, Quantity
+from mbstab.model.units import exact_factor
+
+MORE_DIGITS = 100
+"""Digits beyond those of the arithmetic."""
+
+ROUNDING = 1e-50
+"""What is left of a number below this fraction of it is rounding of these digits: the number is zero."""
+
+
+def with_more_digits(
+    value: Number, quantity: Quantity, model: Model, parameters: Mapping[str, Number], f: Arithmetic
+) -> Number | None:
+    """Return what a number is by the decimals of the file, as one of its arithmetic; None where that is not known.
+
+    Parameters
+    ----------
+    value : number
+        Its value (SI).
+    quantity : Quantity
+    model : Model
+    parameters : mapping
+        Values of all parameters (SI).
+    f : Arithmetic
+        Their number system: floats, or numbers of mpmath.
+    """
+    if f.name not in ("float", "mpmath"):
+        return None
+    known = {
+        name: meaning(parameters[name], parameter.expression, parameters, f, parameter)
+        for name, parameter in model.parameters.items()
+    }
+    with more_digits(f, MORE_DIGITS) as exact:
+        try:
+            found = quantity.evaluate({name: _value(name, known, exact) for name in quantity.names()}, exact)
+        except (ExpressionError, ArithmeticError, ValueError, TypeError, KeyError):
+            return None
+        zero = abs(found) <= ROUNDING * abs(value)
+    return f.number("0") if zero else float(found) if f.name == "float" else +found
+
+
+def _value(name: str, known: Mapping[str, Meaning | None], exact: Arithmetic) -> Any:
+    """Return a parameter with all digits."""
+    own = known[name]
+    if own is None:
+        raise ValueError(f"{name} is not exactly known")
+    if isinstance(own.content, Fraction):
+        value = exact.number(str(own.content.numerator)) / exact.number(str(own.content.denominator))
+    else:
+        value = own.content.evaluate({x: _value(x, known, exact) for x in own.content.names()}, exact)
+    return value * exact_factor(own.unit, exact) if own.unit else value
