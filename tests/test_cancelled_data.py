@@ -44,6 +44,7 @@ def cancelled(seed):
     size = 10 ** rng.randint(8, 12)
     exact = Fraction(repr(float(small * size)))
     yield f"{size}*cos(k) - {size // 2} + ({float(exact)!r})", exact
+    yield f"{size} + ({float(exact)!r}) - {size}", exact
     a, b = (Fraction(rng.randint(10**5, 10**7), 10 ** rng.randint(1, 3)) for _ in range(2))
     total, exact = a + b, Fraction(repr(float(small * a)))
     yield f"{float(a)!r} + {float(b)!r} - {total.numerator}/{total.denominator} + ({float(exact)!r})", exact
@@ -116,6 +117,31 @@ def test_small_coefficients_are_decided(exact, kind):
         assert scene(repr(exact), kind, named).eig().verdict == expected
         assert set(scene(repr(exact), kind, named).sweep("c", np.linspace(0.5, 2.0, 7)).verdicts) == {expected}
         assert scene(repr(exact), kind, named, period=1).eig().verdict == expected
+
+
+@pytest.mark.parametrize("s", ["1e10 + 1e-7 - 1e10", "1e10 - 1e-7 - 1e10", "-1e-7"])
+def test_circulatory_forces_that_doubles_do_not_see(s):
+    """x″ = −x − s y, y″ = −y + s x flutters for s ≠ 0, with eigenvalues √(−1 ± i s)."""
+    model = mbstab.loads(f"""
+mbstab: 1
+parameters: {{c: 1, s: "{s}"}}
+bodies: {{p: {{type: planar_point, mass: 1}}}}
+forces: {{f: {{type: expression, on: {{p.x: "-c*p.x - s*p.y", p.y: "-c*p.y + s*p.x"}}}}}}
+""")
+    expected = {"unstable"} if s == "-1e-7" else {"unstable", "undecided"}
+    assert {model.eig().verdict, *model.sweep("c", np.linspace(0.5, 2.0, 7)).verdicts} <= expected
+
+
+@pytest.mark.parametrize("s", ["0.5*0.2 - 0.1", "0"])
+def test_a_coefficient_of_zero_leaves_a_symmetry(s):
+    expected = "asymptotically stable up to symmetry"
+    assert scene(s).eig().verdict == expected
+    assert set(scene(s).sweep("c", np.linspace(0.5, 2.0, 7)).verdicts) == {expected}
+
+
+def test_a_coefficient_that_is_zero_by_rounding_leaves_none():
+    model = scene("1e10 - 1e-7 - 1e10")
+    assert {model.eig().verdict, *model.sweep("c", np.linspace(0.5, 2.0, 7)).verdicts} == {"undecided"}
 
 
 def test_far_from_the_origin():

@@ -19,6 +19,9 @@ MORE_DIGITS = 100
 ROUNDING = 1e-50
 """What is left of a number below this fraction of it is rounding of these digits: the number is zero."""
 
+UNKNOWN = (ExpressionError, ArithmeticError, ValueError, TypeError, KeyError)
+"""Errors of numbers that are not exactly known."""
+
 
 def with_more_digits(
     value: Number, quantity: Quantity, model: Model, parameters: Mapping[str, Number], f: Arithmetic
@@ -38,17 +41,47 @@ def with_more_digits(
     """
     if f.name not in ("float", "mpmath"):
         return None
-    known = {
-        name: meaning(parameters[name], parameter.expression, parameters, f, parameter)
-        for name, parameter in model.parameters.items()
-    }
+    known = _meanings(model, parameters, f)
     with more_digits(f, MORE_DIGITS) as exact:
         try:
             found = quantity.evaluate({name: _value(name, known, exact) for name in quantity.names()}, exact)
-        except (ExpressionError, ArithmeticError, ValueError, TypeError, KeyError):
+        except UNKNOWN:
             return None
         zero = abs(found) <= ROUNDING * abs(value)
     return f.number("0") if zero else float(found) if f.name == "float" else +found
+
+
+def exact_parameters(
+    errors: Mapping[str, float], model: Model, parameters: Mapping[str, float], f: Arithmetic
+) -> dict[str, float]:
+    """Return the values (SI) of parameters by the decimals of the file, of those for which they are known.
+
+    Parameters
+    ----------
+    errors : mapping
+        Their names, and error bounds of their values.
+    model : Model
+    parameters : mapping
+        Values of all parameters, floats.
+    f : Arithmetic
+        Their number system.
+    """
+    known, found = _meanings(model, parameters, f), dict[str, float]()
+    with more_digits(f, MORE_DIGITS) as exact:
+        for name, error in errors.items():
+            try:
+                value = _value(name, known, exact)
+            except UNKNOWN:
+                continue
+            found[name] = 0.0 if abs(value) <= ROUNDING * error else float(value)
+    return found
+
+
+def _meanings(model: Model, parameters: Mapping[str, Number], f: Arithmetic) -> dict[str, Meaning | None]:
+    return {
+        name: meaning(parameters[name], parameter.expression, parameters, f, parameter)
+        for name, parameter in model.parameters.items()
+    }
 
 
 def _value(name: str, known: Mapping[str, Meaning | None], exact: Arithmetic) -> Any:

@@ -17,6 +17,7 @@ from mbstab.analysis.reference.fields import Combination, Field, OwnTurn, Shift,
 from mbstab.analysis.reference.imbalance import carrying
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
+from mbstab.analysis.reference.rounded_scene import without_chance_zeros
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.placed import Acting
@@ -73,7 +74,7 @@ class ElementComparison:
 
     def __init__(self, system: System, motion: Motion) -> None:
         self.system, self.motion = system, motion
-        self.elements = [_general(element) for element in system.acting()]
+        self.elements = [_general(element) for element in without_chance_zeros(system).acting()]
         self._steady: dict[bytes, bool] = {}
         self._forces: dict[tuple[int, int], tuple[State, Array]] = {}
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
 from mbstab.compiler.system import Array, System
+from mbstab.errors import MbstabError
+from mbstab.model.exact_values import exact_parameters
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.garbage import uncollected
 from mbstab.model.schema import Model
@@ -33,6 +35,29 @@ def _rounded(system: System) -> System:
     from mbstab.analysis.algebra.rounded_arrays import RoundedNumbers
 
     return system.renumbered(scene, RoundedNumbers())
+
+
+def without_chance_zeros(system: System) -> System:
+    """Return a scene in which no parameter is nearly zero for the rounding of a float alone.
+
+    Such parameters get their values by the decimals of the file, or one beyond their error where these are not known.
+    """
+    scene = system.scene
+    if scene.arithmetic.name != "float":
+        return system
+    given = {name: float(x) for name, x in scene.parameters.items()}
+    pairs = {name: value_and_error(x) for name, x in _parameters(scene.model, given).items()}
+    unsure = {name: e for name, (v, e) in pairs.items() if e and abs(v) <= e}
+    if not unsure:
+        return system
+    beside = {name: given[name] + 2.0 * e for name, e in unsure.items()}
+    better = given | beside | exact_parameters(unsure, scene.model, given, scene.arithmetic)
+    if better == given:
+        return system
+    try:
+        return system.renumbered(evaluate(scene.model, better))
+    except MbstabError:  # a sign that is not allowed
+        return system
 
 
 def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:

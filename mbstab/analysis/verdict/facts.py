@@ -21,6 +21,7 @@ from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_sp
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.element_comparison import OnRows
 from mbstab.analysis.reference.motion import balanced as forces_balance
+from mbstab.analysis.reference.rounded_scene import without_chance_zeros
 from mbstab.analysis.reference.steady import Generator, spun
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
@@ -374,8 +375,10 @@ class Grounds:
         from mbstab.analysis.verdict.families import family
 
         found = family(self.structure, self.separated, count)
-        if found is None or self.digits is None:
-            return found
+        if found is None:
+            return None
+        if self.digits is None:  # a force that is zero by rounding alone makes no family
+            return found if without_chance_zeros(self.system) is self.system else None
         return None if 0 <= self.digits.zeros().number < found.count else found
 
     def facts(self, discs: Sequence[Disc], found: int, doubts: tuple[str, ...] = ()) -> Facts:
