@@ -166,7 +166,7 @@ class SparseQuadratic:
             order = np.argsort(-np.abs(mu))[: min(count, most)]
             order = order[np.abs(mu[order]) > TOLERANCES.finite_operator_value * np.max(np.abs(mu), initial=0.0)]
         else:
-            mu, Y = self._few(once, 2 * a, min(count, most), dtype)
+            mu, Y = _largest_values(once, 2 * a, min(count, most), dtype)
             order = np.argsort(-np.abs(mu))
         mu, Y = mu[order], Y[:, order]
         values = sigma + 1.0 / mu
@@ -191,20 +191,55 @@ class SparseQuadratic:
 
         return sparse.csc_array((self.data[k], self.rows, self._starts), shape=(self.size, self.size))
 
-    def _few(self, once: Any, size: int, count: int, dtype: Any) -> tuple[Complex, Complex]:
-        from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
+    def complete(self, shift: float, most: int) -> tuple[Complex, Complex] | None:
+        """Return all eigenvalues, and their vectors as columns, those with Im < 0 zero; None if that takes long.
 
-        start = once(once(np.random.default_rng(SEED).normal(size=size).astype(dtype)))
-        operator = LinearOperator((size, size), matvec=once, dtype=dtype)
-        width = min(size, max(2 * count + 10, 20))
+        Their errors are those of a dense matrix of the size of the shift: slow ones are better found by `nearest`.
+
+        Parameters
+        ----------
+        shift : float
+            Of the size of the largest eigenvalue (1/s).
+        most : int
+            Number of finite eigenvalues.
+        """
+        a = len(self.active)
+        lu = self.factors(shift) if 2 * a <= TOLERANCES.dense_spectrum else None
+        if lu is None:
+            return None
+        full, once = self.operator(lu, shift)
+        mu, Y = (x.astype(complex) for x in np.linalg.eig(once(np.eye(2 * a))))
+        order = np.argsort(-np.abs(mu))[:most]
+        if len(order) < most or not np.all(mu[order]):
+            return None
+        values, X = shift + 1.0 / mu[order], np.zeros((self.size, len(order)), dtype=complex)
+        for k in np.flatnonzero(values.imag >= 0.0):
+            X[:, k] = _complex(full, Y[:, order[k]])
+        return values, X
+
+
+def _largest_values(once: Any, size: int, count: int, dtype: Any) -> tuple[Complex, Complex]:
+    """Return the largest eigenvalues of an operator and their vectors, in subspaces as large as it takes."""
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
+
+    start = once(once(np.random.default_rng(SEED).normal(size=size).astype(dtype)))
+    operator = LinearOperator((size, size), matvec=once, dtype=dtype)
+    found = 0
+    for wider in TOLERANCES.subspaces:
+        width = min(size, wider * max(2 * count + 10, 20))
         try:
-            values, vectors = eigs(operator, count, v0=start, ncv=width, tol=0.0, maxiter=50 * width)
+            values, vectors = eigs(operator, count, v0=start, ncv=width, tol=0.0, maxiter=TOLERANCES.restarts)
+            return values.astype(complex), vectors.astype(complex)
         except ArpackNoConvergence as error:
-            raise NumericalError(
-                f"{len(error.eigenvalues)} of {count} eigenvalues were found before the iteration was given up\n"
-                "hint: ask for fewer, or near another number"
-            ) from None
-        return values.astype(complex), vectors.astype(complex)
+            found = max(found, len(error.eigenvalues))
+        if size <= TOLERANCES.dense_spectrum:
+            values, vectors = (x.astype(complex) for x in np.linalg.eig(once(np.eye(size, dtype=dtype))))
+            order = np.argsort(-np.abs(values))[:count]
+            return values[order], vectors[:, order]
+    raise NumericalError(
+        f"{found} of {count} eigenvalues were found before the iteration was given up\n"
+        "hint: ask for fewer, or near another number"
+    )
 
 
 def _complex(function: Any, y: Complex) -> Complex:

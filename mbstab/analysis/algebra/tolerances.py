@@ -61,6 +61,12 @@ class Tolerances:
     """… and its vectors."""
     dense_operator: Final = 160
     """Operators up to this size are formed as dense matrices: all eigenvalues then take no longer than a few."""
+    dense_spectrum: Final = 1000
+    """… up to this size where iterations do not converge, or where all eigenvalues are looked through."""
+    subspaces: Final = (1, 4, 10)
+    """Subspaces of iterations are enlarged by these factors, in turn …"""
+    restarts: Final = 60
+    """… if so many restarts do not suffice."""
     finite_operator_value: Final = 1e-9
     """Values μ of a dense operator below this fraction of the largest belong to infinite eigenvalues."""
     vector_corrections: Final = 1

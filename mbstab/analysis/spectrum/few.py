@@ -89,7 +89,41 @@ def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool)
     NumericalError
         If the iteration does not converge.
     """
-    values, vectors, reach = _found(equations, shift, count)
+    return _bounded(equations, *_found(equations, shift, count), shift, symmetric)
+
+
+def far_right(equations: SparseEquations, count: int, symmetric: bool, known: float) -> list[Few] | None:
+    """Return those with the largest real parts of all eigenvalues beyond a radius; None if all of them take long.
+
+    All are computed from shifts of several sizes, and from each those of about its size are taken: of others a dense
+    matrix knows too few digits.
+    """
+    shift, upper, found = TOLERANCES.beyond_all * equations.fastest, np.inf, list[Few]()
+    while upper > known:
+        every = equations.problem.complete(shift, equations.n_left)
+        if every is None:
+            return None
+        values, vectors = _upper(*every, 0j)
+        band = np.flatnonzero((np.abs(values) <= 2.0 * upper) & (np.abs(values) >= 0.5 * TOLERANCES.scale_step * shift))
+        chosen = band[np.argsort(-values[band].real, kind="stable")][: count + TOLERANCES.eigenvalues_more]
+        found.append(_closer(equations, values[chosen], vectors[:, chosen], symmetric))
+        upper = shift = TOLERANCES.scale_step * shift
+    return found
+
+
+def _closer(equations: SparseEquations, values: Complex, vectors: Complex, symmetric: bool) -> Few:
+    """Return eigenvalues of which some digits are known, with bounds."""
+    for group in _groups(values):
+        closer = _iterated(equations, complex(np.mean(values[group])), vectors[:, group], "N")
+        if np.all(np.isfinite(closer)):
+            vectors[:, group] = closer
+    return _bounded(equations, values, vectors, np.inf, 0j, symmetric)
+
+
+def _bounded(
+    equations: SparseEquations, values: Complex, vectors: Complex, reach: float, shift: complex, symmetric: bool
+) -> Few:
+    """Return corrected eigenvalues with bounds, the nearest to a number first."""
     pairs: list[tuple[complex, Array, Complex]] = []
     for group in _groups(values):
         pairs += _corrected(equations, values[group], vectors[:, group], symmetric)

@@ -27,7 +27,7 @@ from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.resting import at_rest
 from mbstab.analysis.spectrum.census import Resting, census, resting
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues, inexact, mode_shapes, participation, with_saddles
-from mbstab.analysis.spectrum.few import Few, few
+from mbstab.analysis.spectrum.few import Few, far_right, few
 from mbstab.analysis.spectrum.named_motions import Telling, mirrored
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.states_alone import states_alone
@@ -37,7 +37,7 @@ from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.rule import Census, Disc, Facts, Minimum, Side, judge, side
 from mbstab.analysis.verdict.smoothness import kinks
 from mbstab.compiler.system import Array, System
-from mbstab.errors import UsageError
+from mbstab.errors import NumericalError, UsageError
 from mbstab.model.schema import is_state
 from mbstab.records import dataclass
 
@@ -163,24 +163,40 @@ def _of_motion(linear: Linearization) -> _Subject:
 
 
 def _rightmost(equations: SparseEquations, count: int, symmetric: bool, number: Census) -> tuple[Few, tuple[str, ...]]:
-    """Return the eigenvalues farthest to the right of those in discs along the imaginary axis, and warnings."""
-    shift, parts = 0j, list[Few]()
-    for _ in range(TOLERANCES.axis_shifts):
-        parts.append(few(equations, shift, count, symmetric))
-        reach = parts[-1].reach
-        if not reach > 0.0 or abs(shift) + reach > equations.fastest * (1.0 + 1e-2):
-            break
-        shift = complex(0.0, shift.imag + TOLERANCES.axis_disc_overlap * reach)
+    """Return the eigenvalues farthest to the right of all, or of those in discs along the axis, and warnings."""
+    slowest = few(equations, 0j, count, symmetric)
+    if not slowest.reach > 0.0 or slowest.reach > equations.fastest * (1.0 + 1e-2):
+        parts, covered = [slowest], slowest.reach
+    elif (others := far_right(equations, count, symmetric, slowest.reach)) is not None:
+        # Slow ones have more digits where they were looked for.
+        parts, covered = [slowest, *others], np.inf
+    else:
+        parts, covered = _along_axis(equations, slowest, count, symmetric)
     found = _union(parts)
     order = np.argsort(-found.values.real, kind="stable")[:count]
-    covered = shift.imag + parts[-1].reach
     warnings: tuple[str, ...] = ()
     if covered < equations.fastest:
         warnings = (f"the rightmost eigenvalues were looked for up to {covered:.6g} rad/s only",)
     growing = int(np.sum(np.where(found.values.imag > 0.0, 2, 1)[found.values.real > found.bounds]))
-    if number.right is None or number.right > growing:
+    if covered < np.inf and (number.right is None or number.right > growing):
         warnings += ("these are the rightmost of those near the imaginary axis; others may lie far to the right of it",)
     return found.only(order), warnings
+
+
+def _along_axis(equations: SparseEquations, first: Few, count: int, symmetric: bool) -> tuple[list[Few], float]:
+    """Return eigenvalues in discs along the imaginary axis, and up to where they cover it (rad/s)."""
+    shift, parts, covered = 0j, [first], first.reach
+    for _ in range(TOLERANCES.axis_shifts):
+        shift = complex(0.0, shift.imag + TOLERANCES.axis_disc_overlap * parts[-1].reach)
+        try:
+            parts.append(few(equations, shift, count, symmetric))
+        except NumericalError:
+            # Far from all eigenvalues they are at equal distances, and none is found before the others.
+            break
+        covered = max(covered, shift.imag + parts[-1].reach)
+        if not parts[-1].reach > 0.0 or covered > equations.fastest * (1.0 + 1e-2):
+            break
+    return parts, covered
 
 
 def _union(parts: list[Few]) -> Few:

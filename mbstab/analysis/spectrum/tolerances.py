@@ -60,6 +60,10 @@ class Tolerances:
     """Discs about these shifts overlap: the next centre is farther by this fraction of the last radius."""
     square_rate_zero: Final = (1e-14, 1e-12, 1e-10, 1e-8)
     """Squares of rates that count as zero, relative to those of single forces; the smallest that factors resolve."""
+    beyond_all: Final = 1.5
+    """All eigenvalues together are computed from a real shift of so many times the largest."""
+    scale_step: Final = 1e-2
+    """… and again from shifts that are smaller by this factor each, down to eigenvalues that are known."""
     winding_disc_radius: Final = 0.8
     """Radius of a disc, as a fraction of the distance to the nearest eigenvalue."""
     winding_arnoldi_steps: Final = 14
