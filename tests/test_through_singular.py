@@ -105,11 +105,11 @@ def test_every_method_goes_through_and_keeps_its_tolerance(options):
 @pytest.mark.parametrize(("method", "step", "order"), [("radau", 0.04, 5), ("alpha", 0.01, 2), ("projection", 0.1, 8)])
 def test_fixed_steps_keep_their_order_through_singular_configurations(method, step, order):
     errors = []
-    for h in (step, step / 2):
+    for h in (step, step / 2, step / 4):
         sim = model(1).simulate(3.0, perturb=START, points=61, through_singular=True, method=method, step=h)
         errors.append(np.max(np.abs(sim.q[:, 2] + 0.5 * math.pi - exact(1, sim.times)[0])))
-    # Steps differ in where they begin again behind a passage.
-    assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=1.2)
+    # Steps differ in where they begin again behind a passage: a single halving of the step tells too little.
+    assert 0.5 * math.log2(errors[0] / errors[2]) == pytest.approx(order, abs=0.8)
 
 
 def test_without_the_option_it_is_refused_and_the_option_named():
