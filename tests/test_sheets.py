@@ -70,8 +70,9 @@ def test_points_of_rows_are_judged_as_eig_judges_them_from_the_same_solution(nam
     assert np.array_equal(on, np.flatnonzero(~np.isnan(solution(room, A, B))))
     for i in np.random.default_rng(1).choice(on, 12, replace=False).tolist():
         q, _ = sheet.predicted({"a": A[i : i + 1], "b": B[i : i + 1]})
-        assert q[0, 0] == pytest.approx(solution(room, A[i], B[i]), rel=1e-3)
-        assert np.array(chart.verdicts).flat[i] == mechanism.eig(a=A[i], b=B[i], start=q[0, 0]).verdict
+        found = mechanism.at(a=A[i], b=B[i], start=q[0, 0])
+        assert found.motion().q[0] == pytest.approx(solution(room, A[i], B[i]), rel=1e-9)
+        assert np.array(chart.verdicts).flat[i] == found.eig().verdict
 
 
 def test_a_table_that_the_first_column_leaves_does_not_end_the_rows():
