@@ -30,7 +30,7 @@ reference: {{coordinates: {{a: {{theta: 0}}}}}}
 def polynomial(seed):
     """Return a force on x at random, its lowest power and the sign of the potential there, and whether it is damped."""
     rng = random.Random(seed)
-    terms = {k: rng.choice((-1, 1)) * 10.0 ** rng.randint(-28, 12) for k in rng.sample(POWERS, rng.randint(1, 3))}
+    terms = {k: rng.choice((-1, 1)) * 10.0 ** rng.randint(-140, 12) for k in rng.sample(POWERS, rng.randint(1, 3))}
     return terms, rng.random() < 0.5
 
 

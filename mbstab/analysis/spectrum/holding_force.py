@@ -1,8 +1,9 @@
 """The force that holds a motion beside its reference, with many digits: with which power of the distance it begins.
 
 Near a zero eigenvalue, q − q₀ with measure·(q − q₀) = z and the force r along measure that balances everything are
-functions of z (Lyapunov and Schmidt). At distances far below all ratios of the numbers in a file, the lowest power in
-r = a z^k + … alone is left, however small a is.
+functions of z (Lyapunov and Schmidt). At distances far below all ratios of the numbers in a file, powers of z beyond
+the tenth are rounding in r = a z^k + …, and as many points as there are other powers give all their coefficients: the
+lowest power counts, however small a is.
 """
 
 from __future__ import annotations
@@ -26,6 +27,10 @@ from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
 
+_TIMES = (1, 2, 3, 4, 5)
+"""The distances, in the smallest one: as many as there are even or odd powers up to the tenth."""
+
+
 def power(model: Model, line: Line) -> Power | None:
     """Return how the force begins that holds a motion beside its reference; None if it cannot be known."""
     try:
@@ -35,28 +40,21 @@ def power(model: Model, line: Line) -> Power | None:
             point = reference_point(start, system, MANY_DIGITS)
             force = _force(start, system, point, line)
             near = mp.mpf(10) ** -TOLERANCES.distance_digits
-            ahead, behind = ([force(sign * near), force(sign * 2 * near)] for sign in (1, -1))
-            even = _part(ahead[0] + behind[0], ahead[1] + behind[1], 0)
-            odd = _part(ahead[0] - behind[0], ahead[1] - behind[1], 1)
+            pairs = [(force(times * near), force(-times * near)) for times in _TIMES]
+            least = near ** mp.mpf(10.5)  # powers beyond the tenth are left out
+            parts = {0: [x + y for x, y in pairs], 1: [x - y for x, y in pairs]}
+            terms = {k: term for parity, part in parts.items() for k, term in _terms(part, parity).items()}
+            lowest = min((k for k, term in terms.items() if abs(term) > least), default=0)
+            return (lowest, int(mp.sign(terms.get(lowest, 0)))) if lowest != 1 else None
     except (MbstabError, Stalled, ArithmeticError, ValueError):
         return None
-    if even is None or odd is None:
-        return None
-    return min((x for x in (even, odd) if x[0]), default=(0, 0))
 
 
-def _part(near: Any, twice: Any, parity: int) -> Power | None:
-    """Return how the even or the odd part of a force begins, from its values at a distance and at twice that."""
-    least = mp.mpf(10) ** (2 * TOLERANCES.digits_beyond - mp.dps)
-    if max(abs(near), abs(twice)) <= least:
-        return 0, 0
-    if not near * twice > 0:
-        return None
-    exponent = mp.log(twice / near, 2)
-    k = int(mp.nint(exponent))
-    if k < 2 or k % 2 != parity or abs(exponent - k) > TOLERANCES.power_misfit:
-        return None
-    return k, int(mp.sign(near))
+def _terms(values: list[Any], parity: int) -> dict[int, Any]:
+    """Return the terms of an even or an odd function by their powers, from its values at the multiples of a distance."""
+    powers = [2 * n + (parity or 2) for n in range(len(values))]
+    found = mp.lu_solve(mp.matrix([[mp.mpf(times) ** k for k in powers] for times in _TIMES]), mp.matrix(values))
+    return dict(zip(powers, found, strict=True))
 
 
 def _force(start: Start, system: System, point: Point, line: Line) -> Callable[[Any], Any]:
@@ -83,10 +81,17 @@ def _force(start: Start, system: System, point: Point, line: Line) -> Callable[[
         distances[-1] -= z
         return f.exact(np.concatenate([force, f.exact(there.E)[:n_h], distances])) / rows
 
+    start_ = f.zeros(last + 1)
+    start_[:n] = f.exact(line.along / sizes)
+    known: dict[Any, Matrix] = {}
+
     def force(z: Any) -> Any:
-        first = f.zeros(last + 1)
-        first[:n] = f.exact(line.along / sizes) * z
-        x = f.polished(first, lambda x: -f.applied(inverse, residual(x, z)) / columns, 1.0)
-        return x[last] / scale
+        # The solution is analytic in z, and 0 at 0: each one found brings the first guess of the next closer to it.
+        first = start_ * z if not known else f.zeros(last + 1)
+        for at, x in known.items():
+            others = (other for other in known if other != at)
+            first = first + x * (z / at * mp.fprod((z - other) / (at - other) for other in others))
+        known[z] = f.polished(first, lambda x: -f.applied(inverse, residual(x, z)) / columns, 1.0)
+        return known[z][last] / scale
 
     return force

@@ -94,12 +94,10 @@ class Tolerances:
     """… and the largest."""
     digits_beyond: Final = 15
     """Digits beyond the requested ones, and the same number again in the second computation."""
-    digits_of_holding: Final = 400
+    digits_of_holding: Final = 450
     """Digits with which the force that holds a motion beside its reference is computed …"""
     distance_digits: Final = 40
-    """… at 10 to the minus this power of the sizes of the scene: weaker terms of lower powers are seen."""
-    power_misfit: Final = 1e-6
-    """Largest distance of an observed power from an integer."""
+    """… at 10 to the minus this power of the sizes of the scene, and some multiples of that."""
     digits_of_bound: Final = 2
     """An error bound is this many digits below the last printed one."""
     precision_rounds: Final = 6
