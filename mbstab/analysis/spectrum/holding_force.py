@@ -26,7 +26,6 @@ from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
-
 _TIMES = (1, 2, 3, 4, 5)
 """The distances, in the smallest one: as many as there are even or odd powers up to the tenth."""
 
@@ -51,7 +50,7 @@ def power(model: Model, line: Line) -> Power | None:
 
 
 def _terms(values: list[Any], parity: int) -> dict[int, Any]:
-    """Return the terms of an even or an odd function by their powers, from its values at the multiples of a distance."""
+    """Return the terms of an even or an odd function by their powers, from its values at multiples of a distance."""
     powers = [2 * n + (parity or 2) for n in range(len(values))]
     found = mp.lu_solve(mp.matrix([[mp.mpf(times) ** k for k in powers] for times in _TIMES]), mp.matrix(values))
     return dict(zip(powers, found, strict=True))

@@ -94,7 +94,7 @@ class Tolerances:
     """… and the largest."""
     digits_beyond: Final = 15
     """Digits beyond the requested ones, and the same number again in the second computation."""
-    digits_of_holding: Final = 450
+    digits_of_holding: Final = 500
     """Digits with which the force that holds a motion beside its reference is computed …"""
     distance_digits: Final = 40
     """… at 10 to the minus this power of the sizes of the scene, and some multiples of that."""
