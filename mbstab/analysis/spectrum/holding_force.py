@@ -39,8 +39,12 @@ def power(model: Model, line: Line) -> Power | None:
             point = reference_point(start, system, MANY_DIGITS)
             force = _force(start, system, point, line)
             near = mp.mpf(10) ** -TOLERANCES.distance_digits
-            pairs = [(force(times * near), force(-times * near)) for times in _TIMES]
-            least = near ** mp.mpf(10.5)  # powers beyond the tenth are left out
+            found = [(force(times * near), force(-times * near)) for times in _TIMES]
+            pairs = [(ahead[0], behind[0]) for ahead, behind in found]
+            # Powers beyond the tenth are left out. What nothing balances, as along symmetries, hides what is smaller by
+            # the range of floats.
+            unbalanced = max(left for pair in found for _, left in pair)
+            least = max(near ** mp.mpf(10.5), unbalanced * mp.mpf(10) ** -TOLERANCES.float_range)
             parts = {0: [x + y for x, y in pairs], 1: [x - y for x, y in pairs]}
             terms = {k: term for parity, part in parts.items() for k, term in _terms(part, parity).items()}
             lowest = min((k for k, term in terms.items() if abs(term) > least), default=0)
@@ -56,8 +60,11 @@ def _terms(values: list[Any], parity: int) -> dict[int, Any]:
     return dict(zip(powers, found, strict=True))
 
 
-def _force(start: Start, system: System, point: Point, line: Line) -> Callable[[Any], Any]:
-    """Return the force at a distance z, relative to the forces that small motions of the size of the scene cause."""
+def _force(start: Start, system: System, point: Point, line: Line) -> Callable[[Any], tuple[Any, Any]]:
+    """Return the force at a distance z, and what nothing balances there.
+
+    Relative to the forces that small motions of the size of the scene cause.
+    """
     f, motion, linear = MANY_DIGITS, start.motion, start.linear
     n, n_h, sizes = system.n_q, system.n_h, motion.sizes
     generator = linear.generator if linear.generator is not None and linear.generator.turns else None
@@ -80,17 +87,17 @@ def _force(start: Start, system: System, point: Point, line: Line) -> Callable[[
         distances[-1] -= z
         return f.exact(np.concatenate([force, f.exact(there.E)[:n_h], distances])) / rows
 
-    start_ = f.zeros(last + 1)
-    start_[:n] = f.exact(line.along / sizes)
+    along = f.zeros(last + 1)
+    along[:n] = f.exact(line.along / sizes)
     known: dict[Any, Matrix] = {}
 
-    def force(z: Any) -> Any:
+    def force(z: Any) -> tuple[Any, Any]:
         # The solution is analytic in z, and 0 at 0: each one found brings the first guess of the next closer to it.
-        first = start_ * z if not known else f.zeros(last + 1)
+        first = along * z if not known else f.zeros(last + 1)
         for at, x in known.items():
             others = (other for other in known if other != at)
             first = first + x * (z / at * mp.fprod((z - other) / (at - other) for other in others))
         known[z] = f.polished(first, lambda x: -f.applied(inverse, residual(x, z)) / columns, 1.0)
-        return known[z][last] / scale
+        return known[z][last] / scale, f.largest(residual(known[z], z))
 
     return force

@@ -94,10 +94,12 @@ class Tolerances:
     """… and the largest."""
     digits_beyond: Final = 15
     """Digits beyond the requested ones, and the same number again in the second computation."""
-    digits_of_holding: Final = 500
+    digits_of_holding: Final = 470
     """Digits with which the force that holds a motion beside its reference is computed …"""
     distance_digits: Final = 40
     """… at 10 to the minus this power of the sizes of the scene, and some multiples of that."""
+    float_range: Final = 300
+    """Of numbers of different size in one vector those smaller by 10 to this power are lost as floats."""
     digits_of_bound: Final = 2
     """An error bound is this many digits below the last printed one."""
     precision_rounds: Final = 6
