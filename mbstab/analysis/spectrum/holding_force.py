@@ -26,9 +26,6 @@ from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
-_TIMES = (1, 2, 3, 4, 5)
-"""The distances, in the smallest one: as many as there are even or odd powers up to the tenth."""
-
 
 def power(model: Model, line: Line) -> Power | None:
     """Return how the force begins that holds a motion beside its reference; None if it cannot be known."""
@@ -39,7 +36,7 @@ def power(model: Model, line: Line) -> Power | None:
             point = reference_point(start, system, MANY_DIGITS)
             force = _force(start, system, point, line)
             near = mp.mpf(10) ** -TOLERANCES.distance_digits
-            found = [(force(times * near), force(-times * near)) for times in _TIMES]
+            found = [(force(times * near), force(-times * near)) for times in TOLERANCES.distances]
             pairs = [(ahead[0], behind[0]) for ahead, behind in found]
             # Powers beyond the tenth are left out. What nothing balances, as along symmetries, hides what is smaller by
             # the range of floats.
@@ -56,7 +53,9 @@ def power(model: Model, line: Line) -> Power | None:
 def _terms(values: list[Any], parity: int) -> dict[int, Any]:
     """Return the terms of an even or an odd function by their powers, from its values at multiples of a distance."""
     powers = [2 * n + (parity or 2) for n in range(len(values))]
-    found = mp.lu_solve(mp.matrix([[mp.mpf(times) ** k for k in powers] for times in _TIMES]), mp.matrix(values))
+    found = mp.lu_solve(
+        mp.matrix([[mp.mpf(times) ** k for k in powers] for times in TOLERANCES.distances]), mp.matrix(values)
+    )
     return dict(zip(powers, found, strict=True))
 
 

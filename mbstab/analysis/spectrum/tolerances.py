@@ -97,7 +97,9 @@ class Tolerances:
     digits_of_holding: Final = 470
     """Digits with which the force that holds a motion beside its reference is computed …"""
     distance_digits: Final = 40
-    """… at 10 to the minus this power of the sizes of the scene, and some multiples of that."""
+    """… at 10 to the minus this power of the sizes of the scene, …"""
+    distances: Final = (1, 2, 3, 4, 5)
+    """… times these: as many as there are even or odd powers up to the tenth."""
     float_range: Final = 300
     """Of numbers of different size in one vector those smaller by 10 to this power are lost as floats."""
     digits_of_bound: Final = 2
