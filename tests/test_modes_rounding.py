@@ -118,3 +118,21 @@ forces: {f: {type: expression, on: {p.x: "-s*p.x-rate(p.x)"}}}
     assert result.verdict == "undecided"
     assert result.counts.unstable_proven is None
     assert abs(result.eigenvalues[0].value - 9.99999e-8) <= result.eigenvalues[0].error_bound < 1e-4
+
+
+@pytest.mark.parametrize("push", ["1e-6", "1e-8", "1e-3", "-1e-6"])
+@pytest.mark.parametrize("mass", [1, 3])
+def test_a_weak_force_beside_a_strong_spring_leaves_no_neutral_shift(push, mass):
+    """Two masses m on a spring k, one pushed away by a x: to first order the squares of the slow pair are a/(2 m)."""
+    model = mbstab.loads(f"""
+mbstab: 1
+bodies: {{p: {{type: planar_point, mass: {mass}}}, q: {{type: planar_point, mass: {mass}}}}}
+constraints: {{g: {{holonomic: p.y}}, h: {{holonomic: q.y}}}}
+forces:
+  s: {{type: bearing, between: [p, q], stiffness: 1e12}}
+  n: {{type: expression, on: {{q.x: {push}*q.x}}}}
+""")
+    result = model.modes(1)
+    assert result.counts.unstable_proven in (None, int(float(push) > 0.0))
+    assert result.counts.neutral == 0
+    assert result.verdict in ({"undecided", "unstable"} if float(push) > 0.0 else {"undecided", "stable"})

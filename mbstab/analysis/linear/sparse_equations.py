@@ -7,6 +7,7 @@ has the finite eigenvalues of the linearized equations; constraints and multipli
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
@@ -17,6 +18,7 @@ from mbstab.analysis.algebra.inertia import ConstrainedForms
 from mbstab.analysis.algebra.shift_invert import SparseQuadratic
 from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.algebra.sparse_rank import sparse_rank
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
@@ -295,9 +297,23 @@ def _largest(matrix: Any, rows: Any, columns: Any) -> Any:
 
 
 def _vanishes(matrix: Any, lost: Any, sizes: Any, z: Array) -> bool:
-    """Return whether a direction is in the null space of a matrix, in the longest floating-point type."""
+    """Return whether a direction is in the null space of a matrix, in the longest floating-point type.
+
+    Where its components are powers of two all products are exact, and so are their sums: a weak spring beside strong
+    ones, of which a sum keeps no digit but in what it lost, breaks a symmetry.
+    """
     wide = z.astype(np.longdouble)
     image = matrix.astype(np.longdouble) @ wide
     if lost is not None:
         image = image + lost.astype(np.longdouble) @ wide
-    return bool(np.all(np.abs(image) <= LONGEST * (sizes @ np.abs(z))))
+    if not np.all(np.abs(image) <= LONGEST * (sizes @ np.abs(z))):
+        return False
+    if lost is None or np.any(np.frexp(z[z != 0.0])[0] != 0.5):
+        return True
+    parts = [scaled(x.tocsr(), z) for x in (matrix, lost)]
+    rounding = EPS * (abs(lost) @ np.abs(z))
+    rows = np.flatnonzero(sum(np.diff(x.indptr) for x in parts)).tolist()
+    return all(
+        abs(math.fsum(v for x in parts for v in x.data[x.indptr[i] : x.indptr[i + 1]].tolist())) <= rounding[i]
+        for i in rows
+    )
