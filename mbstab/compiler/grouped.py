@@ -6,6 +6,7 @@ belongs to which stored entry is determined once for each function of the kernel
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, Literal, Protocol
@@ -162,13 +163,14 @@ class Pattern:
         return form(data, self.indices, self.starts, (self.shape[0], self.shape[1]))
 
     def lost(self, numbers: Array, form: Form) -> Any:
-        """Return the rounding error of each sum of the matrix, if the machine has a longer floating-point type."""
+        """Return the rounding error of each sum of the matrix: exact sums, however far apart its terms are."""
         order = np.argsort(self.slot, kind="stable")
-        begins = np.searchsorted(self.slot[order], np.arange(len(self.indices)))
-        terms = numbers[self.take][order]
-        exact = np.add.reduceat(terms.astype(np.longdouble), begins) if len(terms) else np.zeros(0)
-        rounded = self.filled(numbers, lambda data, *_: data)
-        return form((exact - rounded).astype(float), self.indices, self.starts, (self.shape[0], self.shape[1]))
+        begins = np.searchsorted(self.slot[order], np.arange(len(self.indices) + 1))
+        terms, rounded = numbers[self.take][order].tolist(), self.filled(numbers, lambda data, *_: data)
+        lost, ends = np.zeros(len(rounded)), begins.tolist()
+        for i in np.flatnonzero(np.diff(begins) > 1).tolist():
+            lost[i] = math.fsum([*terms[ends[i] : ends[i + 1]], -rounded[i]])
+        return form(lost, self.indices, self.starts, (self.shape[0], self.shape[1]))
 
 
 class Assembly:
