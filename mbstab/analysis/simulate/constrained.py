@@ -95,8 +95,6 @@ class Constrained:
         self.system, self.sizes = system, motion.sizes
         self.scale = _carried(motion)
         self.row_scale = 1.0 / row_norms(dense(motion.dynamics.J) * self.scale)
-        # Which multipliers are the least ones must not depend on the masses.
-        self._least_scale = spaces.row_scale
         self.n, self.n_h, self.n_c = system.n_q, system.n_h, system.n_c
         self.rank_h, self.rank = spaces.C.rank, spaces.C.rank + spaces.W.rank
         self.evaluations = 0
@@ -118,6 +116,11 @@ class Constrained:
         self.full = self.rank == self.n_c
         self._weights = self.scale * self.scale[:, None]
         self._rows = self.scale * self.row_scale[:, None]
+        # What is singular, and which multipliers are the least ones, is told by the masses of the coordinates
+        # themselves, unless they carry far heavier ones.
+        self._told = np.minimum(spaces.scale, TOLERANCES.carried_most * self.scale)
+        self._told_scale = 1.0 / row_norms(dense(motion.dynamics.J) * self._told)
+        self._told_rows = self._told * self._told_scale[:, None]
         self._holonomic, self._all = np.eye(self.n_h), np.eye(self.n_c)
         self._right = np.zeros(self.n + self.rank)
         self._least: float | None = None
@@ -373,11 +376,10 @@ class Constrained:
         """
         if not self.rank:
             return Watch(np.zeros(0), np.zeros(self.n), np.inf)
-        J = state.J * self._rows
-        left, s, right = np.linalg.svd(J, full_matrices=False)
+        left, s, right = np.linalg.svd(state.J * self._told_rows, full_matrices=False)
         if not self.full:
-            self._holonomic, self._all = self._combinations(J)
-            self._span = np.linalg.qr(left[:, : self.rank] * (self._least_scale / self.row_scale)[:, None])[0]
+            self._holonomic, self._all = self._combinations(state.J * self._rows)
+            self._span = left[:, : self.rank]
         k = self.rank - 1
         if self._least is None:
             self._least = float(s[k])
@@ -396,13 +398,13 @@ class Constrained:
         """Return the minimum-norm multipliers (n_c,) with the same effect, where rows are redundant."""
         if self.full or not self.rank:
             return nu
-        return np.asarray(self._span @ (self._span.T @ (nu / self._least_scale)) * self._least_scale)
+        return np.asarray(self._span @ (self._span.T @ (nu / self._told_scale)) * self._told_scale)
 
     def multipliers(self, state: Dynamics, a: Array) -> Array:
         """Return the minimum-norm multipliers (n_c,) that balance given accelerations, also where rank is lost."""
-        force = -(state.F0 + state.M @ a) * self.scale
-        J = state.J * self.scale * self._least_scale[:, None]
-        return least_multipliers(J, force, TOLERANCES.multiplier_singular_value) * self._least_scale
+        force = -(state.F0 + state.M @ a) * self._told
+        J = state.J * self._told_rows
+        return least_multipliers(J, force, TOLERANCES.multiplier_singular_value) * self._told_scale
 
     def flipped(self, before: Watch, state: Dynamics, after: Watch) -> bool:
         """Return whether the smallest singular value changed its sign, along its own vectors, or is nearly zero."""
@@ -415,7 +417,7 @@ class Constrained:
 
     def signed(self, before: Watch, state: Dynamics) -> float:
         """Return the present value of an earlier smallest singular value, along its own vectors."""
-        return float(before.left @ (state.J * self._rows) @ before.right)
+        return float(before.left @ (state.J * self._told_rows) @ before.right)
 
     def start_from(self, other: Constrained) -> None:
         """Measure singular values relative to those at the start of another chart of the same motion."""
@@ -424,7 +426,7 @@ class Constrained:
     def smallness(self, state: Dynamics) -> float:
         """Return the smallest singular value relative to that at the start."""
         assert self._least is not None
-        s = np.linalg.svd(state.J * self._rows, compute_uv=False)
+        s = np.linalg.svd(state.J * self._told_rows, compute_uv=False)
         return float(s[self.rank - 1]) / self._least
 
     def nears(self, watch: Watch, part: float) -> bool:
@@ -437,7 +439,7 @@ class Constrained:
 
     def singular(self, t: float, state: Dynamics, value: float, hint: str = BRANCH_HINT) -> ConstraintError:
         """Return the error about a singular configuration: number, threshold, rows, time."""
-        left = np.linalg.svd(state.J * self._rows)[0][:, self.rank - 1]
+        left = np.linalg.svd(state.J * self._told_rows)[0][:, self.rank - 1]
         return ConstraintError(
             f"the mechanism is at a singular configuration at t = {t:.9g} s: the least singular value of its "
             f"constraints falls to {amount(value)} of that at the start, where {SPECTRUM.constraints_singular:g} is "

@@ -17,6 +17,8 @@ class Tolerances:
     """… and has failed if they stay above this."""
     blocked: Final = 1e-7
     """A coordinate that moves less than this under a force, relative to one that is free of constraints, is blocked."""
+    carried_most: Final = 100.0
+    """Rows are told to be singular in coordinates scaled by their own masses, up to so many times what they carry."""
     pivot_of_rows: Final = 1e-10
     """All rows are combined where a pivot of the independent ones falls below this fraction of the largest."""
     multiplier_singular_value: Final = 1e-10

@@ -129,7 +129,7 @@ def entry_errors(linear: Linearization) -> EntryErrors:
         R, K = (x + np.abs(allowed @ (change * both) @ allowed) for x, change in ((R, changes.R), (K, changes.K)))
     pairs = (M, linear.M * both), (J[n_h:], linear.J[n_h:] * rows[n_h:]), (D_q, linear.D_q * rows[n_h:])
     ratios = [float(np.linalg.norm(error) / np.linalg.norm(x)) for error, x in pairs if np.any(x)]
-    ratio = np.array(max(1.0, *(x / (TOLERANCES.roundings_of_matrix * EPS) for x in ratios)))
+    ratio = np.array(max([1.0, *(x / (TOLERANCES.roundings_of_matrix * EPS) for x in ratios)]))
     return EntryErrors(
         *(
             np.nan_to_num(x, nan=TOLERANCES.unknown_error, posinf=TOLERANCES.unknown_error)
