@@ -231,6 +231,12 @@ def test_whole_numbers_stay_exact_in_every_number_system(name):
         assert abs(found[0] - found[1]) < 1e-48
 
 
+@pytest.mark.parametrize("text", ["1/3", "10000000000000001/10000000000000000", "-7/9", "3.00000000000000000001"])
+def test_a_literal_that_is_no_float_has_the_error_of_the_next_one(text):
+    found = rounded_arithmetic().number(text)
+    assert 0 < abs(Fraction(text) - Fraction(float(found))) <= found.e
+
+
 def test_slopes_are_exact_fractions_or_decimals_of_sixty_digits():
     for count in (3, 7, 40, 101, 160):
         x = [Fraction(i * 7 + i % 3, 10) for i in range(count)]

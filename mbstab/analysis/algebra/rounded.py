@@ -240,7 +240,7 @@ def _inside(x: Any) -> float:
 @lru_cache(maxsize=4096)
 def _number(text: str) -> Any:
     v = as_float(text)
-    exact = (v.is_integer() and abs(v) < 1e15 and not {"e-", "/"} & {*text}) or Fraction(text) == Fraction(v)
+    exact = Fraction(text) == Fraction(v)
     # Of plain numbers no operation is counted: 341/100 would be exact.
     return v if exact and v in (0.0, 1.0) else Rounded(v, 0.0 if exact else UNIT * abs(v))
 
