@@ -140,8 +140,8 @@ def _branches(model: Model, parameter: str, first: float, last: float, count: in
     evaluator = Evaluator(model, path)
     x = np.linspace(low, high, TOLERANCES.points_followed)
     raw = followed(evaluator.near({parameter: x}, count))
-    # Where most points have nothing in common, as many in between would take minutes.
-    if evaluator.alone <= len(x) // 2:
+    # Where most points have nothing in common, or no neighbours have, as many in between would take minutes.
+    if evaluator.alone <= len(x) // 2 and np.any(raw.clear):
         branches = Branches(evaluator, parameter, x, raw, TOLERANCES.points_between_names)
         found = branches.branches()
         if branches.stopped is None:
