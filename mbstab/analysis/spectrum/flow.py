@@ -60,7 +60,7 @@ class Flow:
         slope = np.empty_like(x)
         slope[0] = x[1]
         slope[1, :, 0] = now.a * self.period**2 / self.sizes
-        slope[1, :, 1:] = now.augmented.solve(-(now.R @ du + now.K @ dq), now.A_u @ du + now.A_q @ dq)[0]
+        slope[1, :, 1:] = now.neighbours(dq, du)[0]
         return slope
 
     def components(self, x: Array) -> tuple[Array, float]:
@@ -113,6 +113,11 @@ class Instant:
         self.R, self.K = R * weights * period, K * weights * period**2
         self.A_u, self.A_q = A_u * rows * period, A_q * rows * period**2
         self.follow = -self.augmented.inverse @ (V_q * rows * period)
+
+    def neighbours(self, dq: Array, du: Array) -> tuple[Array, Array]:
+        """Return the accelerations and multipliers of neighbours from their positions and speeds, as columns."""
+        found: tuple[Array, Array] = self.augmented.solve(-(self.R @ du + self.K @ dq), self.A_u @ du + self.A_q @ dq)
+        return found
 
 
 def norm(matrix: Array) -> float:

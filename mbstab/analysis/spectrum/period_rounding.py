@@ -84,12 +84,8 @@ def _steps(places: list[_Place], lengths: Array) -> list[Array]:
 
     rates = []
     for place in places:
-        now = place.now
-        n = len(now.M)
-        columns = np.eye(2 * n)
-        dq, du = columns[:n], columns[n:]
-        moved = now.augmented.solve(-(now.R @ du + now.K @ dq), now.A_u @ du + now.A_q @ dq)[0]
-        rates.append(np.vstack([du, moved]))
+        dq, du = np.split(np.eye(2 * len(place.now.M)), 2)
+        rates.append(np.vstack([du, place.now.neighbours(dq, du)[0]]))
     return [expm(0.5 * h * (a + b)) for h, a, b in zip(lengths.tolist(), rates, rates[1:], strict=False)]
 
 
@@ -156,8 +152,7 @@ class _Scene:
         K, R, _ = (errors_of(x) for x in self.system.linearize(q, u, a, nu, time))
         _, A_q, A_u = (errors_of(x) for x in self.system.linearize_rows(q, u, a, time))
         dq, du = place.x[:, :, 1:]
-        found = now.augmented.solve(-(now.R @ du + now.K @ dq), now.A_u @ du + now.A_q @ dq)
-        x, v, acc, reactions = (np.abs(y) for y in (dq, du, *found))
+        x, v, acc, reactions = (np.abs(y) for y in (dq, du, *now.neighbours(dq, du)))
         both, rows = scale * scale[:, None], scale * self.row_scale[:, None]
         J = errors.J * rows
         force = (K * both * period**2) @ x + (R * both * period) @ v + (errors.M * both) @ acc + J.T @ reactions
