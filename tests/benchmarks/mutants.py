@@ -157,7 +157,7 @@ def record(root: Path, file: Path, more: list[str]) -> None:
         settings.write_text(
             f"[run]\nsource = {root}/mbstab\nomit = */kernels/*\ndata_file = {folder}/data\nparallel = true\n"
         )
-        command = [sys.executable, *"-m pytest -q -n 2 --dist worksteal".split()]
+        command = [sys.executable, *["-m", "pytest", "-q", "-n", "2", "--dist", "worksteal"]]
         command += [
             f"--junitxml={folder}/times.xml",
             "--cov",
