@@ -586,3 +586,11 @@ def test_large_symbolic_matrices_are_not_simplified():
     result = CliRunner().invoke(main, ["linearize", "whipple_bicycle.yaml", "--symbolic", "--format", "latex"])
     assert result.exit_code == 0
     assert "not simplified" in result.stderr
+
+
+@pytest.mark.parametrize("section", ["reference", "reference.steady", "expect", "sweep", "constraints", "parameters"])
+def test_sections_without_types_are_documented_as_well(section):
+    result = CliRunner().invoke(main, ["schema", section])
+    assert result.exit_code == 0
+    assert ": " in result.stdout
+    assert max(map(len, result.stdout.splitlines())) <= 80

@@ -521,3 +521,23 @@ def test_an_input_that_a_guide_holds_is_felt_by_its_reactions_at_once():
 def test_rounding_of_a_slanting_guide_is_no_motion():
     slanting = GUIDED.replace("axis: x", "axis: [0.28, 0.96]").replace("direction: y", "direction: [-0.96, 0.28]")
     np.testing.assert_array_equal(mbstab.loads(slanting).state_space().B, 0.0)
+
+
+def test_rounding_of_the_map_from_states_is_no_entry_of_the_state_space():
+    """Torque and its rate are states here in the place of a speed, and the map from them is badly conditioned."""
+    text = """\
+mbstab: 1
+bodies: {a: {type: planar, mass: 1, inertia: 0.03}, b: {type: planar, mass: 1, inertia: 0.03}}
+joints:
+  one: {type: revolute, between: [a, ground]}
+  two: {type: revolute, between: [b, ground]}
+forces:
+  shaft: {type: expression, on: {a.theta: "-300*(a.theta - b.theta) - c", b.theta: 300*(a.theta - b.theta)}}
+states: {c: {rate: (4e4*rate(a.theta) - c)/0.002 + 1e3*b.theta}}
+outputs: {one: a.theta, two: rate(b.theta), three: c}
+"""
+    model = mbstab.loads(text).state_space(["a.theta", "b.theta", "c", "rate(b.theta)", "rate(c)"])
+    for matrix in (model.A, model.C, model.to_coordinates, model.to_rates):
+        rows = abs(matrix)[abs(matrix).max(axis=1) > 0]
+        assert ((rows == 0.0) | (rows > 1e-12 * rows.max(axis=1, keepdims=True))).all()
+    assert (model.C != 0.0).sum() == 3

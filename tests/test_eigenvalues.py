@@ -16,13 +16,14 @@ from sampling import sample
 from truth import distance, exact_eigenvalues
 
 import mbstab
+import mbstab.errors
 from mbstab.analysis.algebra.matching import matched
 from mbstab.analysis.linear.methods import METHODS
 from mbstab.errors import UsageError
 from mbstab.model.library import installed_models
 
 MODELS = {path.stem: path for path in installed_models()}
-# Of a periodic motion there are multipliers, not eigenvalues of constant coefficients; tests/test_floquet.py has those.
+# A periodic motion has multipliers, not eigenvalues of constant coefficients; tests/test_periodic.py has those.
 PERIODIC = {"kapitza"}
 CONSTANT = sorted(set(MODELS) - PERIODIC)
 
@@ -827,3 +828,25 @@ def test_what_grows_fast_is_unstable_even_where_zeros_have_no_gap():
 def test_pairing_does_not_depend_on_the_order():
     expected = np.array([1e-16 + 2j, -1e-16 - 2j, 3.0, -1e-17 + 2.5j])
     np.testing.assert_array_equal(matched(expected[[3, 1, 0, 2]], expected), np.zeros(4))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_platform_on_more_equal_links_than_it_needs_is_stable(seed):
+    """Beside the positions that they allow, the links contradict each other."""
+    rng = np.random.default_rng(seed)
+    links = int(rng.integers(3, 6))
+    places = np.cumsum(rng.uniform(0.1, 2.0, links)) * 10.0 ** rng.uniform(-2, 2)
+    length = 10.0 ** rng.uniform(-1, 1)
+    points = ", ".join(f"P{i}: [{x!r}, 0]" for i, x in enumerate(places.tolist()))
+    fixed = ", ".join(f"P{i}: [{x!r}, {length!r}]" for i, x in enumerate(places.tolist()))
+    joints = ", ".join(
+        f"link{i}: {{type: distance, between: [bar.P{i}, ground.P{i}], length: {length!r}}}" for i in range(links)
+    )
+    mechanism = mbstab.loads(
+        f"{{mbstab: 1, gravity: [0, -9.81], ground: {{points: {{{fixed}}}}}, joints: {{{joints}}}, "
+        f"bodies: {{bar: {{type: planar, mass: 1, inertia: {10.0 ** rng.uniform(-2, 2)!r}, points: {{{points}}}}}}}, "
+        "reference: {coordinates: {bar: {x: 0}}}}"
+    )
+    result = mechanism.eig()
+    assert result.verdict == "stable"
+    assert abs(result.eigenvalues[0].value - 1j * np.sqrt(9.81 / length)) <= result.eigenvalues[0].error_bound

@@ -2,6 +2,7 @@
 
 import functools
 import re
+from pathlib import Path
 
 import closed_forms
 import numpy as np
@@ -765,3 +766,65 @@ def test_stiff_and_soft_directions_beside_free_ones_are_answered(seed):
     assert matched(result.values(), expected) == pytest.approx(0.0, abs=1e-11 * max(rates, default=1.0))
     grows = any(r and sign > 0 for r, sign in zip(rates, signs, strict=True))
     assert (result.verdict == "unstable") == grows
+
+
+# --- the table of digits in the manual: each cell against what is computed --------------------------------------------
+
+
+PAGE = (Path(mbstab.__file__).parent / "manual" / "digits.md").read_text(encoding="utf-8")
+TABLE = PAGE.partition("## Digits kept")[2].partition("\n## ")[0]
+HEAD, *ROWS = [
+    [x.strip().replace("`", "") for x in line.split("|")[1:-1]] for line in re.findall(r"^\| .*", TABLE, re.M)
+]
+CASE_OF = {
+    "10 links, masses growing downwards, x10 each": "10 links, masses growing downwards (0)",
+    "bricard.yaml": "bricard",
+    "plumb line of 200": "plumb line of 50",
+}
+CELLS = [
+    (case, method, said)
+    for case, *cells in ROWS
+    if not case.startswith("---")
+    for method, said in zip(HEAD[1:], cells, strict=True)
+    if said != "not tried"
+]
+REFUSALS = {"rank cannot be decided": "rank of the constraints cannot be decided"}
+WARNINGS = {
+    "says so": "is known to",
+    "warned: hinge taken as redundant": "redundant constraint",
+    "warned: angles counted from another orientation": "count from the orientation",
+}
+
+
+def test_the_table_is_found():
+    assert HEAD[1:] == ["nullspace", "index3", "paper"]
+    assert len(CELLS) > 60
+
+
+@pytest.mark.parametrize(("case", "method", "said"), CELLS, ids=[f"{case}, {method}" for case, method, _ in CELLS])
+def test_a_cell_is_what_is_computed(case, method, said):
+    """Digits as far as rounding lets another machine have them: no more than there are, no less than are proven."""
+    name = CASE_OF.get(case, case)
+    result = answer(name, method)
+    if said.startswith("refused: "):
+        assert isinstance(result, MbstabError)
+        assert REFUSALS[said.removeprefix("refused: ")] in str(result)
+        return
+    assert not isinstance(result, MbstabError), result
+    if found := re.fullmatch(r"undecided: (\d+) of (\d+) eigenvalues found", said):
+        assert int(found[2]) == result.counts.expected != result.counts.found
+        assert result.verdict == "undecided"
+        return
+    digits, _, notes = said.partition(" (")
+    notes = [] if not notes else notes.removesuffix(")").split(", ")
+    assert (result.verdict == "undecided") == ("undecided" in notes)
+    warned = any("is known to" in text for text in result.warnings)
+    assert warned == ("says so" in notes) or method == "paper"
+    for note in set(notes) - {"undecided", "says so"}:
+        assert any(WARNINGS[note] in text for text in result.warnings)
+    errors, bounds, sizes = compared(result, truth(name))
+    if method == "paper":  # it keeps what one machine's rounding happens to leave
+        assert np.all(errors <= bounds)
+        return
+    most, least = (-np.log10(np.max(x / sizes) + 1e-16) for x in (errors, bounds))
+    assert least - 1.0 <= int(digits) <= max(most, 0.0) + 1.5

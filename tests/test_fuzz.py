@@ -1,12 +1,14 @@
 """Whatever is written in a model file, the answer is a scene or an error that says where the fault is.
 
-The examples are the same in every run; ``MBSTAB_FUZZ_EXAMPLES=20000`` makes the search longer.
+Files are mutated, lose a part, or have one parameter moved. The mutated ones are the same in every run;
+``MBSTAB_FUZZ_EXAMPLES=20000`` makes the search longer.
 """
 
 from __future__ import annotations
 
 import math
 import os
+import random
 import re
 import time
 from collections.abc import Callable
@@ -14,10 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
+from every_pair import contradiction, everything, of_parameter
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sampling import sample
 
+import mbstab
 from mbstab.errors import MbstabError, ModelFileError
 from mbstab.model.reader import read_model_text
 from mbstab.model.scene import Scene
@@ -181,3 +186,56 @@ def require_an_answer(text: str) -> None:
 def test_the_texts_that_are_mutated_are_good() -> None:
     for text in TEXTS:
         require_clean(evaluate(read_model_text(text)))
+
+
+# --- shipped models from which one part is left out -------------------------------------------------------------------
+
+
+MODELS = Path(__file__).parents[1] / "models"
+SECTIONS = ("joints", "constraints", "contacts", "forces", "drives", "controllers", "motors", "states", "reference")
+
+ONCE_WRONG = ("motorcycle.yaml", "joints", "front_axle")
+"""A massless wheel that slides in a moving reference, tied to the state of its tyre."""
+
+
+def parts():
+    """Return model, section and name of everything that may be left out."""
+    found = []
+    for path in sorted(MODELS.glob("*.yaml")):
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        found += [(path.name, s, name) for s in SECTIONS for name in data.get(s, {})]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("model", "section", "name"), sample([ONCE_WRONG, *(part for part in parts() if part != ONCE_WRONG)], 8)
+)
+def test_a_model_without_one_of_its_parts_is_answered_or_refused(model, section, name):
+    data = yaml.safe_load((MODELS / model).read_text(encoding="utf-8"))
+    del data[section][name]
+    data.pop("expect", None)
+    text = yaml.safe_dump(data, sort_keys=False)
+    try:
+        mbstab.loads(text).eig()
+    except MbstabError as error:
+        assert str(error)  # noqa: PT017 (an answer is as good)
+
+
+# --- sweeps of any model over any parameter end in an answer or a message, and agree with `eig` -----------------------
+
+
+SEED, PAIRS = 3, 12
+
+
+def drawn():
+    """Return some models with one of their parameters each, and those whose inertia a steady motion knows."""
+    pairs = [(path, name) for path, names in everything().items() for name in names]
+    steady = [(path, name) for path, name in pairs if (path.stem, name) in (("bead_on_hoop", "R"), ("governor", "m_c"))]
+    return [*steady, *random.Random(SEED).sample(pairs, PAIRS)]
+
+
+@pytest.mark.parametrize(("path", "name"), sample(drawn(), 8), ids=lambda x: getattr(x, "stem", x))
+def test_a_sweep_of_any_model_agrees_with_eig_or_says_why_it_ends(path, name):
+    answers = list(of_parameter(path, name))
+    assert [answer.fault for answer in answers if answer.traceback or answer.code not in (0, 1, 2, 3)] == []
+    assert contradiction(answers[:2], answers[2]) == ""

@@ -39,7 +39,7 @@ LONG_FILES = {
     "tests/test_extremes.py",
     "tests/test_kernels.py",
     "tests/test_motion.py",
-    "tests/test_motion_plots.py",
+    "tests/test_motion_pictures.py",
     "tests/test_reader.py",
     "tests/test_simulate.py",
     "tests/test_steady.py",

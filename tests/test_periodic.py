@@ -1,9 +1,11 @@
-"""Stability of periodic motions by ``eig``: against Hill's equation integrated here, and closed forms."""
+"""Stability of periodic motions and their multipliers: Hill's equation integrated here, closed forms, constants."""
 
 import cmath
+import functools
 import itertools
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -11,20 +13,26 @@ import scipy.linalg
 from click.testing import CliRunner
 from sampling import sample
 from scipy.integrate import solve_ivp
+from scipy.special import ellipe, ellipk, i0e
 from zoo import SYSTEMS
 
 import mbstab
+from mbstab.analysis.algebra.matching import matched
+from mbstab.analysis.linear.linearize import linearize, state_space
+from mbstab.analysis.spectrum import floquet
+from mbstab.analysis.spectrum.floquet import monodromy
 from mbstab.analysis.verdict.multipliers import enclosed, placed
 from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED
 from mbstab.cli import main
-from mbstab.errors import ModelFileError, UsageError
+from mbstab.compiler.system import System
+from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError
 from mbstab.model.library import installed_models
 
 MODELS = {path.stem: path for path in installed_models()}
 G = 9.81
 
 
-def multipliers(stiffness, period, damping=0.0):
+def hill_multipliers(stiffness, period, damping=0.0):
     """Return the multipliers of θ̈ + damping θ̇ + stiffness(t) θ = 0, the larger first."""
 
     def slope(t, x):
@@ -46,15 +54,15 @@ def judged(model, **parameters):
 # --- Kapitza's pendulum ---------------------------------------------------------------------------------------------
 
 
-def kapitza(nu):
+def kapitza_multipliers(nu):
     L, A = 0.15, 0.02
-    return multipliers(lambda t: -3.0 * (G - A * nu**2 * math.cos(nu * t)) / (4.0 * L), 2.0 * math.pi / nu)
+    return hill_multipliers(lambda t: -3.0 * (G - A * nu**2 * math.cos(nu * t)) / (4.0 * L), 2.0 * math.pi / nu)
 
 
 @pytest.mark.parametrize("nu", [60, 95, 110, 150, 200, 400])
 def test_the_upright_pendulum_has_the_multipliers_of_hills_equation(nu):
     model = mbstab.load(MODELS["kapitza"])
-    expected = kapitza(nu)
+    expected = kapitza_multipliers(nu)
     result, found = judged(model, nu=nu)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     period = 2.0 * math.pi / nu
@@ -100,7 +108,7 @@ def parametric(period="T", more=""):
 
 def test_period_doubling_has_a_negative_multiplier():
     # Excited at twice the own frequency: what grows has twice the period.
-    expected = multipliers(lambda t: 1.0 + 0.3 * math.cos(2.0 * t), math.pi)
+    expected = hill_multipliers(lambda t: 1.0 + 0.3 * math.cos(2.0 * t), math.pi)
     assert expected[0].real < -1.2
     assert max(abs(mu.imag) for mu in expected) == 0.0
     result, found = judged(parametric())
@@ -114,7 +122,7 @@ def test_period_doubling_has_a_negative_multiplier():
 
 @pytest.mark.parametrize("damping", [0.01, 0.3])
 def test_damping_moves_the_multipliers_inwards(damping):
-    expected = multipliers(lambda t: 1.0 + 0.3 * math.cos(2.0 * t), math.pi, damping)
+    expected = hill_multipliers(lambda t: 1.0 + 0.3 * math.cos(2.0 * t), math.pi, damping)
     result, found = judged(parametric(), d=damping)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     stable = max(abs(mu) for mu in expected) < 1.0
@@ -184,7 +192,7 @@ def test_a_coordinate_on_which_nothing_depends_gives_two_multipliers_of_one():
     assert result.counts.neutral == 4  # x, y and their rates
     assert [e.kind for e in result.eigenvalues].count("neutral") == 4
     assert result.verdict == "unstable"
-    np.testing.assert_allclose(found, multipliers(lambda t: 1.0 + 0.3 * math.cos(2.0 * t), math.pi), rtol=1e-10)
+    np.testing.assert_allclose(found, hill_multipliers(lambda t: 1.0 + 0.3 * math.cos(2.0 * t), math.pi), rtol=1e-10)
     # Damped, what is excited decays: the verdict says up to what.
     result = model.eig(d=0.3)
     assert (result.verdict, result.in_place) == ("asymptotically stable up to symmetry", False)
@@ -229,7 +237,7 @@ def test_the_terminal_and_json_answers_of_a_periodic_motion(tmp_path):
     assert max(map(len, shown.stdout.splitlines())) <= 80
     data = json.loads(CliRunner().invoke(main, ["eig", str(path), "--format", "json"]).stdout)
     assert data["period"] == math.pi
-    expected = multipliers(lambda t: 1.0 + 0.3 * math.cos(2.0 * t), math.pi)
+    expected = hill_multipliers(lambda t: 1.0 + 0.3 * math.cos(2.0 * t), math.pi)
     found = sorted(e["multiplier"]["real"] for e in data["eigenvalues"])
     np.testing.assert_allclose(found, sorted(mu.real for mu in expected), rtol=1e-10)
 
@@ -402,3 +410,490 @@ reference: {period: 2, coordinates: {p: {x: 0, y: 0}}, rates: {p: {x: 1, y: 0}}}
     later = mbstab.loads(free.replace("FORCE", "1 - rate(p.x) + (smooth_start((p.x - 3)/5))")).eig()
     assert later.verdict == "undecided"
     assert "after the period the motion is elsewhere (p.x by 2 m)" in later.reasons[0]
+
+
+# --- multipliers as answers -------------------------------------------------------------------------------------------
+
+
+def of(model, period, progress=None, **parameters):
+    """Return the monodromy matrix of the motion that a model describes."""
+    return monodromy(model.system(**parameters), model.motion(**parameters), period, progress)
+
+
+def multipliers(found):
+    return np.linalg.eigvals(found.Phi)
+
+
+# --- constant coefficients ------------------------------------------------------------------------------------------
+
+
+CONSTANT = {
+    "pendulum": 2.3,
+    "double_pendulum": 1.1,
+    "four_bar": 1.7,
+    "slider_crank": 0.9,
+    "trailer": 1.3,
+    "chaplygin_sleigh": 1.9,
+    "rolling_disk": 0.7,
+    "rolling_torus": 1.1,
+    "wheeled_inverted_pendulum": 0.4,
+    "whipple_bicycle": 0.8,
+}
+
+
+@pytest.mark.parametrize("name", sample(CONSTANT, 3))
+def test_the_monodromy_matrix_of_constant_coefficients_is_their_exponential(name):
+    model, T = mbstab.load(MODELS[name]), CONSTANT[name]
+    system, motion = model.system(), model.motion()
+    found = monodromy(system, motion, T)
+    A = state_space(linearize(system, motion, frozen=True)).A
+    units = np.concatenate([np.ones(found.n_xi), np.full(len(A) - found.n_xi, T)])
+    expected = units[:, None] * scipy.linalg.expm(A * T) / units
+    size = np.linalg.norm(expected, 2)
+    error = np.linalg.norm(found.Phi - expected, 2)
+    assert error < 1e-11 * size
+    assert error < found.error + 1e-14 * size < 1e-10 * size
+
+
+def test_multipliers_of_a_pendulum_are_exponentials_of_its_eigenvalues():
+    model = mbstab.load(MODELS["pendulum"])
+    expected = np.exp(np.array([1j, -1j]) * math.sqrt(3.0 * 9.81 / 0.8) * 2.3)
+    np.testing.assert_array_less(matched(multipliers(of(model, 2.3)), expected), 1e-10)
+
+
+# --- parametric excitation ------------------------------------------------------------------------------------------
+
+A, L, GRAVITY = 0.03, 0.2, 9.81
+
+KAPITZA = """
+mbstab: 1
+parameters: {{m: 1.5, L: {{value: 0.2, unit: m}}, A: {{value: 0.03, unit: m}}, w: {{value: 120, unit: rad/s}}}}
+gravity: [0, -9.81]
+bodies:
+  rod: {{type: planar, mass: m, inertia: m*L**2/3, points: {{O: [-L, 0]}}}}
+{support}
+reference:
+  coordinates:
+    rod: {{x: 0, y: {side}*L, theta: {side}*pi/2}}
+  rates:
+    rod: {{theta: 0}}
+"""
+
+DRIVES = """
+drives:
+  sideways: {type: point, at: rod.O, direction: x, position: "0"}
+  up: {type: point, at: rod.O, direction: y, position: A*sin(w*t)}
+"""
+
+EXPRESSIONS = """
+constraints:
+  sideways: {holonomic: rod.x - L*cos(rod.theta)}
+  up: {holonomic: rod.y - L*sin(rod.theta) - A*sin(w*t)}
+"""
+
+GIVEN_RATE = """
+drives:
+  sideways: {type: point, at: rod.O, direction: x, position: "0"}
+  up: {type: point, at: rod.O, direction: y, velocity: A*w*cos(w*t)}
+"""
+
+TWICE = (
+    DRIVES
+    + """
+  sideways_again: {type: point, at: rod.O, direction: x, position: "0"}
+  up_again: {type: point, at: rod.O, direction: [1, 1], position: A*sin(w*t)/sqrt(2)}
+"""
+)
+
+
+def kapitza(side, support=DRIVES):
+    return mbstab.loads(KAPITZA.format(side=side, support=support))
+
+
+@functools.cache
+def hill(side, w):
+    """Return the multipliers of (4/3) L φ″ = side · (g − A w² sin w t) φ: gravity in the frame of the pivot."""
+
+    def slope(t, y):
+        return [y[1], side * 3.0 / (4.0 * L) * (GRAVITY - A * w * w * math.sin(w * t)) * y[0]]
+
+    columns = [
+        solve_ivp(slope, (0.0, 2.0 * math.pi / w), y, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+        for y in ([1.0, 0.0], [0.0, w])
+    ]
+    phi = np.array(columns).T
+    phi[1] /= w
+    # φ″ = f(t) φ conserves areas: eigenvalues from the trace keep the digits of a double root.
+    half = np.trace(phi) / 2.0
+    root = np.emath.sqrt(half * half - 1.0)
+    return np.array([half + root, half - root])
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("w", [60.0, 120.0, 25.0])
+def test_a_pendulum_on_a_shaken_pivot_has_the_multipliers_of_hills_equation(side, w):
+    found = of(kapitza(side), 2.0 * math.pi / w, w=w)
+    expected = hill(side, w)
+    assert found.Phi.shape == (2, 2)
+    assert np.trace(found.Phi) == pytest.approx(float(sum(expected).real), rel=1e-11)
+    np.testing.assert_array_less(matched(multipliers(found), expected), 1e-9 * np.max(np.abs(expected)))
+    # It stands if it is shaken fast enough: A w > sqrt(2 g (4/3) L) = 76 A / s.
+    if side == 1:
+        assert (np.max(np.abs(expected)) > 1.0 + 1e-6) == (w < 76.0)
+
+
+@pytest.mark.parametrize("support", [EXPRESSIONS, TWICE], ids=["expressions", "redundant"])
+def test_the_same_pivot_in_other_words_gives_the_same_multipliers(support):
+    found = of(kapitza(1, support), 2.0 * math.pi / 120.0)
+    np.testing.assert_array_less(matched(multipliers(found), hill(1, 120.0)), 1e-9)
+    assert found.drift < 1e-12
+
+
+def test_a_pivot_with_given_rate_adds_the_multiplier_one_of_its_height():
+    found = of(kapitza(1, GIVEN_RATE), 2.0 * math.pi / 120.0)
+    np.testing.assert_array_less(matched(multipliers(found), [*hill(1, 120.0), 1.0]), 1e-9)
+
+
+def test_the_period_may_be_any_multiple():
+    once, twice = (of(kapitza(1), n * 2.0 * math.pi / 60.0, w=60.0) for n in (1, 2))
+    half = np.diag([1.0, 0.5])  # speeds are in units of 1/T
+    np.testing.assert_allclose(half @ twice.Phi @ np.linalg.inv(half), once.Phi @ once.Phi, rtol=1e-10)
+
+
+# --- nonholonomic ---------------------------------------------------------------------------------------------------
+
+TOWED = """
+mbstab: 1
+parameters:
+  L: {value: 4, unit: m}
+  v: {value: 6, unit: m/s}
+  w: {value: 3, unit: rad/s}
+bodies:
+  trailer: {type: planar, mass: 1000, inertia: 1500, points: {hitch: [L/2, 0], axle: [-L/2, 0]}}
+drives:
+  tow_along: {type: point, at: trailer.hitch, direction: x, position: v*(t + sin(w*t)/(2*w))}
+  tow_across: {type: point, at: trailer.hitch, direction: y, position: "0"}
+contacts:
+  axle: {type: knife_edge, at: trailer.axle, along: x}
+reference:
+  coordinates:
+    trailer: {x: -L/2, y: 0, theta: 0}
+"""
+
+
+@pytest.mark.parametrize("v", [6.0, -2.5])
+def test_a_trailer_towed_with_periodic_speed_decays_by_the_way_it_makes(v):
+    T = 2.0 * math.pi / 3.0
+    found = of(mbstab.loads(TOWED), T, v=v)
+    assert found.Phi == pytest.approx(np.array([[math.exp(-v * T / 4.0)]]), rel=1e-11)
+    assert found.advance[0] == pytest.approx(v * T, rel=1e-12)
+
+
+# --- rotors ---------------------------------------------------------------------------------------------------------
+
+ROTOR = """
+mbstab: 1
+parameters: {{I_1: 0.02, I_2: 0.03, I_3: {{value: 0.025}}, k: 40, h: {{value: 0.1, unit: m}}, Omega: {{value: 7}}}}
+bodies:
+  rotor: {{type: spatial, mass: 2, inertia: [I_1, I_2, I_3], points: {{top: [0, 0, h], foot: [0, 0, -h]}}}}
+ground:
+  points: {{above: [0, 0, 3*h], below: [0, 0, -3*h]}}
+{springs}
+reference:
+  coordinates:
+    rotor: {{x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0.3}}
+  rates:
+    rotor: {{x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: Omega}}
+"""
+
+SPRINGS = """
+forces:
+  upper: {type: spring, between: [rotor.top, ground.above], stiffness: k, length: 0}
+  lower: {type: spring, between: [rotor.foot, ground.below], stiffness: k, length: 0}
+"""
+
+
+def test_a_body_turning_about_its_middle_axis_has_the_growth_of_eulers_equations():
+    # About z with the last Euler angle: the coefficients turn with the body.
+    found = of(mbstab.loads(ROTOR.format(springs="")), 2.0 * math.pi / 7.0)
+    growth = math.sqrt((0.025 - 0.02) * (0.03 - 0.025) / (0.02 * 0.03)) * 2.0 * math.pi
+    values = multipliers(found)
+    for expected in (math.exp(growth), math.exp(-growth)):
+        assert np.min(np.abs(values - expected)) < 1e-10 * math.exp(growth)
+    assert found.Phi.shape == (12, 12)
+    # Only the direction of the axis and the six motions of the centre are left, all at 1 in Jordan blocks.
+    assert np.sum(np.abs(values - 1.0) < 1e-4) == 10
+
+
+def tilting(Omega, stiffness):
+    """Return the exponents of a spinning body held upright by a potential, in the axes of the body.
+
+    I_1 ω̇_1 − (I_2 − I_3) Ω ω_2 = −κ α, I_2 ω̇_2 − (I_3 − I_1) Ω ω_1 = −κ β with ω = (α̇ − Ω β, β̇ + Ω α).
+    """
+    I_1, I_2, I_3 = 0.02, 0.03, 0.025
+    M = np.diag([I_1, I_2])
+    R = Omega * np.array([[0.0, I_3 - I_1 - I_2], [I_1 + I_2 - I_3, 0.0]])
+    K = np.diag([stiffness + Omega**2 * (I_3 - I_2), stiffness + Omega**2 * (I_3 - I_1)])
+    return np.linalg.eigvals(
+        np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, K), -np.linalg.solve(M, R)]])
+    )
+
+
+@pytest.mark.parametrize("Omega", [7.0, 60.0])
+def test_an_unround_rotor_on_springs_has_the_multipliers_of_its_own_axes(Omega):
+    T = 2.0 * math.pi / Omega
+    found = of(mbstab.loads(ROTOR.format(springs=SPRINGS)), T, Omega=Omega)
+    # Springs without rest length pull on hn with k (3h − h n)…: the potential is 2 k h · 3h (1 − n_z).
+    tilt, shake = tilting(Omega, 2.0 * 40.0 * 0.1 * 0.3), 1j * math.sqrt(2.0 * 40.0 / 2.0)
+    expected = np.exp(np.array([*tilt, *3 * [shake, -shake], 0.0, 0.0]) * T)
+    errors = matched(multipliers(found), expected)
+    # The angle about the axis: the double multiplier 1 in one Jordan block.
+    errors[np.argsort(np.abs(expected - 1.0))[:2]] /= 1e5
+    np.testing.assert_array_less(errors, 1e-10 * np.max(np.abs(expected)))
+
+
+# --- a motion that is not uniform -----------------------------------------------------------------------------------
+
+SWINGING = """
+mbstab: 1
+parameters: {m: 1.5, L: {value: 0.2, unit: m}, spin: {value: 9, unit: rad/s}}
+gravity: [0, -9.81]
+bodies:
+  rod: {type: planar, mass: m, inertia: m*L**2/3, points: {O: [-L, 0]}}
+joints:
+  pivot: {type: revolute, between: [rod.O, ground]}
+reference:
+  coordinates:
+    rod: {x: 0, y: -L, theta: -pi/2}
+  rates:
+    rod: {theta: spin}
+"""
+
+
+def test_a_swinging_pendulum_shears_as_its_period_depends_on_the_rate():
+    own, rate = math.sqrt(3.0 * GRAVITY / (4.0 * L)), 9.0
+    k = rate / (2.0 * own)
+    T = 4.0 * ellipk(k * k) / own
+    slope = 4.0 / own * (ellipe(k * k) / (k * (1.0 - k * k)) - ellipk(k * k) / k) / (2.0 * own)  # dT/drate
+    model = mbstab.loads(SWINGING)
+    found, motion = of(model, T), model.motion()
+    # Through the lowest point with a little more speed: later by that part of the period, with the same speed.
+    start = found.to_components @ np.array([0, 0, 0, L, 0, 1.0])
+    theta, rate_after = (x @ found.Phi @ start for x in (found.to_coordinates[2], found.to_rates[2]))
+    assert theta == pytest.approx(-rate * slope, rel=1e-10)
+    assert rate_after == pytest.approx(1.0, rel=1e-10)
+    along = found.to_components @ np.concatenate([motion.u, motion.a])
+    np.testing.assert_allclose(found.Phi @ along, along, rtol=0, atol=1e-10 * np.linalg.norm(along))
+
+
+def test_whole_turns_are_a_return():
+    own, rate = math.sqrt(3.0 * GRAVITY / (4.0 * L)), 30.0
+    T = 4.0 / rate * ellipk((2.0 * own / rate) ** 2)
+    found = of(mbstab.loads(SWINGING), T, spin=rate)
+    np.testing.assert_allclose(found.advance, [0.0, 0.0, 2.0 * math.pi], rtol=0, atol=1e-10)
+    assert np.trace(found.Phi) == pytest.approx(2.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["rolling_disk", "whipple_bicycle", "four_bar"])
+def test_components_and_disturbances_are_inverse(name):
+    model = mbstab.load(MODELS[name])
+    found = of(model, 0.1)
+    disturbances = np.vstack([found.to_coordinates, found.to_rates])
+    np.testing.assert_allclose(found.to_components @ disturbances, np.eye(len(found.Phi)), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["whipple_bicycle", "rolling_disk", "slider_crank", "trailer", "top"])
+def test_neighbours_move_as_differences_of_motions_do(name):
+    # At a state in motion off symmetry; accelerations are defined beside the constraints as well.
+    model = mbstab.load(MODELS[name])
+    flow = floquet.Flow(model.system(), model.motion(), 0.7)
+    rng = np.random.default_rng(3)
+    x = flow.begin + 0.1 * rng.uniform(-1.0, 1.0, flow.begin.shape)
+    units = np.stack([flow.scale, flow.scale]) / flow.sizes  # neighbours are in other units than the motion
+    expected = []
+    for column in x.T[1:]:
+        step = 1e-5 * column.T * units
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = x.copy()
+            moved[:, :, 0] += sign * step
+            ends.append(flow.slope(0.3, moved)[:, :, 0])
+        expected.append((ends[0] - ends[1]) / (2e-5 * units))
+    expected = np.array(expected).transpose(1, 2, 0)
+    found = flow.slope(0.3, x)[:, :, 1:]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.max(np.abs(expected)))
+
+
+# --- refusals -------------------------------------------------------------------------------------------------------
+
+HILL_SPRING = """
+mbstab: 1
+bodies: {bob: {type: point, mass: 1}}
+forces:
+  spring: {type: expression, on: {bob.x: -(3 + cos(2*t))*bob.x, bob.y: -bob.y}}
+reference:
+  coordinates: {bob: {x: 0, y: 0}}
+"""
+
+
+def refusal(*arguments, **parameters):
+    with pytest.raises(ModelFileError) as caught:
+        of(*arguments, **parameters)
+    return str(caught.value)
+
+
+def test_a_rate_that_does_not_repeat_is_named_with_its_difference():
+    text = refusal(kapitza(1), 0.05)
+    found = re.search(r"the motion does not repeat after 0\.05 s: the rate of rod\.y differs by (\S+) m/s", text)
+    assert float(found[1]) == pytest.approx(A * 120.0 * (math.cos(6.0) - 1.0), rel=1e-5)
+    assert "hint: give the period after which everything repeats" in text
+
+
+def test_a_pendulum_that_swings_differently_is_refused():
+    text = refusal(mbstab.loads(SWINGING), 1.0)
+    assert re.search(r"the rate of rod\.x differs by -1\.815\d+ m/s", text)
+
+
+def test_the_smallest_difference_of_the_period_that_shows_is_refused():
+    T = 2.0 * math.pi / 120.0
+    of(kapitza(1), T * (1.0 + 1e-9))
+    assert "the acceleration of rod.y differs by" in refusal(kapitza(1), T * (1.0 + 1e-6))
+
+
+def test_coefficients_that_do_not_repeat_are_given_functions_of_another_period():
+    assert of(mbstab.loads(HILL_SPRING), math.pi).error < 1e-9
+    text = refusal(mbstab.loads(HILL_SPRING), 1.0)
+    assert "small motions have other coefficients after 1 s" in text
+    assert "given functions of time do not have this period" in text
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, math.inf, math.nan])
+def test_a_period_is_a_positive_number(period):
+    with pytest.raises(UsageError, match="the period must be a positive number of seconds"):
+        of(mbstab.load(MODELS["pendulum"]), period)
+
+
+def test_a_period_that_takes_too_many_steps_is_refused(monkeypatch):
+    monkeypatch.setattr("mbstab.analysis.spectrum.tolerances.Tolerances.monodromy_evaluations", 500)
+    with pytest.raises(NumericalError, match=r"more than 500 evaluations: \d+\.\d+% of the period was done"):
+        of(mbstab.load(MODELS["pendulum"]), 100.0)
+
+
+FOLDING = """
+mbstab: 1
+ground:
+  points: {B: [1, 0]}
+bodies:
+  left: {type: planar, mass: 1, inertia: 0.1, points: {A: [-0.5, 0], C: [0.5, 0]}}
+  right: {type: planar, mass: 1, inertia: 0.1, points: {B: [-0.5, 0], D: [0.5, 0]}}
+  coupler: {type: planar, mass: 1, inertia: 0.1, points: {C: [-0.5, 0], D: [0.5, 0]}}
+joints:
+  A: {type: revolute, between: [left.A, ground]}
+  B: {type: revolute, between: [right.B, ground.B]}
+  C: {type: revolute, between: [coupler.C, left.C]}
+  D: {type: revolute, between: [coupler.D, right.D]}
+reference:
+  coordinates:
+    left: {x: 0, y: -0.5, theta: -pi/2}
+    right: {x: 1, y: -0.5, theta: -pi/2}
+    coupler: {x: 0.5, y: -1, theta: 0}
+  rates:
+    left: {theta: 8}
+"""
+
+
+def test_a_motion_through_a_singular_configuration_is_refused():
+    # A parallelogram is flat after a quarter of a turn.
+    with pytest.raises(ConstraintError, match="the constraints lose rank") as caught:
+        of(mbstab.loads(FOLDING), 2.0 * math.pi / 8.0)
+    time = float(re.match(r"the motion cannot be followed beyond t = (\S+) s: ", str(caught.value))[1])
+    assert time == pytest.approx(3.0 * math.pi / 2.0 / 8.0, rel=1e-4) or time == pytest.approx(math.pi / 16.0, rel=1e-4)
+
+
+def test_a_motion_that_rounding_carries_away_is_refused():
+    with pytest.raises(NumericalError, match=r"disturbances grow by a factor \d\.\de\+\d+ in \d\.\d+ s"):
+        of(mbstab.load(MODELS["wheeled_inverted_pendulum"]), 4.0)
+
+
+def test_a_scene_that_cannot_move_has_no_multipliers():
+    held = DRIVES + "  turn: {type: coordinate, coordinate: rod.theta, position: pi/2}\n"
+    assert of(kapitza(1, held), 2.0 * math.pi / 120.0).Phi.shape == (0, 0)
+
+
+# --- progress -------------------------------------------------------------------------------------------------------
+
+
+def test_progress_goes_from_zero_to_one():
+    seen = []
+    of(kapitza(1), 2.0 * math.pi / 120.0, seen.append)
+    assert seen == sorted(seen)
+    assert len(seen) > 20
+    assert 0.0 < seen[0] < 0.05
+    assert seen[-1] == 1.0
+
+
+def test_a_period_is_followed_by_straight_line_functions(monkeypatch):
+    asked, own = [], System.linearize_rows
+    monkeypatch.setattr(System, "linearize_rows", lambda self, *at: asked.append(at) or own(self, *at))
+    found = of(mbstab.load("kapitza.yaml"), 2.0 * math.pi / 200.0)
+    assert found.evaluations > 500
+    assert len(asked) < 100
+
+
+# --- pulses that are short beside the period ------------------------------------------------------------------------
+
+PULSE = """
+mbstab: 1
+parameters: {{w: {w}, a: {a}, t0: {t0}}}
+bodies: {{b: {{type: planar_point, mass: 1}}}}
+constraints: {{r: {{holonomic: b.y}}}}
+forces: {{f: {{type: expression, on: {{b.x: -b.x - 0.01*rate(b.x) + a*exp(-(sin((t - t0)/2)/w)**2)*{on}}}}}}}
+reference: {{period: 2*pi, coordinates: {{b: {{x: 0}}}}, rates: {{b: {{x: 0}}}}}}
+"""
+
+
+@pytest.mark.parametrize("w", [1e-2, 1e-3, 1e-4])
+@pytest.mark.parametrize("t0", [0.0, 2.5, 4.0])
+def test_a_short_pulse_on_the_rate_changes_the_product_of_the_multipliers_as_liouville_says(w, t0):
+    a = 1.5 / w
+    result = mbstab.loads(PULSE.format(w=w, a=a, t0=t0, on="rate(b.x)")).eig()
+    # The mean of exp(−sin²(x/2)/w²) is exp(−z) I0(z) with z = 1/(2w²).
+    truth = math.exp(2.0 * math.pi * (a * i0e(0.5 / w**2) - 0.01))
+    first, second = result.eigenvalues
+    assert (first.multiplier * second.multiplier).real == pytest.approx(truth, rel=1e-8)
+    assert result.verdict == "unstable"
+
+
+@pytest.mark.parametrize("w", [1e-3, 1e-4])
+@pytest.mark.parametrize("height", [1.5, -1.5])
+def test_a_short_pulse_on_the_place_turns_the_state(w, height):
+    """A pulse far shorter than the period changes the speed by b·x, b being its integral, up to terms of its width."""
+    a, t0 = height / w, 2.5
+    result = mbstab.loads(PULSE.format(w=w, a=a, t0=t0, on="b.x")).eig()
+    A = np.array([[0.0, 1.0], [-1.0, -0.01]])
+    push = np.array([[1.0, 0.0], [2.0 * math.pi * a * i0e(0.5 / w**2), 1.0]])
+    truth = np.linalg.eigvals(scipy.linalg.expm(A * (2.0 * math.pi - t0)) @ push @ scipy.linalg.expm(A * t0))
+    found = sorted(abs(e.multiplier) for e in result.eigenvalues)
+    assert found == pytest.approx(sorted(abs(truth)), rel=30.0 * w)
+    assert (result.verdict == "unstable") == (max(abs(truth)) > 1.0)
+    assert result.verdict in ("unstable", "asymptotically stable")
+
+
+DRIVEN = """
+joints: {pivot: {type: revolute, between: [rotor, ground]}}
+drives: {turn: {type: joint, joint: pivot, position: t}}
+"""
+
+
+@pytest.mark.parametrize("angle", ["rotor.theta", "angle(pivot)"])
+@pytest.mark.parametrize(("w", "on"), [(1e-2, "rate(b.x)"), (1e-3, "rate(b.x)"), (1e-4, "rate(b.x)"), (1e-3, "b.x")])
+def test_a_pulse_of_an_angle_that_a_motor_turns_is_one_of_the_time(w, on, angle):
+    text = PULSE.format(w=w, a=-1.5 / w if on == "b.x" else 1.5 / w, t0=2.5, on=on)
+    expected = mbstab.loads(text).eig()
+    turned = text.replace("(t - t0)", f"({angle} - t0)") + DRIVEN
+    turned = turned.replace("bodies: {", "bodies: {rotor: {type: planar, mass: 1, inertia: 1}, ")
+    turned = turned.replace("rates: {b: {x: 0}}", "rates: {b: {x: 0}, rotor: {theta: 1}}")
+    result = mbstab.loads(turned).eig()
+    found, exact = (sorted((e.multiplier for e in x.eigenvalues), key=abs) for x in (result, expected))
+    assert found == pytest.approx(exact, rel=1e-8)
+    assert result.verdict == expected.verdict

@@ -171,18 +171,6 @@ def test_extreme_values_are_named():
         mbstab.load("four_bar.yaml").eig(l="1e-200")
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "mbstab: 1\nbodies:\n\ta: {type: planar_point, mass: 1}\n",
-        "mbstab: 1\nbodies:\n  a:\n    type: point\n\tmass: 1\n",
-    ],
-)
-def test_tabs_are_named(text):
-    with pytest.raises(ModelFileError, match=r"the line is indented with a tab[^\0]*YAML forbids tabs"):
-        mbstab.loads(text)
-
-
 @pytest.mark.parametrize(("key", "needed"), [("rate", "axis: z"), ("speed", "direction: x")])
 def test_what_a_steady_motion_lacks_is_said(key, needed):
     text = TEXT.replace("reference:\n", f"reference:\n  steady: {{{key}: 1}}\n")

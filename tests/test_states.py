@@ -15,10 +15,17 @@ from scipy.optimize import linear_sum_assignment
 
 import mbstab
 from mbstab.analysis.algebra.matching import matched
-from mbstab.cli.main import main
-from mbstab.errors import MbstabError, ModelFileError
+from mbstab.analysis.linear.linearize import linearize
+from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.response.frequency import FrequencyResponse
+from mbstab.analysis.verdict.facts import Grounds
+from mbstab.cli import main
+from mbstab.compiler.system import System
+from mbstab.errors import EquilibriumError, MbstabError, ModelFileError
 from mbstab.model.library import installed_models
 from mbstab.model.units import parse_unit
+from mbstab.model.values import evaluate
+from mbstab.model.words import ASYMPTOTIC_UP_TO, STABLE_UP_TO, UNDECIDED, UNSTABLE
 
 LINE = """\
 mbstab: 1
@@ -595,3 +602,266 @@ def test_a_weak_part_of_a_strong_rate_is_no_symmetry(k, verdict, where):
             assert min(abs(e.value - x) for x in roots) <= 1.1 * e.error_bound + 1e-15 * abs(e.value)
     if where == "rate":
         assert found.verdict == verdict
+
+
+# --- states that only watch a scene keep its verdict, its family of motions and its drift -----------------------------
+
+
+SHAFTS = """
+mbstab: 1
+title: Two free shafts with a coupling
+parameters: {{J: 1.5, k: 7, e: 0.2}}
+bodies:
+  rotor: {{type: planar, mass: 1, inertia: J}}
+  arm: {{type: planar, mass: 1, inertia: 0.4}}
+joints:
+  a1: {{type: revolute, between: [rotor, ground]}}
+  a2: {{type: revolute, between: [arm, ground]}}
+states: {{{states}}}
+forces:
+  flex: {{type: expression, on: {{angle(a1): -{force}{drag}, angle(a2): {force}}}}}
+reference:
+  coordinates: {{rotor: {{theta: 0}}, arm: {{theta: 0}}}}
+"""
+DAMPED = "k*(angle(a1) - angle(a2)) + e*(rate(angle(a1)) - rate(angle(a2)))"
+UNDAMPED = "k*(angle(a1) - angle(a2))"
+LAG = "u: {rate: (-5*angle(a1) - u)/0.1}"
+RATES = "u: {rate: (-5*angle(a1) - 3*rate(angle(a1)) - u)/0.1}"
+CASCADE = "u: {rate: (-5*angle(a1) - 3*rate(angle(a2)) - u)/0.1}, w: {rate: 3*u - w + angle(a2)}"
+PAIR = "u: {rate: 4*w - u}, w: {rate: angle(a2) - u - w}"
+CUBIC = "u: {rate: -(u - angle(a1)) - (u - angle(a1))**3}"
+GROWING = "u: {rate: angle(a1) + 2*u}"
+SINE = "u: {rate: sin(angle(a1)) - u}"
+
+
+def shafts(states, force=DAMPED, drag=""):
+    return mbstab.loads(SHAFTS.format(states=states, force=f"({force})", drag=drag))
+
+
+@pytest.mark.parametrize("states", ["", LAG, RATES, CASCADE, PAIR, CUBIC])
+@pytest.mark.parametrize(("force", "word"), [(DAMPED, ASYMPTOTIC_UP_TO), (UNDAMPED, STABLE_UP_TO)])
+def test_the_drift_of_a_free_shaft_is_told_whatever_watches_it(states, force, word):
+    mechanism = shafts(states, force)
+    found = mechanism.eig()
+    assert found.verdict == word
+    assert found.counts.neutral == 2
+    assert "goes on growing like t" in found.reasons[0]
+    swept = mechanism.sweep("J", [1.0, 1.5, 2.0])
+    assert swept.verdicts == [word] * 3
+    assert swept.neutral == 2
+
+
+@pytest.mark.parametrize("states", [RATES, CASCADE])
+def test_a_shaft_with_a_drag_has_no_speed_of_its_own(states):
+    found = shafts(states, drag=" - e*rate(angle(a1))").eig()
+    assert (found.verdict, found.counts.neutral) == (ASYMPTOTIC_UP_TO, 1)
+    assert "growing" not in found.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("states", "drag", "word", "neutral"),
+    [
+        (GROWING, "", UNSTABLE, 2),
+        (RATES, " - e*rate(angle(a1))**3", STABLE_UP_TO, 1),  # every speed decays, though not exponentially
+        (SINE, "", UNDECIDED, 1),  # turned by half a turn, the state falls where it rose
+    ],
+)
+def test_what_does_not_go_on_as_before_is_no_family(states, drag, word, neutral):
+    found = shafts(states, drag=drag).eig()
+    assert (found.verdict, found.counts.neutral) == (word, neutral)
+
+
+@pytest.mark.parametrize("states", [LAG, RATES])
+def test_a_single_free_shaft_turns_at_any_speed(states):
+    alone = mbstab.loads(
+        "mbstab: 1\nbodies: {rotor: {type: planar, mass: 1, inertia: 1.5}}\n"
+        f"joints: {{a1: {{type: revolute, between: [rotor, ground]}}}}\nstates: {{{states}}}\n"
+        "reference: {coordinates: {rotor: {theta: 0}}}\n"
+    )
+    found = alone.eig()
+    assert (found.verdict, found.counts.neutral) == (ASYMPTOTIC_UP_TO, 2)
+    assert [e.value for e in found.eigenvalues if e.value] == [pytest.approx(-10.0, rel=1e-12)]
+    assert "goes on growing like t" in found.reasons[0]
+
+
+ARM = """
+mbstab: 1
+title: Two links in the plane, the elbow held by a spring, the shoulder free
+parameters: {{loop: {loop}}}
+bodies:
+  upper: {{type: planar, mass: 8, shape: {{type: rod, length: 0.4}}, points: {{a: [-0.2, 0], b: [0.2, 0]}}}}
+  lower: {{type: planar, mass: 5, shape: {{type: rod, length: 0.3}}, points: {{a: [-0.15, 0]}}}}
+joints:
+  shoulder: {{type: revolute, between: [upper.a, ground]}}
+  elbow: {{type: revolute, between: [lower.a, upper.b]}}
+states:
+  u: {{rate: (-15*angle(shoulder) - 10*rate(angle(shoulder)) - u)/0.005}}
+forces:
+  act: {{type: expression, on: {{angle(shoulder): loop*u}}}}
+  hold: {{type: joint_spring, joint: elbow, stiffness: 400, damping: 20, rest: 1}}
+reference:
+  coordinates: {{upper: {{theta: 0}}, lower: {{theta: 1}}}}
+"""
+
+
+def test_an_open_loop_on_a_free_shoulder_leaves_its_turn_and_its_momentum():
+    """Turned with the links, the state has another value; a factor zero takes it out of the force."""
+    found = mbstab.loads(ARM.format(loop=0)).eig()
+    assert (found.verdict, found.counts.neutral) == (ASYMPTOTIC_UP_TO, 2)
+    assert set(found.modulo.names) == {"rotation in the plane", "speed of rotation in the plane"}
+    assert "goes on growing like t" in found.reasons[0]
+    assert any(e.value == pytest.approx(-200.0, rel=1e-12) for e in found.eigenvalues)
+    closed = mbstab.loads(ARM.format(loop=1)).eig()
+    assert closed.counts.neutral == 0
+
+
+@pytest.mark.parametrize(("states", "expected"), [(RATES, [-10.0]), (CASCADE, [-10.0, -1.0])])
+def test_disturbances_of_states_alone_stay_such(states, expected):
+    """S F = F A with the eigenvalues of the states alone, although their rates contain those of bodies."""
+    system = System(evaluate(shafts(states).model))
+    grounds = Grounds(linearize(system, reference_motion(system)))
+    F, S = grounds.structure.followers, grounds.S
+    A = np.linalg.lstsq(F, S @ F, rcond=None)[0]
+    assert np.max(np.abs(S @ F - F @ A)) < 1e-12 * np.max(np.abs(S))
+    assert np.sort(np.linalg.eigvals(A)) == pytest.approx(expected, rel=1e-12)
+
+
+# --- states in constraints: the bodies they move, and what such motions are measured by -------------------------------
+
+
+DRIVEN = """
+mbstab: 1
+title: A mass on a spring whose other end follows a lag, which feels the mass by next to nothing
+parameters: {{K: {gain}}}
+bodies: {{end: {{type: planar_point, mass: {light}}}, b: {{type: planar_point, mass: 2}}}}
+constraints: {{e: {{holonomic: end.y}}, y: {{holonomic: b.y}}, follow: {{holonomic: end.x - {unit}*s}}}}
+forces: {{spring: {{type: expression, on: {{b.x: -8*(b.x - end.x) - 0.4*rate(b.x), end.x: -8*(end.x - b.x)}}}}}}
+states: {{s: {{rate: (K*b.x - s)/0.1}}}}
+reference: {{coordinates: {{end: {{x: 0, y: 0}}, b: {{x: 0, y: 0}}, s: 0}}}}
+"""
+
+
+@pytest.mark.parametrize("light", [0, 1e-3])
+@pytest.mark.parametrize("unit", [1, 1e-6, 1e6])
+@pytest.mark.parametrize("gain", [0, 1e-18, 1e-15, 1e-12, 1e-6, -1e-3, 0.1])
+def test_modes_of_a_state_that_drives_a_body_through_a_constraint(gain, unit, light):
+    """Units of states are balanced by what they move, too: without feedback nothing else bounds them."""
+    model = mbstab.loads(DRIVEN.format(gain=gain / unit, unit=unit, light=light))
+    result = model.eig()
+    found = [e.value for e in result.eigenvalues]
+    true = np.roots([0.2, 2.04, 1.2, 8 - 8 * gain])
+    distances = np.abs(np.subtract.outer(found, true)).min(axis=1)
+    assert np.all(distances < 1e-13 * np.abs(found))
+    # In balanced units the largest part of a mode is 1/√gain of the smallest.
+    close_to = 1e-12 + (1e-14 / math.sqrt(abs(gain)) if gain else 0.0)
+    for e in result.eigenvalues:
+        motion = dict(zip(result.coordinates, e.vector, strict=True))
+        if abs(e.value) > 5:  # the mode of the lag
+            assert abs(motion["b.x"] / motion["end.x"] * (2 * e.value**2 + 0.4 * e.value + 8) / 8 - 1) < close_to
+            assert abs(motion["s"] * unit / motion["end.x"] - 1) < 1e-12
+        else:
+            driven = gain / (0.1 * e.value + 1)
+            assert abs(motion["end.x"] / motion["b.x"] - driven) < close_to * abs(driven) + (0 if gain else 1e-13)
+
+
+@pytest.mark.parametrize(
+    ("states", "row", "seen"),
+    [
+        ("s: {rate: (0.1*rate(b.x) - s)/0.1}", "holonomic: end.x - s", "rate(b.x)"),
+        ("s: {rate: (v - s)/0.1}, v: {rate: 3*rate(b.x) - v}", "holonomic: end.x - s - v", "rate(b.x)"),
+        ("s: {rate: 2*rate(v) - s}, v: {rate: 3*rate(b.x) - v}", "nonholonomic: rate(end.x) - rate(s)", "rate(v)"),
+        ("s: {rate: (0.1*vx(b) - s)/0.1}", "holonomic: end.x - s", "vx(b)"),
+    ],
+)
+def test_states_that_follow_speeds_cannot_hold_bodies(states, row, seen):
+    """The row of the rate would pass the reaction on to what it follows: a lever, where a signal is meant."""
+    text = DRIVEN.format(gain=0, light=1, unit=1).replace("holonomic: end.x - 1*s", row)
+    text = text.replace("s: {rate: (K*b.x - s)/0.1}", states)
+    with pytest.raises(
+        ModelFileError, match=rf"contains {re.escape(seen)}: the reaction would act on what has this speed, too"
+    ):
+        mbstab.loads(text)
+
+
+def test_a_state_may_hold_a_body_by_way_of_one_that_follows_a_speed():
+    """A lag w of the speed, and s that follows w: 2 λ² + 0.4 λ + 8 = 8 · 0.3 λ/((0.1 λ + 1) (0.2 λ + 1))."""
+    text = DRIVEN.format(gain=0, light=1, unit=1)
+    text = text.replace("s: {rate: (K*b.x - s)/0.1}", "s: {rate: (w - s)/0.1}, w: {rate: (0.3*rate(b.x) - w)/0.2}")
+    true = np.roots(np.polysub(np.polymul([2, 0.4, 8], np.polymul([0.1, 1], [0.2, 1])), [2.4, 0]))
+    found = np.array(mbstab.loads(text).eig().values())
+    assert len(found) == 4
+    distances = np.abs(np.subtract.outer(found, true))[linear_sum_assignment(np.abs(np.subtract.outer(found, true)))]
+    assert np.all(distances < 1e-13 * np.abs(true).min())
+
+
+# --- the search for an equilibrium does not depend on how fast states follow, or in which unit ------------------------
+
+
+HELD_ARM = """\
+mbstab: 1
+parameters: {T: 0.005, P: 300, I: 400, D: 20, Tf: 0.002}
+gravity: [0, -9.81]
+bodies: {arm: {type: planar, mass: 4, inertia: 0.1, points: {a: [-0.3, 0]}}}
+joints: {axle: {type: revolute, between: [arm.a, ground]}}
+forces:
+  c: {type: pid, joint: axle, of: angle(axle), target: 0.5, P: P, D: D, filter: Tf, lag: TGIVEN}
+reference: {find: equilibrium, guess: {arm: {theta: 0.4}}}
+"""
+INTEGRATING = mbstab.loads(HELD_ARM.replace("GIVEN", ", I: I"))
+SAGGING = mbstab.loads(HELD_ARM.replace("GIVEN", ""))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [(name, 10.0**power) for name, powers in {
+        "T": (-12, -9, -6, 0, 6), "Tf": (-9, -6, 3), "P": (-3, 5, 7, 9, 12), "I": (-9, -3, 6, 9), "D": (-6, 5, 8)
+    }.items() for power in powers],
+)  # fmt: skip
+def test_an_integrating_controller_holds_its_target_whatever_its_time_constants_and_gains(name, value):
+    motion = INTEGRATING.at(**{name: value}).motion()
+    at = dict(zip(INTEGRATING.system().names, motion.q, strict=True))
+    torque = 4 * 9.81 * 0.3 * math.cos(0.5)
+    assert at["arm.theta"] == pytest.approx(0.5, rel=1e-12)
+    assert at["c_effort"] == pytest.approx(torque, rel=1e-12)
+    assert at["c_filtered"] == pytest.approx(0.5, rel=1e-12)
+    assert at["c_integral"] * (value if name == "I" else 400) == pytest.approx(torque, rel=1e-9)
+
+
+def test_the_loop_of_an_arm_that_carries_weight_is_cut_as_the_manual_says():
+    parameters = "hold: 4*9.81*0.3*cos(0.5), loop: 0, T"
+    cut = "  cut: {type: expression, on: {angle(axle): -(1 - loop)*(c_effort - hold)}}\nreference"
+    inputs = "inputs: {u: {type: joint, joint: axle}}\noutputs: {y: -c_effort}\nreference"
+    text = HELD_ARM.replace("GIVEN", ", I: I").replace("{T", f"{{{parameters}", 1).replace("reference", cut, 1)
+    model = mbstab.loads(text.replace("reference", inputs, 1))
+    # Where the loop gain is -1, an eigenvalue of the closed loop is: 1 + L(s) = 0.
+    opened = FrequencyResponse(model.state_space())
+    for value in model.at(loop=1).eig().values():
+        assert opened.value(complex(value))[0, 0] == pytest.approx(-1.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("P", [20.0, 1e3, 1e7, 1e12])
+@pytest.mark.parametrize("T", [1e-9, 1e-3, 1e3])
+def test_an_arm_sags_by_what_its_stiffness_allows(P, T):
+    motion = SAGGING.at(P=P, T=T).motion()
+    at = dict(zip(SAGGING.system().names, motion.q, strict=True))
+    torque = 4 * 9.81 * 0.3 * math.cos(at["arm.theta"])
+    assert at["c_effort"] == pytest.approx(torque, rel=1e-9)
+    assert P * (0.5 - at["arm.theta"]) == pytest.approx(torque, rel=1e-9, abs=4e-16 * P)
+
+
+def test_an_integral_with_a_gain_of_zero_is_named():
+    with pytest.raises(EquilibriumError, match="the state c_integral acts on nothing") as caught:
+        INTEGRATING.at(I=0).motion()
+    assert "leave the gain out" in str(caught.value)
+    # Without gravity the error is zero at rest, and so is the rate of the integral.
+    assert mbstab.loads(HELD_ARM.replace("GIVEN", ", I: 0").replace("-9.81", "0")).motion().at_rest
+
+
+def test_forces_out_of_balance_are_told_of_the_body_and_not_of_a_state_that_follows_it():
+    text = (
+        "mbstab: 1\nbodies: {cart: {type: planar_point, mass: 2}}\nconstraints: {rail: {holonomic: cart.y}}\n"
+        "states: {u: {rate: (-40*rate(cart.x) - u)/0.001}}\nforces: {f: {type: expression, on: {cart.x: 5 + u}}}\n"
+        "reference: {coordinates: {cart: {x: 0}}}\n"
+    )
+    with pytest.raises(ModelFileError, match=r"cart\.x would accelerate with 2\.5 m/s\^2 \(unbalanced 5 N\)"):
+        mbstab.loads(text).eig()

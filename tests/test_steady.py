@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
+import mbstab.errors
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.steady import Generator, detected
 from mbstab.errors import ModelFileError
@@ -858,3 +859,106 @@ def test_eigenvalues_of_an_elastic_train_do_not_depend_on_which_rotors_turn(seed
     steady = len(rates) == count and len(set(rates.values())) == 1
     if not steady and not any(s.real > 1e-6 for s in truth):
         assert result.verdict == "undecided"
+
+
+# --- turns about axes at any angle, and of mechanisms that are stretched straight -------------------------------------
+
+
+FREE = """
+mbstab: 1
+parameters:
+  a: {value: 0, unit: rad}
+bodies:
+  b: {type: spatial, mass: 1, inertia: [1, 2, 2.6]}
+reference:
+  steady: {axis: [cos(a), sin(a), 0], rate: 3}
+  coordinates:
+    b: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: a}
+"""
+
+
+@pytest.mark.parametrize("a", [0.0, 0.1, 0.4, 0.8, math.pi / 2])
+def test_a_free_body_that_turns_is_judged_the_same_about_every_axis(a):
+    result = mbstab.loads(FREE).eig(a=a)
+    # The energy is greatest at the given angular momentum: damping inside the body would tip it over.
+    assert result.verdict == "stable up to symmetry"
+    assert any("damping" in warning for warning in result.warnings)
+    assert result.counts.neutral == 10
+    # Euler's equations about the axis of the smallest inertia.
+    nutation = 3.0 * math.sqrt((2.0 - 1.0) * (2.6 - 1.0) / (2.0 * 2.6))
+    assert abs(result.values().imag).max() == pytest.approx(nutation, rel=1e-11)
+
+
+ARM = """
+mbstab: 1
+parameters:
+  Om: {value: 6, unit: rad/s}
+ground:
+  points: {P: [1.3, -0.4]}
+bodies:
+  hub: {type: planar, mass: 2, inertia: 0.3, points: {A: [0.4, 0.1]}}
+  arm: {type: planar, mass: 1, inertia: 0.02, points: {O: [-0.3, 0]}}
+joints:
+  b: {type: revolute, between: [hub, ground.P]}
+  h: {type: revolute, between: [arm.O, hub.A]}
+reference:
+  find: steady
+  steady: {axis: z, rate: Om, point: [1.3, -0.4]}
+  coordinates:
+    hub: {theta: 0}
+  guess:
+    hub: {x: 1.3, y: -0.4}
+    arm: {x: 2, y: -0.3}
+"""
+
+
+def test_an_arm_that_is_stretched_by_its_turn_needs_no_spins():
+    # Straight, the hinges allow spins for an instant. Frequency: turn and hinge as two degrees of freedom.
+    r, s = math.hypot(0.4, 0.1), 0.3
+    inner, outer, coupling = 0.3 + r * r, 0.02 + s * s, r * s
+    total = inner + outer + 2.0 * coupling
+    # Angular momentum is conserved: the turn gives way to the arm.
+    mass = outer - (outer + coupling) ** 2 / total
+    result = mbstab.loads(ARM).eig()
+    assert abs(result.values().imag).max() == pytest.approx(6.0 * math.sqrt(coupling / mass), rel=1e-11)
+    assert result.verdict == "stable up to symmetry"
+
+
+LEANING = """
+mbstab: 1
+parameters:
+  spin: {value: 60, unit: rad/s}
+gravity: [0, 0, -9.81]
+bodies:
+  top: {type: spatial, mass: 0.5, inertia: [0.002, 0.002, 0.003], points: {O: [0, 0, -0.1]}}
+joints:
+  tip: {type: spherical, between: [top.O, ground]}
+reference:
+  find: steady
+  steady: {axis: z}
+  coordinates:
+    top: {phi: 0, theta: 0.5}
+  rates:
+    top: {psi: spin}
+  guess:
+    top: {x: 0.1*sin(0.5), z: 0.1*cos(0.5)}
+"""
+
+
+def test_both_precessions_of_a_leaning_top_are_found():
+    # The turn has the Euler rates psi_t = W/cos(theta) here, so the spin about the own axis is spin − W/cos(theta).
+    A, C, moment, c = 0.002 + 0.5 * 0.01, 0.003, 0.5 * 9.81 * 0.1, math.cos(0.5)
+    found = sorted(item.steady.rate for item in mbstab.loads(LEANING).equilibria(20))
+    assert len(found) == 2
+    for item in mbstab.loads(LEANING).equilibria(20):
+        W, s = item.steady.rate, float(item.steady.spins[5])
+        # W² (C − A) cos + W C s = m g l, the balance of moments about the line of nodes.
+        assert W * W * (C - A) * c + W * C * s == pytest.approx(moment, rel=1e-12)
+
+
+def test_a_top_that_is_too_slow_says_what_is_given():
+    with pytest.raises(
+        mbstab.errors.MbstabError, match=r"no balance of forces was found: at best, \S+ N\*m unbalanced on top"
+    ) as error:
+        mbstab.loads(LEANING).eig(spin=30)
+    assert "rates.top.psi" in str(error.value)

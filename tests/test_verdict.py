@@ -1,12 +1,14 @@
 """The one rule from facts to a verdict: what is not known is never taken for harmless, and facts only strengthen."""
 
 import math
+import random
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from sampling import sample
 
 import mbstab
 from mbstab.analysis.verdict.rule import (
@@ -231,3 +233,198 @@ def test_every_top_that_sleeps_is_stable_by_its_energy():
     scene = {name: values[name] for name in ("A", "C", "l")}
     speeds = critical * np.array([0.5, 0.999, 1.001, 1.5, 10.0, 300.0])
     assert model.sweep("omega", speeds, **scene).verdicts == ["unstable"] * 2 + ["stable up to symmetry"] * 4
+
+
+# --- a zero eigenvalue is judged by the lowest power of the force, however small its coefficient ----------------------
+
+
+POWERS = (2, 3, 4, 5, 7)
+
+ONE = """
+mbstab: 1
+bodies: {{p: {{type: planar_point, mass: 1}}}}
+constraints: {{rail: {{holonomic: p.y}}}}
+forces: {{f: {{type: expression, on: {{p.x: {force}}}}}}}
+reference: {{coordinates: {{p: {{x: 0}}}}}}
+"""
+
+LEVER = """
+mbstab: 1
+bodies: {{a: {{type: planar, mass: 1, inertia: 1/12, points: {{end: [1/2, 0], start: [-1/2, 0]}}}}}}
+joints: {{pin: {{type: revolute, between: [a.start, ground]}}}}
+forces: {{f: {{type: expression, on: {{a.theta: {force}}}}}}}
+reference: {{coordinates: {{a: {{theta: 0}}}}}}
+"""
+
+
+def polynomial(seed):
+    """Return a force on x at random, its lowest power and the sign of the potential there, and whether it is damped."""
+    rng = random.Random(seed)
+    terms = {k: rng.choice((-1, 1)) * 10.0 ** rng.randint(-140, 12) for k in rng.sample(POWERS, rng.randint(1, 3))}
+    return terms, rng.random() < 0.5
+
+
+@pytest.mark.parametrize(("text", "seed"), sample([(x, seed) for x in (ONE, LEVER) for seed in range(60)], 16))
+def test_the_lowest_power_decides_however_weak_it_is(text, seed):
+    terms, damped = polynomial(seed)
+    x = "p.x" if text is ONE else "a.theta"
+    force = " + ".join(f"{c!r}*{x}**{k}" for k, c in terms.items()) + (f" - rate({x})" if damped else "")
+    lowest = min(terms)
+    minimum = lowest % 2 == 1 and terms[lowest] < 0.0
+    truth = (ASYMPTOTIC if damped else STABLE) if minimum else UNSTABLE
+    result = mbstab.loads(text.format(force=force)).eig()
+    assert result.verdict == truth, (force, result.reasons)
+
+
+@pytest.mark.parametrize(("weak", "truth"), [("1e-17", UNSTABLE), ("-1e-17", UNSTABLE), ("0", STABLE)])
+def test_a_weak_slope_of_a_spring_beside_a_wall_is_seen_by_every_command(weak, truth):
+    scene = mbstab.loads("parameters: {w: " + weak + "}" + ONE.format(force="-w*p.x**2 - p.x**3"))
+    assert scene.eig().verdict == truth
+    assert scene.eig_precise(50).verdict == truth
+    assert scene.sweep("w", [float(weak), 1.0]).verdicts[0] == truth
+
+
+@pytest.mark.parametrize(
+    ("weak", "truth"),
+    [
+        ("", ASYMPTOTIC_UP_TO),
+        (" - 1e-20*p.x**7", ASYMPTOTIC),
+        (" + 1e-20*p.x**5", UNSTABLE),
+        (" + 1e-20*p.x**2", UNSTABLE),
+    ],
+)
+def test_a_valley_of_rest_positions_is_none_if_a_weak_force_acts_along_it(weak, truth):
+    laws = f"{{p.x: 2*p.x*(p.y - p.x**2) - rate(p.x){weak}, p.y: -(p.y - p.x**2) - rate(p.y)}}"
+    text = (
+        f"mbstab: 1\nbodies: {{p: {{type: planar_point, mass: 1}}}}\nforces: {{f: {{type: expression, on: {laws}}}}}\n"
+        "reference: {coordinates: {p: {x: 0, y: 0}}}"
+    )
+    assert mbstab.loads(text).eig().verdict == truth
+
+
+@pytest.mark.parametrize(
+    ("weak", "truth"),
+    [
+        ("", ASYMPTOTIC_UP_TO),
+        (" - 1e-20*p.y**3", ASYMPTOTIC),
+        (" + 1e-20*p.y**3", UNSTABLE),
+        (" + 1e-20*p.y", UNSTABLE),
+        (" - 1e-20*p.y", ASYMPTOTIC),
+    ],
+)
+def test_a_ring_is_none_if_a_weak_force_breaks_its_symmetry(weak, truth):
+    push = "-(p.x**2 + p.y**2 - 1)"
+    laws = f"{{p.x: {push}*p.x - rate(p.x), p.y: {push}*p.y - rate(p.y){weak}}}"
+    text = (
+        f"mbstab: 1\nbodies: {{p: {{type: planar_point, mass: 1}}}}\nforces: {{f: {{type: expression, on: {laws}}}}}\n"
+        "reference: {coordinates: {p: {x: 1, y: 0}}}"
+    )
+    assert mbstab.loads(text).eig().verdict == truth
+
+
+def test_turns_of_written_forces_are_seen_with_parameters_of_many_digits():
+    """The products C·a in the torque of a tyre are rounded differently in a force and in its derivatives."""
+    text = """
+mbstab: 1
+parameters: {C: 0.7, a: 1.3, b: 1.1, v: 20}
+bodies: {car: {type: planar, mass: 1.5, inertia: 2.5, points: {front: [a, 0], rear: [-b, 0]}}}
+constraints: {cruise: {nonholonomic: vx(car) - v}}
+forces:
+  tyres:
+    type: expression
+    on: {vy(car.front): -C*atan(vy(car.front)/v), vy(car.rear): -C*atan(vy(car.rear)/v)}
+reference: {coordinates: {car: {x: 0, y: 0, theta: 0}}, rates: {car: {x: v, y: 0, theta: 0}}}
+"""
+    result = mbstab.loads(text).eig()
+    assert result.neutral_directions == ("car.x", "car.y", "rotation in the plane")
+
+
+# --- zeros that form a chain: motions that leave like a power of t where the equations are linear ---------------------
+
+
+POINT = """
+mbstab: 1
+parameters: {e: 0}
+bodies: {p: {type: planar_point, mass: 1}}
+forces: {all: {type: expression, on: {p.x: "ALONG", p.y: "ACROSS"}}}
+STATES
+reference: {coordinates: {p: {x: 0, y: 0}}}
+"""
+
+
+def point(along, across, rates=()):
+    states = ", ".join(f"{name}: {{rate: {rate}}}" for name, rate in rates)
+    text = POINT.replace("ALONG", along).replace("ACROSS", across)
+    return mbstab.loads(text.replace("STATES", f"states: {{{states}}}" if rates else ""))
+
+
+LEAVING = [
+    ("rate(p.y)", "0", []),  # the speed along x grows like t
+    ("p.y", "0", []),
+    ("0", "-p.y", [("z", "p.x")]),  # an integrator that is cut off: x is no symmetry, and grows like t
+    ("0", "-p.y", [("z", "p.x"), ("w", "z")]),
+    ("0", "-p.y - rate(p.y)", [("z", "-3*p.x + p.y - z"), ("w", "z")]),
+    ("0*z - rate(p.x)", "0", [("z", "p.y")]),
+    ("1e-9*rate(p.y)", "0", []),
+]
+STAYING = [
+    ("0", "0", []),  # only what symmetries name grows
+    ("rate(p.y)", "-rate(p.x)", []),  # circles
+    ("0", "-p.y", [("z", "rate(p.x)")]),
+    ("0", "-p.y", [("z", "p.x - z")]),  # all moves on together
+]
+NOT_LINEAR = [
+    ("rate(p.y)", "-1e-30*rate(p.y)**3", []),
+    ("-1e-30*p.x**3", "-p.y", [("z", "p.x")]),
+    ("0", "-p.y", [("z", "p.x + 1e-30*p.x**2")]),
+    ("p.y", "-1e-12*p.y*abs(p.y)", []),
+    ("-p.x**3", "0", []),  # two zeros in a chain, and it stays
+]
+
+
+@pytest.mark.parametrize(("along", "across", "rates"), sample(LEAVING, 2))
+def test_a_chain_of_zeros_leaves_where_the_equations_are_linear(along, across, rates):
+    model = point(along, across, rates)
+    found = model.eig()
+    assert found.verdict == "unstable"
+    assert "grow like t" in found.reasons[0]
+    assert model.eig_precise(30).verdict == "unstable"
+    assert model.sweep("e", [0.0, 0.1]).verdicts == ["unstable", "unstable"]
+    assert model.certify().verdict in ("unstable", "not provable")
+
+
+@pytest.mark.parametrize(("along", "across", "rates"), STAYING)
+def test_a_chain_that_ends_in_a_symmetry_is_drift(along, across, rates):
+    assert "stable up to symmetry" in point(along, across, rates).eig().verdict
+
+
+@pytest.mark.parametrize(("along", "across", "rates"), NOT_LINEAR)
+def test_a_chain_proves_nothing_where_the_equations_are_not_linear(along, across, rates):
+    assert point(along, across, rates).eig().verdict != "unstable"
+
+
+def test_a_zero_that_is_only_nearly_one_is_not_counted():
+    model = point("rate(p.y)", "-1e-60*rate(p.y)")
+    assert model.eig().verdict == "undecided"
+    assert model.eig_precise(80).verdict == "asymptotically stable up to symmetry"
+
+
+AXIS = """
+mbstab: 1
+parameters: {P: 0, I: 0, D: 0}
+bodies: {table: {type: planar_point, mass: 2}}
+constraints: {rail: {holonomic: table.y}}
+forces: {pid: {type: pid, coordinate: table.x, of: table.x, P: P, I: I, D: D}}
+reference: {coordinates: {table: {x: 0}}}
+"""
+
+
+def test_a_controller_without_gains_on_a_free_axis():
+    axis = mbstab.loads(AXIS)
+    assert axis.eig().verdict == "unstable"  # x grows like t, and its integral like t**2
+    assert axis.eig(I=3).verdict == "unstable"
+    assert axis.eig(P=3, D=1).verdict == "asymptotically stable up to symmetry"
+    assert axis.eig(P=3, I=1, D=2).verdict == "asymptotically stable"
+    assert axis.sweep("D", np.linspace(0.0, 1.0, 3)).verdicts == [
+        "unstable", "asymptotically stable up to symmetry", "asymptotically stable up to symmetry",
+    ]  # fmt: skip
