@@ -68,7 +68,6 @@ def compiled_steps(name, perturb=None, **parameters):
 
 # --- operations -----------------------------------------------------------------------------------------------------
 
-ONE_BODY = compiled_steps("pendulum")[0].machine
 VALUES = [-2.5, -1.0, -0.3, 0.0, 0.4, 1.0, 3.0]
 SYMBOLS = {"+": lambda x, y: x + y, "-": lambda x, y: x - y, "*": lambda x, y: x * y, "/": lambda x, y: x / y}
 
@@ -90,12 +89,12 @@ def of_floats(operation, x, y):
 
 @pytest.mark.parametrize("operation", OPERATIONS)
 def test_an_operation_is_that_of_floats(operation):
-    some = 0
+    some, one_body = 0, compiled_steps("pendulum")[0].machine
     for x in [*VALUES, 800.0]:
         for y in VALUES:
             arrays = {name: np.zeros(0) for name in (*tables.INTEGERS, *tables.FLOATS)}
             arrays |= {"run_operation": [OPERATIONS.index(operation)], "run_start": [0, 1], "first": [0], "second": [1]}
-            numbers = {name: getattr(ONE_BODY, name) for name in ONE_BODY._fields[2:]} | {"base": 2}
+            numbers = {name: getattr(one_body, name) for name in one_body._fields[2:]} | {"base": 2}
             one = tables.machine(arrays | {"w": [x, y, math.nan]}, **numbers)
             expected = of_floats(operation, x, y)
             assert interpret(one, 0, 1) == (expected is not None), (x, y)

@@ -7,10 +7,10 @@ from pathlib import Path
 import closed_forms
 import numpy as np
 import pytest
-import yaml
 from chains import hanging_chain, spring_chain
 from closed_forms import pair
 from discs import listed
+from documents import documents
 from mpmath import mp
 from sampling import sample
 from truth import ZERO, distance, exact_eigenvalues
@@ -425,14 +425,14 @@ DECLARED = {
         "  rates:\n    stone: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: omega}", "  steady: {axis: z, rate: omega}"
     ),
 }
-ALONG = [name for name in MODELS if name != "kapitza" and yaml.safe_load(MODELS[name]).get("sweep")]
+ALONG = [name for name in MODELS if name != "kapitza" and documents()[name].get("sweep")]
 
 
 @pytest.mark.parametrize("part", [0.13, 0.77])
 @pytest.mark.parametrize("name", ALONG)
 def test_bounds_hold_along_the_sweeps_of_the_examples(name, part):
     model = mbstab.loads(DECLARED[name])
-    parameter, span = next(iter(yaml.safe_load(MODELS[name])["sweep"].items()))
+    parameter, span = next(iter(documents()[name]["sweep"].items()))
     first, last = float(span["from"]), float(span["to"])
     value = (first + part * (last - first)) * model.model.parameters[parameter].factor
     try:

@@ -588,6 +588,7 @@ def with_units(name):
     return Case(name, [key for key in UNIT_VECTORS if key in dict(ELEMENTS[name].parameters)])
 
 
+@pytest.mark.table
 @pytest.mark.parametrize("name", of_bodies("holonomic"))
 def test_a_holonomic_row_is_what_the_kinematics_say(name):
     case = with_units(name)
@@ -595,6 +596,7 @@ def test_a_holonomic_row_is_what_the_kinematics_say(name):
     assert_close(case.run("dynamics")["E"], expected)
 
 
+@pytest.mark.table
 @pytest.mark.parametrize("name", of_bodies("nonholonomic"))
 def test_a_nonholonomic_row_is_what_the_kinematics_say(name):
     case = with_units(name)
@@ -785,6 +787,7 @@ POWER = {
 }
 
 
+@pytest.mark.table
 @pytest.mark.parametrize("name", named("force"))
 def test_a_force_has_the_power_that_force_times_velocity_gives_in_every_virtual_motion(name):
     case = with_units(name)

@@ -15,6 +15,8 @@ from mbstab.mechanics import controllers
 from mbstab.model.reader import read_model_text
 from mbstab.model.values import evaluate
 
+pytestmark = pytest.mark.table
+
 POINT = "mbstab: 1\nparameters: {T: {value: 0.1, unit: s}, v: {value: 2, unit: m/s}, L: {value: 1, unit: m}}\n"
 POINT += "bodies: {p: {type: planar, mass: 1, inertia: 1}}\n"
 SPRING = POINT + "forces: {f: {type: expression, on: {p.x: -100*p.x}}}\n"

@@ -1,5 +1,7 @@
 """The interface in Python: a method for what each command answers, and results that print as the commands do."""
 
+import doctest
+import importlib
 import pickle
 import re
 from pathlib import Path
@@ -125,3 +127,18 @@ def test_a_rotor_answers_to_an_unbalance_as_the_command_says():
     model = mbstab.load(path)
     found = model.unbalance("disk", "omega", sweep_values(model.model, "omega", 120, 180, 3))
     assert str(found).split() == command.stdout.split()
+
+
+# --- examples in docstrings -------------------------------------------------------------------------------------------
+
+
+SHOWN = [path for path in Path(mbstab.__file__).parent.rglob("*.py") if ">>> " in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.table
+@pytest.mark.parametrize("path", SHOWN, ids=lambda path: path.stem)
+def test_examples_in_docstrings_print_what_they_show(path):
+    name = ".".join(path.relative_to(Path(mbstab.__file__).parents[1]).with_suffix("").parts)
+    found = doctest.testmod(importlib.import_module(name.removesuffix(".__init__")))
+    assert found.attempted
+    assert not found.failed

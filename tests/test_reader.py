@@ -19,6 +19,8 @@ from mbstab.model.values import evaluate
 from mbstab.model.words import WORDS
 from mbstab.model.yamlfile import MAX_BYTES, MAX_NESTING, MAX_PROBLEMS
 
+pytestmark = pytest.mark.table
+
 SCENES = Path(__file__).parent / "scenes"
 RICH = {2: (SCENES / "everything_planar.yaml").read_text(), 3: (SCENES / "everything_spatial.yaml").read_text()}
 """Scenes with every kind of entry and every key of each."""

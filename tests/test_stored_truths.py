@@ -42,6 +42,7 @@ def test_every_model_is_stored():
     assert list(gallery.stored()) == list(MODELS)
 
 
+@pytest.mark.table
 @pytest.mark.parametrize("name", MODELS)
 def test_a_model_prints_what_is_stored(name):
     found, expected = gallery.printed(MODELS[name]), gallery.stored()[name]

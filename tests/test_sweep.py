@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from closed_forms import critical_disk, critical_top, critical_ziegler
+from documents import documents
 from paths import avoided, bicycle_paths, chain_path, swaps
 from sampling import sample
 from scipy.optimize import linear_sum_assignment
@@ -210,11 +211,7 @@ def test_both_branches_of_a_collision_are_named(points):
 # --- branches are the eigenvalues -----------------------------------------------------------------------------------
 
 
-GALLERY = [
-    (path.name, parameter)
-    for path in sorted((Path(__file__).parents[1] / "models").glob("*.yaml"))
-    for parameter in mbstab.load(path).model.sweep
-]
+GALLERY = [(f"{name}.yaml", parameter) for name, data in documents().items() for parameter in data.get("sweep", ())]
 
 
 @pytest.mark.parametrize(("name", "parameter"), sample(GALLERY, 6))

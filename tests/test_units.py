@@ -19,6 +19,8 @@ from mbstab.model.reader import read_model_text
 from mbstab.model.units import LITERAL, NONE, UNITS, UNKNOWN, dimension_of, exact_factor, parse_unit, show
 from mbstab.model.values import evaluate
 
+pytestmark = pytest.mark.table
+
 KG, M, S = (tuple(Fraction(int(i == j)) for i in range(4)) for j in range(3))
 
 

@@ -115,6 +115,7 @@ def claim(name, command):
     return answer
 
 
+@pytest.mark.table
 @pytest.mark.parametrize("name", NAMES)
 def test_eig_says_nothing_that_is_not_so(name):
     claim(name, "eig")
@@ -137,6 +138,7 @@ def contradict(system, first, second):
     return first.word == second.word and None not in (first.modulo, second.modulo) and first.modulo != second.modulo
 
 
+@pytest.mark.table
 @pytest.mark.parametrize("name", NAMES)
 def test_what_can_be_known_is_said(name):
     system, answer = NAMES[name], asked(name, "eig")
