@@ -207,18 +207,36 @@ def _joined(rng, kind, free=False):
                 back = [-x for x in push]
                 forces[f"back_{i}"] = {"type": "force", "at": at(j, point), "vector": back, "frame": "ground"}
     if count > 2 and rng.random() < 0.4:
-        i, j = (int(x) for x in rng.choice(count, 2, replace=False))
-        a, b = _near(rng, kind.vectors), _near(rng, kind.vectors)
-        length = "sqrt(" + " + ".join(f"({_number(x)} - {_number(y)})**2" for x, y in zip(a, b, strict=True)) + ")"
-        joints["rod"] = {"type": "distance", "between": [at(i, a), at(j, b)], "length": length}
+        joints["rod"] = _rod(rng, kind, count, at)
+    forces |= _springs(rng, kind, count, free, damped, at)
+    model = {"mbstab": 1, "gravity": [0] * kind.vectors, "parameters": world.parameters(), "bodies": bodies}
+    model |= {"joints": joints, "forces": forces}
+    model["reference"] = {"coordinates": {f"b{i}": world.place(i) for i in range(count)}}
+    return json.dumps(model, indent=1)
+
+
+def _apart(a, b):
+    """Return the distance of two points, as an expression."""
+    return "sqrt(" + " + ".join(f"({_number(x)} - {_number(y)})**2" for x, y in zip(a, b, strict=True)) + ")"
+
+
+def _rod(rng, kind, count, at):
+    """Return a rod between two of the bodies; `at` makes markers."""
+    i, j = (int(x) for x in rng.choice(count, 2, replace=False))
+    a, b = _near(rng, kind.vectors), _near(rng, kind.vectors)
+    return {"type": "distance", "between": [at(i, a), at(j, b)], "length": _apart(a, b)}
+
+
+def _springs(rng, kind, count, free, damped, at):
+    """Return relaxed springs on the bodies, and some that pull against each other; `at` makes markers."""
+    forces = {}
     for i in range(int(free), count):
         for number in range(int(rng.integers(1, 3))):
-            # Relaxed springs, to the ground where no symmetry is to be left.
+            # To the ground where no symmetry is to be left.
             a, b = _near(rng, kind.vectors), _near(rng, kind.vectors)
-            length = "sqrt(" + " + ".join(f"({_number(x)} - {_number(y)})**2" for x, y in zip(a, b, strict=True)) + ")"
             k = _stiffness(rng)
             other = int(rng.integers(i)) if free else None
-            spring = {"type": "spring", "between": [at(i, a), at(other, b)], "stiffness": k, "length": length}
+            spring = {"type": "spring", "between": [at(i, a), at(other, b)], "stiffness": k, "length": _apart(a, b)}
             forces[f"spring_{i}_{number}"] = spring | {"damping": _damping(rng, k, damped)}
     if not free and rng.random() < 0.3:
         # Two stretched springs that pull against each other.
@@ -228,10 +246,7 @@ def _joined(rng, kind, free=False):
             b = [round(x + sign * y, 3) for x, y in zip(a, step, strict=True)]
             spring = {"type": "spring", "between": [at(i, a), at(None, b)], "stiffness": k, "length": 0.1}
             forces[f"pull_{number}"] = spring
-    model = {"mbstab": 1, "gravity": [0] * kind.vectors, "parameters": world.parameters(), "bodies": bodies}
-    model |= {"joints": joints, "forces": forces}
-    model["reference"] = {"coordinates": {f"b{i}": world.place(i) for i in range(count)}}
-    return json.dumps(model, indent=1)
+    return forces
 
 
 # --- masses in a row ------------------------------------------------------------------------------------------------

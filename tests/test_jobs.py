@@ -482,7 +482,7 @@ def test_blocks_of_another_version_are_refused(wheel, whole_wheel, tmp_path, mon
 def test_every_source_belongs_to_the_version(tmp_path, monkeypatch):
     home = tmp_path / "mbstab"
     shutil.copytree(Path(mbstab.__file__).parent, home, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(mbstab, "__file__", str(home / "__init__.py"))
+    monkeypatch.setattr(jobs, "__file__", str(home / "analysis" / "sweep" / "jobs.py"))
     before = jobs._program.__wrapped__()
     for name in ("compiler/system.py", "model/reader.py", "analysis/algebra/balls.py"):
         (home / name).write_text("", encoding="utf-8")

@@ -321,6 +321,12 @@ def fraction_beyond(x: Ball, up: bool) -> Fraction:
     return Fraction(mantissa) * Fraction(2) ** exponent + (slack if up else -slack)
 
 
+def _finite(x: Any) -> Any:
+    if not x.is_finite():
+        raise ValueError("no finite enclosure")
+    return tidied(x)
+
+
 @cache
 def ball_arithmetic() -> Arithmetic:
     """Return the arithmetic of real balls, at the precision in use.
@@ -332,11 +338,6 @@ def ball_arithmetic() -> Arithmetic:
 
     Turns = _turns_type()
 
-    def finite(x: Any) -> Any:
-        if not x.is_finite():
-            raise ValueError("no finite enclosure")
-        return tidied(x)
-
     def number(text: str) -> Any:
         value = Fraction(text)
         if value and len(text) > MAX_DIGITS:
@@ -344,7 +345,7 @@ def ball_arithmetic() -> Arithmetic:
         return ball(value)
 
     def plain(name: str) -> Callable[[Any], Any]:
-        return lambda x: finite(getattr(real(x), name)())
+        return lambda x: _finite(getattr(real(x), name)())
 
     def sqrt(x: Any) -> Any:
         x = tidied(ball(x))
@@ -352,15 +353,15 @@ def ball_arithmetic() -> Arithmetic:
             roots = [math.isqrt(int(part)) for part in (x.v.p, x.v.q)]
             if roots[0] ** 2 == int(x.v.p) and roots[1] ** 2 == int(x.v.q):
                 return ball(Fraction(roots[0], roots[1]))
-        return finite(real(x).sqrt())
+        return _finite(real(x).sqrt())
 
     def of_turns(name: str) -> Callable[[Any], Any]:
         exact = getattr(arb, f"{name}_pi_fmpq")
 
         def function(x: Any) -> Any:
             if isinstance(x, Turns):
-                return finite(exact(fmpq(x.part.numerator, x.part.denominator)))
-            return finite(getattr(real(x), name)())
+                return _finite(exact(fmpq(x.part.numerator, x.part.denominator)))
+            return _finite(getattr(real(x), name)())
 
         return function
 
@@ -400,16 +401,16 @@ def ball_arithmetic() -> Arithmetic:
     def power(base: Any, exponent: Any) -> Any:
         whole = _rational(exponent)
         if whole is not None and whole.denominator == 1:
-            return finite(ball(base) ** int(whole))
-        return finite(real(base) ** real(exponent))
+            return _finite(ball(base) ** int(whole))
+        return _finite(real(base) ** real(exponent))
 
     functions: dict[str, Callable[..., Any]] = {name: plain(name) for name in NATIVE if hasattr(arb, name)}
     functions |= {
         "sin": sin,
         "cos": cos,
         "sqrt": sqrt,
-        "tan": lambda x: finite(sin(x) / cos(x)),
-        "atan2": lambda y, x: finite(arb.atan2(real(y), real(x))),
+        "tan": lambda x: _finite(sin(x) / cos(x)),
+        "atan2": lambda y, x: _finite(arb.atan2(real(y), real(x))),
         "abs": lambda x: abs(ball(x)),
         "signum": sign,
         "abs_slope": abs_slope,

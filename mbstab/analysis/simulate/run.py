@@ -212,7 +212,9 @@ class _Leg:
         span = float(follower.times[-1] - follower.times[0])
         self.begun = max(self.equations.fastest(start.u), math.sqrt(pulled), 1.0 / span)
 
-    def follow(self, method: Method, options: Options, progress: Callable[[float], object], pace: Pace) -> None:
+    def follow(  # noqa: PLR0915 (the loop of steps, with all that may end one)
+        self, method: Method, options: Options, progress: Callable[[float], object], pace: Pace
+    ) -> None:
         run, end = self.run, float(self.follower.times[-1])
         t, q, u = float(self.follower.times[0]), self.motion.q, self.motion.u
         steeper, limit = options.rate, end

@@ -22,7 +22,6 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-import mbstab
 from mbstab.analysis.sweep.blocks import ARRAYS, Block, Progress, Task, compute
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tolerances import TOLERANCES
@@ -255,7 +254,7 @@ def key_of(all_tasks: list[Task]) -> str:
 @functools.cache
 def _program() -> str:
     """Return a fingerprint of this program: all of its sources."""
-    digest, home = hashlib.sha256(), Path(mbstab.__file__).parent
+    digest, home = hashlib.sha256(), Path(__file__).resolve().parents[2]
     for path in sorted(home.rglob("*")):
         if path.is_file() and "__pycache__" not in path.parts:
             digest.update(str(path.relative_to(home)).encode() + path.read_bytes())
