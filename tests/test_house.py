@@ -1,7 +1,8 @@
-"""Tolerances stand together, described, in their wing."""
+"""Tolerances stand together, described, in their wing; every file of tests stands in the map."""
 
 import ast
 import itertools
+import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -66,3 +67,10 @@ def test_tolerances_are_described_and_used():
         for x, next_ in fields:
             assert isinstance(next_, ast.Expr), f"{place(path)}: {x.target.id} is not described"
             assert x.target.id in used, f"{place(path)}: {x.target.id} is not used"
+
+
+def test_the_map_of_the_tests_names_each_file_once():
+    named = re.findall(
+        r"^\| `(test_\w+\.py)` \|", (ROOT / "tests" / "README.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert sorted(named) == sorted(path.name for path in (ROOT / "tests").glob("test_*.py"))
