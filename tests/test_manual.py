@@ -32,6 +32,7 @@ def said(*words):
     return CliRunner().invoke(main, ["manual", *words])
 
 
+@pytest.mark.table
 @pytest.mark.parametrize("topic", WRITTEN)
 def test_the_blocks_of_a_page_run_in_their_order(topic, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

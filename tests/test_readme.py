@@ -42,6 +42,7 @@ def test_the_first_command_installs_and_answers(tmp_path):
     assert "pendulum.yaml" in answer.stderr
 
 
+@pytest.mark.table
 @pytest.mark.parametrize(("line", "printed"), CONSOLE, ids=[line for line, _ in CONSOLE])
 def test_a_console_block_shows_what_the_command_prints(line, printed):
     assert printed
@@ -51,6 +52,7 @@ def test_a_console_block_shows_what_the_command_prints(line, printed):
 INLINE = [" ".join(text.split()) for text in re.findall(r"`(mbstab [a-z]+ \w+\.yaml [^`]*)`", TEXT)]
 
 
+@pytest.mark.table
 @pytest.mark.parametrize("command", INLINE)
 def test_a_command_within_the_text_runs(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
