@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from element_tables import ENERGY
 from test_reader import RICH
 
 import mbstab
@@ -156,16 +157,6 @@ def test_what_is_drawn_has_points(dimension, variant):
 
 
 # --- energy ---------------------------------------------------------------------------------------------------------
-
-PLAIN = list(CHANGES)[1]
-KEEPS, LOSES, EITHER = "keeps", "loses", "either"
-ENERGY = {
-    "spring": LOSES, "bearing": LOSES, "bushing": LOSES, "joint_spring": LOSES, "gear": LOSES, "belt": LOSES,
-    "rack": LOSES, "rotor_bearing": EITHER, "tyre": EITHER, "creep": EITHER, "actuator": EITHER, "force": EITHER,
-    "torque": EITHER, "expression": EITHER,
-    ("spring", PLAIN): KEEPS, ("rotor_bearing", PLAIN): LOSES, ("tyre", PLAIN): LOSES,
-}  # fmt: skip
-"""Whether a force loses energy beside what it stores, keeps it, or may do either; by kind, and in one of the scenes."""
 
 
 def lost(part, q, u):
