@@ -7,6 +7,7 @@ import os
 import random
 import re
 import resource
+import shlex
 import shutil
 import signal
 import subprocess
@@ -254,6 +255,13 @@ def test_a_model_comes_from_stdin(tmp_path, monkeypatch):
     drawn = run("sweep", "-", *SWEEP[2:-2], "--plot", "map", input=text)
     assert drawn.exit_code == 0, drawn.stderr
     assert [x.name for x in tmp_path.iterdir()] == ["stdin-L-map.png"]
+
+
+def test_a_closed_stdin_is_said():
+    command = f"{shlex.quote(sys.executable)} -m mbstab eig - <&-"
+    failed = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert failed.returncode == 2
+    assert "stdin cannot be read: it is closed\nhint: give the name of a file" in failed.stderr
 
 
 def test_several_files_are_answered_one_after_the_other(tmp_path):

@@ -64,6 +64,8 @@ def _loaded(file: str) -> Mechanism:
 
     force = remembered(_FORCE)
     if file == "-":
+        if sys.stdin is None:
+            raise UsageError("stdin cannot be read: it is closed\nhint: give the name of a file")
         files().opened(Path("/dev/stdin"))  # may be a file
         return Mechanism(read_model_text(read_limited(sys.stdin.buffer, STDIN), STDIN), force)
     found = find_model(file)
