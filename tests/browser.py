@@ -56,7 +56,7 @@ def seen(folder, scratch):
         "--enable-logging=stderr", f"--user-data-dir={scratch / 'profile'}", "--virtual-time-budget=600000",
         "--dump-dom", outer.as_uri(),
     ]  # fmt: skip
-    answer = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    answer = subprocess.run(command, capture_output=True, encoding="utf-8", timeout=300, check=True)
     (found,) = re.findall(r"<pre>(.*?)</pre>", answer.stdout, flags=re.S)
     console = [line for line in answer.stderr.splitlines() if "CONSOLE" in line]
     return json.loads(html.unescape(found)), console

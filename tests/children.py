@@ -10,14 +10,16 @@ from contextlib import contextmanager
 from typing import Any
 
 
+def _as_in_a_terminal() -> None:
+    """In the background of a script interrupts are ignored, and that is inherited."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
+
+
 @contextmanager
 def child(command: list[str], **options: Any) -> Iterator[subprocess.Popen[str]]:
     """Give a process that is killed at the end, however that comes about."""
-    process = subprocess.Popen(
-        command, text=True, **options,
-        # In the background of a script interrupts are ignored, and that is inherited.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
+    process = subprocess.Popen(command, text=True, encoding="utf-8", preexec_fn=_as_in_a_terminal, **options)
     try:
         yield process
     finally:

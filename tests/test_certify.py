@@ -1010,7 +1010,7 @@ def test_a_ball_between_two_numbers_ends_at_zero_where_they_do(low, high):
 
 def test_intervals_are_told_in_the_unit_of_the_parameter(tmp_path):
     path = tmp_path / "damped.yaml"
-    path.write_text(DAMPED)
+    path.write_text(DAMPED, encoding="utf-8")
     text = CliRunner().invoke(main, ["eig", str(path), "--certify", "--set", "d=[2, 4]"]).output
     assert re.search(r"d from +to\n +\(mm\) +\(mm\)", text)
     assert re.search(r"^ +2 +4 +asymptotically stable", text, re.M)

@@ -86,7 +86,7 @@ def test_an_example_is_used_from_anywhere_and_stderr_says_which(tmp_path, monkey
 
 def test_a_file_here_wins_over_an_example(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "pendulum.yaml").write_text("mbstab: 1\nbodies: {b: {type: planar_point, mass: 1}}\n")
+    (tmp_path / "pendulum.yaml").write_text("mbstab: 1\nbodies: {b: {type: planar_point, mass: 1}}\n", encoding="utf-8")
     result = run("eig", "pendulum.yaml")
     assert "example" not in result.stderr
     assert "neutral, 4" in result.stdout
@@ -136,7 +136,9 @@ def test_exit_codes_and_messages(arguments, code, message):
 
 def test_a_wrong_file_shows_all_problems_with_their_places(tmp_path):
     path = tmp_path / "arm.yaml"
-    path.write_text("mbstab: 1\nbodies:\n  arm:\n    type: planar\n    masss: 1.5\n    mass: -1\n    inertia: 1\n")
+    path.write_text(
+        "mbstab: 1\nbodies:\n  arm:\n    type: planar\n    masss: 1.5\n    mass: -1\n    inertia: 1\n", encoding="utf-8"
+    )
     result = run("check", str(path))
     assert result.exit_code == 2
     assert f"{path}:5:5: bodies.arm: unknown key 'masss'" in result.stderr
@@ -147,11 +149,11 @@ def test_a_wrong_file_shows_all_problems_with_their_places(tmp_path):
 def test_an_output_file_appears_whole_or_not_at_all(tmp_path):
     goal = tmp_path / "answer.json"
     assert run("eig", "pendulum.yaml", "--format", "json", "-o", str(goal)).exit_code == 0
-    assert json.loads(goal.read_text())["verdict"] == "stable"
+    assert json.loads(goal.read_text(encoding="utf-8"))["verdict"] == "stable"
     assert os.listdir(tmp_path) == ["answer.json"]
-    before = goal.read_text()
+    before = goal.read_text(encoding="utf-8")
     assert run("eig", "pendulum.yaml", "--set", "m=-1", "-o", str(goal)).exit_code == 2
-    assert goal.read_text() == before
+    assert goal.read_text(encoding="utf-8") == before
     missing = run("eig", "pendulum.yaml", "-o", str(tmp_path / "no" / "folder.json"))
     assert missing.exit_code == 2
     assert "cannot be written" in missing.stderr
@@ -254,7 +256,10 @@ def test_models_can_be_listed_shown_and_copied(tmp_path, monkeypatch):
 
 def test_mbstab_test_says_what_fails(tmp_path):
     path = tmp_path / "wrong.yaml"
-    path.write_text(run("models", "show", "pendulum").stdout.replace("sqrt(3*g/(4*L))", "sqrt(3*g/(4*L))*(1 + 1e-9)"))
+    path.write_text(
+        run("models", "show", "pendulum").stdout.replace("sqrt(3*g/(4*L))", "sqrt(3*g/(4*L))*(1 + 1e-9)"),
+        encoding="utf-8",
+    )
     result = run("test", str(path))
     assert result.exit_code == 3
     assert "largest relative difference 1.0e-09" in " ".join(result.stdout.split())
@@ -332,7 +337,7 @@ def test_dependent_rows_fail_a_technique_that_cannot_have_them():
 def test_output_without_colour_and_without_a_terminal_is_the_same():
     environment = {**os.environ, "NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "40"}
     piped = subprocess.run(
-        [sys.executable, "-m", "mbstab", "eig", "top"], capture_output=True, text=True, env=environment
+        [sys.executable, "-m", "mbstab", "eig", "top"], capture_output=True, encoding="utf-8", env=environment
     )
     assert piped.stdout == run("eig", "top").stdout
 
@@ -375,22 +380,22 @@ def test_no_file_of_a_call_is_overwritten_by_another(arguments, tmp_path):
     names |= {"picture": "s-rod.theta.png", "stem": "s"}
     paths = {key: tmp_path / name for key, name in names.items()}
     for key in set(names) - {"stem"}:
-        paths[key].write_text(text)
+        paths[key].write_text(text, encoding="utf-8")
     paths["link"] = tmp_path / "link.yaml"
     paths["link"].symlink_to(paths["m"])
     result = run(*(word.format(**paths) for word in arguments))
     assert result.exit_code == 2
     assert "would overwrite" in result.stderr or "name the same file" in result.stderr
-    assert all(paths[key].read_text() == text for key in set(names) - {"stem"})
+    assert all(paths[key].read_text(encoding="utf-8") == text for key in set(names) - {"stem"})
 
 
 def test_an_answer_goes_through_a_link_and_into_a_pipe(tmp_path):
     goal, link, pipe = tmp_path / "goal.txt", tmp_path / "link.txt", tmp_path / "pipe"
-    goal.write_text("old")
+    goal.write_text("old", encoding="utf-8")
     link.symlink_to(goal)
     assert run("eig", "pendulum", "-o", str(link)).exit_code == 0
     assert link.is_symlink()
-    assert "Verdict" in goal.read_text()
+    assert "Verdict" in goal.read_text(encoding="utf-8")
     os.mkfifo(pipe)
     with child(["cat", str(pipe)], stdout=subprocess.PIPE) as reader:
         assert run("eig", "pendulum", "-o", str(pipe)).exit_code == 0
@@ -402,7 +407,7 @@ def test_an_answer_goes_through_a_link_and_into_a_pipe(tmp_path):
 def test_a_full_or_closed_stdout_is_said(words):
     command = f"{shlex.quote(sys.executable)} -m mbstab {words}"
     for redirection, message in ((">/dev/full", "to stdout: No space"), (">&-", "to stdout: it is closed")):
-        failed = subprocess.run(f"{command} {redirection}", shell=True, capture_output=True, text=True)
+        failed = subprocess.run(f"{command} {redirection}", shell=True, capture_output=True, encoding="utf-8")
         assert failed.returncode == 1
         assert message in failed.stderr
         assert "Traceback" not in failed.stderr
@@ -412,9 +417,9 @@ def test_a_home_that_cannot_be_written_is_no_news(tmp_path):
     command = [sys.executable, "-m", "mbstab", "sweep", "pendulum.yaml", "--param", "L", "--points", "5"]
     environment = {name: text for name, text in os.environ.items() if name not in ("MPLCONFIGDIR", "XDG_CONFIG_HOME")}
     nowhere = tmp_path / "file" / "home"
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").write_text("", encoding="utf-8")
     drawn = subprocess.run(
-        [*command, "--plot", "map", "--pictures", str(tmp_path / "L"), "-q"], capture_output=True, text=True,
+        [*command, "--plot", "map", "--pictures", str(tmp_path / "L"), "-q"], capture_output=True, encoding="utf-8",
         env={**environment, "HOME": str(nowhere)},
     )  # fmt: skip
     assert (drawn.returncode, drawn.stderr) == (0, "")
@@ -422,7 +427,7 @@ def test_a_home_that_cannot_be_written_is_no_news(tmp_path):
 
 def test_a_reader_that_stops_early_is_no_error():
     command = f"{shlex.quote(sys.executable)} -m mbstab schema | head -1"
-    assert subprocess.run(command, shell=True, capture_output=True, text=True).stderr == ""
+    assert subprocess.run(command, shell=True, capture_output=True, encoding="utf-8").stderr == ""
 
 
 # --- equilibria, steady and periodic motions ------------------------------------------------------------------------
@@ -444,7 +449,7 @@ reference:
 @pytest.fixture
 def hanging(tmp_path):
     path = tmp_path / "rod.yaml"
-    path.write_text(HANGING)
+    path.write_text(HANGING, encoding="utf-8")
     return str(path)
 
 
@@ -528,7 +533,7 @@ FALLING = "mbstab: 1\ngravity: [0, -9.81]\nbodies: {b: {type: planar_point, mass
 )
 def test_exit_codes_of_equilibrium(tmp_path, text, arguments, code, message):
     path = tmp_path / "model.yaml"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     result = run("equilibrium", str(path), *arguments)
     assert (result.exit_code, result.stdout) == (code, "")
     assert message in result.stderr
@@ -536,7 +541,7 @@ def test_exit_codes_of_equilibrium(tmp_path, text, arguments, code, message):
 
 def test_eig_of_a_motion_that_is_not_found_fails_in_the_same_words(tmp_path):
     path = tmp_path / "model.yaml"
-    path.write_text(FALLING)
+    path.write_text(FALLING, encoding="utf-8")
     equilibrium, eig = run("equilibrium", str(path)), run("eig", str(path))
     assert (eig.exit_code, eig.stdout) == (1, "")
     assert eig.stderr == equilibrium.stderr
@@ -545,7 +550,9 @@ def test_eig_of_a_motion_that_is_not_found_fails_in_the_same_words(tmp_path):
 
 def test_what_is_not_known_of_reactions_is_said_and_warned_of(tmp_path):
     path = tmp_path / "model.yaml"
-    path.write_text(HANGING.replace("joints:", "joints:\n  again: {type: revolute, between: [rod.O, ground]}"))
+    path.write_text(
+        HANGING.replace("joints:", "joints:\n  again: {type: revolute, between: [rod.O, ground]}"), encoding="utf-8"
+    )
     result = run("equilibrium", str(path))
     assert result.exit_code == 0
     assert "warning: redundant constraint" in result.stderr

@@ -314,7 +314,8 @@ def test_a_fully_prescribed_motion_has_nothing_to_compare(tmp_path):
     path = tmp_path / "driven.yaml"
     path.write_text(
         "mbstab: 1\nbodies: {b: {type: planar, mass: 1, inertia: 1}}\n"
-        "joints: {pin: {type: fixed, between: [b, ground]}}\n"
+        "joints: {pin: {type: fixed, between: [b, ground]}}\n",
+        encoding="utf-8",
     )
     result = run(str(path))
     assert result.exit_code == 0, result.stderr

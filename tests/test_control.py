@@ -365,7 +365,7 @@ def test_states_that_do_not_determine_the_motion_are_refused(states, rule):
 
 
 def test_a_motion_with_changing_coefficients_has_no_constant_model():
-    text = (ROOT / "models" / "kapitza.yaml").read_text()
+    text = (ROOT / "models" / "kapitza.yaml").read_text(encoding="utf-8")
     model = mbstab.loads(text.replace("reference:", "outputs: {z: 2}\n\nreference:", 1))
     with pytest.raises(NumericalError, match="change along the motion"):
         model.state_space()
@@ -414,14 +414,14 @@ def test_wrong_inputs_are_told_at_their_place(push, rule):
 
 
 def test_inputs_and_outputs_change_no_other_answer(tmp_path):
-    text = (ROOT / "models" / "whipple_bicycle.yaml").read_text()
+    text = (ROOT / "models" / "whipple_bicycle.yaml").read_text(encoding="utf-8")
     plain = text[: text.index("inputs:")] + text[text.index("reference:") :]
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     answers = []
     for folder, content in (("a", text), ("b", plain)):
         path = tmp_path / folder / "m.yaml"
-        path.write_text(content)
+        path.write_text(content, encoding="utf-8")
         answers.append(
             [
                 run(*command, str(path)).stdout.replace(str(path), "")

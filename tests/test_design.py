@@ -247,7 +247,7 @@ def test_a_periodic_motion_and_a_reference_that_cannot_follow_are_refused():
 
 def test_the_command_says_what_was_found_and_how_to_repeat_it(tmp_path):
     file = tmp_path / "model.yaml"
-    file.write_text(OSCILLATOR.replace("c: 0.5", "c: {value: 500, unit: g/s}"))
+    file.write_text(OSCILLATOR.replace("c: 0.5", "c: {value: 500, unit: g/s}"), encoding="utf-8")
     arguments = ["design", str(file), "--vary", "c=100..10000", "--goal", "decay", "--certify"]
     run = CliRunner().invoke(main, arguments, catch_exceptions=False)
     assert run.exit_code == 0, run.output

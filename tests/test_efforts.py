@@ -185,12 +185,12 @@ def test_the_effort_of_a_controller_is_told_by_equilibrium_and_simulate(tmp_path
     model = tmp_path / "held.yaml"
     old = "{type: joint_spring, joint: shoulder, stiffness: 100}"
     assert old in HELD
-    model.write_text(HELD.replace(old, "{type: pid, joint: shoulder, of: angle(shoulder), P: 100}"))
+    model.write_text(HELD.replace(old, "{type: pid, joint: shoulder, of: angle(shoulder), P: 100}"), encoding="utf-8")
     angle = mbstab.load(model).equilibria()[0].motion.q[2]
     assert f"force 'hold'  angle of 'shoulder'  {-100.0 * angle:.5g}  N*m" in run("equilibrium", model).stdout
     arguments = ("simulate", model, "--to", "0.1", "--points", "3", "-o", tmp_path / "x.csv", "--plot", "effort(hold)")
     assert run(*arguments).exit_code == 0
-    rows = csv.DictReader(io.StringIO((tmp_path / "x.csv").read_text()))
+    rows = csv.DictReader(io.StringIO((tmp_path / "x.csv").read_text(encoding="utf-8")))
     assert [float(row["effort of force 'hold' (N*m)"]) for row in rows] == pytest.approx([-100.0 * angle] * 3)
 
 
@@ -228,7 +228,7 @@ def run(*arguments):
 
 def test_every_output_tells_the_torque_of_a_spring_at_a_joint(tmp_path):
     model = tmp_path / "held.yaml"
-    model.write_text(HELD)
+    model.write_text(HELD, encoding="utf-8")
     angle = mbstab.load(model).equilibria()[0].motion.q[2]
     torque = float(-100.0 * angle)
     assert torque == pytest.approx(2.0 * 10.0 * 0.5 * math.cos(angle), rel=1e-10)
@@ -246,9 +246,9 @@ def test_every_output_tells_the_torque_of_a_spring_at_a_joint(tmp_path):
         assert run("simulate", model, "--to", "0.1", "--points", "3", "-o", path).exit_code == 0
         head = "effort of force 'hold' (N*m)"
         if suffix == "csv":
-            found = [float(row[head]) for row in csv.DictReader(io.StringIO(path.read_text()))]
+            found = [float(row[head]) for row in csv.DictReader(io.StringIO(path.read_text(encoding="utf-8")))]
         elif suffix == "json":
-            data = json.loads(path.read_text())
+            data = json.loads(path.read_text(encoding="utf-8"))
             found = [row[data["columns"].index(head)] for row in data["rows"]]
         else:
             with np.load(path) as archive:
@@ -259,7 +259,7 @@ def test_every_output_tells_the_torque_of_a_spring_at_a_joint(tmp_path):
 
 def test_a_torque_that_a_spring_carries_is_hinted_at(tmp_path):
     model = tmp_path / "held.yaml"
-    model.write_text(HELD)
+    model.write_text(HELD, encoding="utf-8")
     result = run("simulate", model, "--to", "0.1", "--points", "3", "--plot", "torque(shoulder)")
     assert "torque(shoulder.z) is 0: what acts along joint 'shoulder' is not its reaction; plot effort(hold)" in (
         result.stderr
@@ -279,7 +279,7 @@ def test_a_torque_that_a_spring_carries_is_hinted_at(tmp_path):
 )
 def test_unknown_efforts_are_named(tmp_path, name, said):
     model = tmp_path / "held.yaml"
-    model.write_text(HELD)
+    model.write_text(HELD, encoding="utf-8")
     result = run("simulate", model, "--plot", f"effort({name})")
     assert result.exit_code == 2
     assert f"there is no force or drive along one motion {name!r}" in result.stderr
@@ -302,12 +302,12 @@ initial: {rates: {nut: {z: 2}}}
 
 def test_angles_and_displacements_of_joints_go_on_over_many_turns(tmp_path):
     path = tmp_path / "spin.csv"
-    (tmp_path / "spin.yaml").write_text(SPINNING)
+    (tmp_path / "spin.yaml").write_text(SPINNING, encoding="utf-8")
     arguments = ["--perturb", "rate(angle(shaft))=300", "--perturb", "angle(sleeve)=3", "--to", "0.1", "--points", "11"]
     plots = ["--plot", "angle(shaft),displacement(sleeve)", "--plot", "phase:angle(shaft)"]
     result = run("simulate", tmp_path / "spin.yaml", *arguments, *plots, "-o", path)
     assert result.exit_code == 0, result.output
-    rows = list(csv.DictReader(io.StringIO(path.read_text())))
+    rows = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
     times = np.linspace(0.0, 0.1, 11)
     for head, value in (
         ("angle(shaft) (rad)", 300.0 * times),
@@ -333,7 +333,7 @@ def test_angles_and_displacements_of_joints_go_on_over_many_turns(tmp_path):
     ],
 )
 def test_unknown_motions_of_joints_are_named(asked, said, tmp_path):
-    (tmp_path / "spin.yaml").write_text(SPINNING)
+    (tmp_path / "spin.yaml").write_text(SPINNING, encoding="utf-8")
     result = run("simulate", tmp_path / "spin.yaml", "--plot", asked)
     assert result.exit_code == 2
     assert said in result.stderr

@@ -58,7 +58,7 @@ def test_the_text_of_a_kernel_does_not_depend_on_the_hash_seed():
             [sys.executable, "-c", code],
             env={"PYTHONHASHSEED": seed, "PYTHONPATH": str(KERNELS.parents[2])},
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             check=True,
         ).stdout
         for seed in ("1", "2", "3")

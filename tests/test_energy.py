@@ -63,7 +63,7 @@ def test_a_weak_power_beside_strong_ones_is_told():
 
 def test_energy_is_told_as_a_table_and_as_json(tmp_path):
     path = tmp_path / "rod.yaml"
-    path.write_text(DRIVEN)
+    path.write_text(DRIVEN, encoding="utf-8")
     text = CliRunner().invoke(main, ["energy", str(path)]).stdout
     assert "force 'brake'        0       0.08    -4.5" in text
     data = json.loads(CliRunner().invoke(main, ["energy", str(path), "--format", "json"]).stdout)

@@ -563,7 +563,7 @@ def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(sp
 
 
 def bicycle():
-    text = MODELS["whipple_bicycle"].read_text()
+    text = MODELS["whipple_bicycle"].read_text(encoding="utf-8")
     head, _, tail = text.partition("reference:\n")
     coordinates, _, _ = tail.partition("  rates:")
     search = "  find: steady\n  steady: {direction: x, speed: v}\n"

@@ -69,8 +69,8 @@ include:
 
 @pytest.fixture
 def car(tmp_path):
-    (tmp_path / "wheel.yaml").write_text(WHEEL)
-    (tmp_path / "car.yaml").write_text(CAR)
+    (tmp_path / "wheel.yaml").write_text(WHEEL, encoding="utf-8")
+    (tmp_path / "car.yaml").write_text(CAR, encoding="utf-8")
     return tmp_path / "car.yaml"
 
 
@@ -103,14 +103,14 @@ def test_a_part_is_included_twice_with_its_own_values(car):
 
 def test_the_expanded_file_has_bit_for_bit_the_same_answer(car, tmp_path):
     chain = tmp_path / "chain.yaml"
-    chain.write_text(CHAIN.replace("COUNT", "4"))
+    chain.write_text(CHAIN.replace("COUNT", "4"), encoding="utf-8")
     for path in (car, chain):
         written = CliRunner().invoke(main, ["check", str(path), "--expanded"])
         assert written.exit_code == 0
         assert "include" not in written.stdout
         assert "repeat" not in written.stdout
         other = tmp_path / "expanded.yaml"
-        other.write_text(written.stdout)
+        other.write_text(written.stdout, encoding="utf-8")
         answers = [
             json.loads(CliRunner().invoke(main, ["eig", str(x), "--format", "json"]).stdout) for x in (path, other)
         ]
@@ -134,11 +134,14 @@ def test_an_index_in_an_index_and_a_part_in_a_repetition(tmp_path):
     (tmp_path / "mass.yaml").write_text(
         "mbstab: 1\nparameters: {m: 1}\nbodies: {p: {type: planar_point, mass: m}}\n"
         "constraints: {fixed: {holonomic: p.y}}\n"
-        "forces: {hold: {type: expression, on: {p.x: -4*p.x}}}\n"
+        "forces: {hold: {type: expression, on: {p.x: -4*p.x}}}\n",
+        encoding="utf-8",
     )
     (tmp_path / "grid.yaml").write_text(
         "mbstab: 1\nrepeat:\n  - for: {i: [1, 2], j: [0, i]}\n".replace("[0, i]", "[0, 1]")
-        + "    repeat: {for: {k: [<i>, 2]}, include: {file: mass.yaml, prefix: p<i>_<j>_<k>_, with: {m: <10*i + k>}}}\n"
+        + "    repeat: {for: {k: [<i>, 2]}, "
+        + "include: {file: mass.yaml, prefix: p<i>_<j>_<k>_, with: {m: <10*i + k>}}}\n",
+        encoding="utf-8",
     )
     model = mbstab.load(tmp_path / "grid.yaml")
     assert list(model.model.bodies) == ["p1_0_1_p", "p1_0_2_p", "p1_1_1_p", "p1_1_2_p", "p2_0_2_p", "p2_1_2_p"]
@@ -219,7 +222,7 @@ def test_floods_are_refused(loops):
     ],
 )
 def test_bad_parts_are_refused_where_they_stand(car, old, new, message):
-    car.write_text(CAR.replace(old, new))
+    car.write_text(CAR.replace(old, new), encoding="utf-8")
     with pytest.raises(ModelFileError, match=message):
         mbstab.load(car)
 
@@ -234,7 +237,7 @@ def test_bad_parts_are_refused_where_they_stand(car, old, new, message):
     ],
 )
 def test_faults_in_parts_are_told_with_the_place_in_the_part(car, old, new, message):
-    (car.parent / "wheel.yaml").write_text(WHEEL.replace(old, new, 1))
+    (car.parent / "wheel.yaml").write_text(WHEEL.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(ModelFileError, match=message):
         mbstab.load(car)
 
@@ -246,23 +249,25 @@ def test_a_part_alone_says_that_it_is_one(car):
 
 def test_parts_that_include_each_other_end(tmp_path):
     for one, other in (("a", "b"), ("b", "a")):
-        (tmp_path / f"{one}.yaml").write_text(f"mbstab: 1\ninclude: {{file: {other}.yaml, prefix: {one}_}}\n")
+        (tmp_path / f"{one}.yaml").write_text(
+            f"mbstab: 1\ninclude: {{file: {other}.yaml, prefix: {one}_}}\n", encoding="utf-8"
+        )
     with pytest.raises(MbstabError, match=r"b\.yaml includes itself: b\.yaml → a\.yaml → b\.yaml"):
         mbstab.load(tmp_path / "a.yaml")
 
 
 def test_included_files_are_not_overwritten(car):
-    (car.parent / "grip.csv").write_text("x,y\n-1,-1\n0,0\n1,1\n")
+    (car.parent / "grip.csv").write_text("x,y\n-1,-1\n0,0\n1,1\n", encoding="utf-8")
     (car.parent / "wheel.yaml").write_text(
-        WHEEL.replace("ground:", "tables: {grip: {file: grip.csv}}\nground:").replace("S: 1", "S: 1")
+        WHEEL.replace("ground:", "tables: {grip: {file: grip.csv}}\nground:").replace("S: 1", "S: 1"), encoding="utf-8"
     )
     for name in ("grip.csv", "wheel.yaml"):
-        before = (car.parent / name).read_text()
+        before = (car.parent / name).read_text(encoding="utf-8")
         result = CliRunner().invoke(
             main, ["eig", str(car), "--format", "csv" if name == "grip.csv" else "json", "-o", str(car.parent / name)]
         )
         assert result.exit_code == 2
-        assert (car.parent / name).read_text() == before
+        assert (car.parent / name).read_text(encoding="utf-8") == before
 
 
 def test_work_that_is_taken_up_again_knows_the_parts(car):
@@ -270,10 +275,10 @@ def test_work_that_is_taken_up_again_knows_the_parts(car):
     out = car.parent / "k.csv"
     call = ["sweep", str(car), "--param", "stiff", "--from", "100", "--to", "200", "--points", "3", "-o", str(out)]
     assert CliRunner().invoke(main, call).exit_code == 0
-    first = out.read_text()
-    (car.parent / "wheel.yaml").write_text(WHEEL.replace("m: 3", "m: 5"))
+    first = out.read_text(encoding="utf-8")
+    (car.parent / "wheel.yaml").write_text(WHEEL.replace("m: 3", "m: 5"), encoding="utf-8")
     again = CliRunner().invoke(main, [*call, "--resume"])
-    assert again.exit_code == 2 or out.read_text() != first
+    assert again.exit_code == 2 or out.read_text(encoding="utf-8") != first
 
 
 def test_a_count_is_set_like_a_parameter(tmp_path):
@@ -282,7 +287,7 @@ def test_a_count_is_set_like_a_parameter(tmp_path):
     for chain in (model.at(N=5, m=3), model.at(m="3").at(N="5"), model.at(N=5).at(m=3)):
         assert np.array_equal(chain.eig().values(), written)
     file = tmp_path / "chain.yaml"
-    file.write_text(CHAIN.replace("COUNT", "2"))
+    file.write_text(CHAIN.replace("COUNT", "2"), encoding="utf-8")
     ran = CliRunner().invoke(main, ["eig", str(file), "--set", "N=5", "--set", "m=3", "--format", "json"])
     assert json.loads(ran.output)["counts"]["expected"] == 10
     values = np.linspace(50.0, 150.0, 300)
@@ -299,10 +304,10 @@ def test_a_count_that_is_no_whole_number_is_refused(value):
 
 def test_a_parameter_of_a_part_with_a_reserved_name_is_refused_also_where_it_is_set(tmp_path):
     part = "mbstab: 1\nneeds: {mount: a body}\nparameters: {x: 2}\nbodies: {b: {type: planar_point, mass: x}}\n"
-    (tmp_path / "part.yaml").write_text(part)
+    (tmp_path / "part.yaml").write_text(part, encoding="utf-8")
     top = "mbstab: 1\nbodies: {a: {type: planar_point, mass: 1}}\n"
     top += "include: [{file: part.yaml, prefix: r_, with: {mount: a, x: 4}}]\n"
-    (tmp_path / "top.yaml").write_text(top)
+    (tmp_path / "top.yaml").write_text(top, encoding="utf-8")
     with pytest.raises(ModelFileError, match="'x' is a word of the file format"):
         mbstab.load(tmp_path / "top.yaml")
 
@@ -335,8 +340,8 @@ forces:
 
 
 def test_each_name_of_a_part_is_its_own_where_the_file_has_the_same_names(tmp_path):
-    (tmp_path / "controlled.yaml").write_text(CONTROLLED)
-    (tmp_path / "decoys.yaml").write_text(DECOYS + "include: {file: controlled.yaml, prefix: own_}\n")
+    (tmp_path / "controlled.yaml").write_text(CONTROLLED, encoding="utf-8")
+    (tmp_path / "decoys.yaml").write_text(DECOYS + "include: {file: controlled.yaml, prefix: own_}\n", encoding="utf-8")
     m, k, c, both = 2.0, 18.0, 0.4, 0.6  # both: 0.1 as the effort of the filter, 0.5 in the actuator
     part = np.array([[0, 1, 0], [-2 * k / m, -2 * c / m, both / m], [1, 0, -3]])
     alone = np.array([[0, 1, 0], [0, 0, 0.2], [1, 0, -5]])
@@ -354,14 +359,16 @@ MODELS = (*installed_models(), *sorted((Path(__file__).parent / "scenes").glob("
 @pytest.mark.parametrize("path", [x for x in MODELS if x.stem not in RESERVED], ids=lambda path: path.stem)
 def test_every_name_in_a_part_gets_the_prefix(path, tmp_path):
     """Each model becomes a part of a file without names, where only what got the prefix is found."""
-    text = path.read_text().replace("  x: {type: coordinate,", "  shift: {type: coordinate,")
+    text = path.read_text(encoding="utf-8").replace("  x: {type: coordinate,", "  shift: {type: coordinate,")
     sections = {x.partition(":")[0]: x for x in re.split(r"^(?=[a-z]+:)", text, flags=re.MULTILINE) if x[:1].isalpha()}
     gravity = re.sub(r"-g\b", "-9.81", sections.get("gravity", ""))
     only_once = ("mbstab", "title", "source", "gravity", "sweep", "expect")
     part = "".join(x for section, x in sections.items() if section not in only_once)
-    (tmp_path / "part.yaml").write_text("mbstab: 1\n" + part)
-    (tmp_path / "main.yaml").write_text(f"mbstab: 1\n{gravity}include: {{file: part.yaml, prefix: the_parts_}}\n")
-    (tmp_path / "alone.yaml").write_text(f"mbstab: 1\n{gravity}{part}")
+    (tmp_path / "part.yaml").write_text("mbstab: 1\n" + part, encoding="utf-8")
+    (tmp_path / "main.yaml").write_text(
+        f"mbstab: 1\n{gravity}include: {{file: part.yaml, prefix: the_parts_}}\n", encoding="utf-8"
+    )
+    (tmp_path / "alone.yaml").write_text(f"mbstab: 1\n{gravity}{part}", encoding="utf-8")
     written, alone = (expanded_text(mbstab.load(tmp_path / x).model) for x in ("main.yaml", "alone.yaml"))
     assert yaml.safe_load(written.replace("the_parts_", "")) == yaml.safe_load(alone)
 
@@ -370,10 +377,11 @@ def test_a_need_that_is_the_ground_has_the_points_of_the_file(tmp_path):
     (tmp_path / "leg.yaml").write_text(
         "mbstab: 1\nneeds: {mount: a body}\nground: {points: {A: [5, 0]}}\nbodies: {p: {type: planar_point, mass: 1}}\n"
         "forces: {s: {type: spring, between: [p, mount.A], stiffness: 4, length: 0}}\n"
-        "constraints: {flat: {holonomic: p.y}}\nreference: {coordinates: {p: {x: 1}}}\n"
+        "constraints: {flat: {holonomic: p.y}}\nreference: {coordinates: {p: {x: 1}}}\n",
+        encoding="utf-8",
     )
     text = "mbstab: 1\nground: {points: {A: [1, 0]}}\ninclude: {file: leg.yaml, prefix: a_, with: {mount: ground}}\n"
-    (tmp_path / "stand.yaml").write_text(text)
+    (tmp_path / "stand.yaml").write_text(text, encoding="utf-8")
     assert mbstab.load(tmp_path / "stand.yaml").eig().values().imag.max() == pytest.approx(2.0)
 
 
@@ -400,8 +408,10 @@ def test_a_name_that_ends_in_a_negative_number_is_no_difference():
 
 def test_a_part_does_not_see_the_indices_of_the_file(tmp_path):
     (tmp_path / "mass.yaml").write_text(
-        "mbstab: 1\ncounts: {M: 2*N, N: 1}\nbodies: {p: {type: planar_point, mass: <M>}}\n"
+        "mbstab: 1\ncounts: {M: 2*N, N: 1}\nbodies: {p: {type: planar_point, mass: <M>}}\n", encoding="utf-8"
     )
-    (tmp_path / "row.yaml").write_text("mbstab: 1\ncounts: {N: 5}\ninclude: {file: mass.yaml, prefix: a_}\n")
+    (tmp_path / "row.yaml").write_text(
+        "mbstab: 1\ncounts: {N: 5}\ninclude: {file: mass.yaml, prefix: a_}\n", encoding="utf-8"
+    )
     with pytest.raises(ModelFileError, match="there is no count or index 'N'"):
         mbstab.load(tmp_path / "row.yaml")

@@ -169,7 +169,7 @@ def test_the_text_does_not_depend_on_the_hash_seed():
             [sys.executable, "-c", code],
             env={"PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(mbstab.__file__).parents[1])},
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             check=True,
         ).stdout
         for seed in ("1", "2")
@@ -191,7 +191,7 @@ def test_nothing_is_generated_before_it_is_asked_for():
         "from mbstab.compiler.fused import Fused;"
         "print([k for k in vars(Fused(s)) if k.startswith('_') and not k.startswith(('_trace', '_inputs', '_bases'))])"
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
     assert run.stdout.split("\n")[:2] == ["False", "[]"]
 
 

@@ -31,7 +31,7 @@ from mbstab.model.scene import Scene
 from mbstab.model.values import evaluate
 
 ROOT = Path(__file__).parents[1]
-TEXTS = [p.read_text() for d in ("models", "tests/scenes") for p in sorted((ROOT / d).glob("*.yaml"))]
+TEXTS = [p.read_text(encoding="utf-8") for d in ("models", "tests/scenes") for p in sorted((ROOT / d).glob("*.yaml"))]
 LINES = sorted({line for text in TEXTS for line in text.splitlines()})
 WORDS = sorted({word for text in TEXTS for word in re.findall(r"[\w.*/+()-]+", text)})
 NUMBERS = [

@@ -192,7 +192,7 @@ def test_table_json_csv_and_picture(few, tmp_path):
     assert result.exit_code == 0
     assert all(name in result.stdout for name in NAMES)
     assert "Chosen for 0.001: " in result.stdout
-    assert picture.read_text().startswith("<?xml")
+    assert picture.read_text(encoding="utf-8").startswith("<?xml")
     data = json.loads(run("--simulate", "--format", "json").stdout)
     assert data["disturbance"] == {"mode:1": 0.1}
     assert len(data["runs"]) == 12

@@ -57,7 +57,7 @@ def test_it_is_a_json_schema_and_json() -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_every_model_of_the_project_is_accepted(path: Path) -> None:
-    VALIDATOR.validate(as_an_editor_reads(path.read_text()))
+    VALIDATOR.validate(as_an_editor_reads(path.read_text(encoding="utf-8")))
 
 
 BODY = "bodies: {b: {type: planar, mass: 1, inertia: 1}}\n"
@@ -105,7 +105,7 @@ def test_a_file_with_a_wrong_key_or_value_is_not_accepted(text: str) -> None:
 
 def test_a_misspelled_key_is_accepted_nowhere() -> None:
     for path in FILES:
-        model = as_an_editor_reads(path.read_text())
+        model = as_an_editor_reads(path.read_text(encoding="utf-8"))
         for mapping in closed_mappings(model):
             mapping["mispelled"] = 1
             assert not VALIDATOR.is_valid(model), f"{path.name}: {mapping}"

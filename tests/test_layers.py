@@ -172,7 +172,7 @@ def loaded_by(arguments: list[str]) -> set[str]:
         "except SystemExit as stop:\n    assert not stop.code, stop.code\n"
         f"print('loaded:', *[m for m in '{LIBRARIES}'.split() if m in sys.modules])\n"
     )
-    run = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    run = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, encoding="utf-8", check=True)
     return set(run.stdout.splitlines()[-1].split()[1:])
 
 

@@ -75,11 +75,11 @@ def site(tmp_path_factory):
 def test_no_link_is_broken_and_nothing_comes_from_a_network(site):
     pages = check(site, ["top", "kapitza"])
     assert all("//" not in target for page in pages.values() for target in page.targets)
-    assert "@media print" in (site / "style.css").read_text()
+    assert "@media print" in (site / "style.css").read_text(encoding="utf-8")
 
 
 def test_the_page_of_a_model_has_what_was_computed_beside_what_is_published(site):
-    text = (site / "models" / "top.html").read_text()
+    text = (site / "models" / "top.html").read_text(encoding="utf-8")
     assert '<span class="typed">$ mbstab eig top.yaml\n</span>' in text
     assert "$ mbstab sweep top.yaml --param omega " in text
     assert "Verdict: marginally stable" in text
@@ -99,35 +99,37 @@ def test_the_page_of_a_model_has_what_was_computed_beside_what_is_published(site
 
 
 def test_what_cannot_be_drawn_is_left_out_with_the_reason(site):
-    text = (site / "models" / "kapitza.html").read_text()
+    text = (site / "models" / "kapitza.html").read_text(encoding="utf-8")
     assert "modes of periodic motions have no shape that swings" in text
     assert not (site / "models" / "kapitza.gif").exists()
 
 
 def test_topics_and_models_are_linked_where_they_are_mentioned(site):
-    assert '<a href="verdicts.html"><code>mbstab manual verdicts</code></a>' in (site / "tutorial.html").read_text()
-    assert '<a href="models/top.html"><code>top.yaml</code></a>' in (site / "examples.html").read_text()
+    assert '<a href="verdicts.html"><code>mbstab manual verdicts</code></a>' in (site / "tutorial.html").read_text(
+        encoding="utf-8"
+    )
+    assert '<a href="models/top.html"><code>top.yaml</code></a>' in (site / "examples.html").read_text(encoding="utf-8")
 
 
 def test_options_are_not_broken_at_their_hyphens(site):
     for name in ("commands", "verdicts", "how-to"):
-        text = re.sub(r"<pre>.*?</pre>", "", (site / f"{name}.html").read_text(), flags=re.S)
+        text = re.sub(r"<pre>.*?</pre>", "", (site / f"{name}.html").read_text(encoding="utf-8"), flags=re.S)
         whole = re.findall(r'<span class="option">(--[a-z-]+)</span>', text)
         assert len(whole) == len(re.findall(r"(?<![\w-])--[a-z]", text)) > 4
-    assert ".option { white-space: nowrap; }" in (site / "style.css").read_text()
+    assert ".option { white-space: nowrap; }" in (site / "style.css").read_text(encoding="utf-8")
 
 
 def test_a_long_page_begins_with_links_to_its_headings(site):
-    text = (site / "keys.html").read_text()
+    text = (site / "keys.html").read_text(encoding="utf-8")
     index = re.findall(r"<p>On this page:.*?</p>", text, flags=re.S)
     assert len(index) == 1
     assert '<a href="#bodies"><code>bodies</code></a> · <a href="#joints">' in index[0]
     assert text.index('<h2 id="bodies"><code>bodies</code></h2>') > text.index(index[0])
-    assert "On this page" not in (site / "limits.html").read_text()
+    assert "On this page" not in (site / "limits.html").read_text(encoding="utf-8")
 
 
 def test_a_folder_with_other_files_is_refused_and_a_site_is_written_again(tmp_path):
-    (tmp_path / "mine.txt").write_text("mine")
+    (tmp_path / "mine.txt").write_text("mine", encoding="utf-8")
     answer = built(tmp_path, "pendulum")
     assert answer.exit_code == 2
     assert "contains other files\nhint: name a folder" in answer.stderr
@@ -146,7 +148,7 @@ def test_an_own_model_with_any_name_has_a_page(tmp_path):
         "forces: {k: {type: expression, on: {k.x: -k*k.x, k.y: -k*k.y}}}\nreference: {coordinates: {k: {x: 0, y: 0}}}\n"
         "sweep: {k: {from: 1, to: 2, points: 3}}\n"
     )
-    own.write_text(text)
+    own.write_text(text, encoding="utf-8")
     answer = built(tmp_path / "site", str(own))
     assert answer.exit_code == 0, answer.output
     page = Page(tmp_path / "site" / "models" / "k 1.html")

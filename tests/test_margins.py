@@ -183,7 +183,8 @@ def test_a_loop_is_lost_through_infinity(direct):
 
 def test_a_motion_that_drives_prescribe_has_responses_without_eigenvalues(tmp_path):
     path = tmp_path / "driven.yaml"
-    path.write_text("""
+    path.write_text(
+        """
 mbstab: 1
 bodies: {slider: {type: planar_point, mass: 2}}
 constraints: {rail: {holonomic: slider.y}}
@@ -191,7 +192,9 @@ drives: {motor: {type: coordinate, coordinate: slider.x, position: 0}}
 inputs: {place: {type: drive, drive: motor}}
 outputs: {there: slider.x, load: 0.2*effort(motor)}
 reference: {coordinates: {slider: {x: 0, y: 0}}}
-""")
+""",
+        encoding="utf-8",
+    )
     result = run("response", str(path), "--from", "1", "--to", "3", "--points", "2", "--format", "json")
     assert not result.exit_code, result.stderr
     there, load = json.loads(result.stdout)["channels"]
@@ -306,7 +309,8 @@ def test_margins_of_a_free_axis_whose_phase_leaves_180_degrees_with_the_cube_of_
     """Two inertias on a damped spring, as closed forms have it: without a frame, the damping has no force at first."""
     J, J2, k, c = 1.5, 1.1, 4000.0, 2.0
     path = tmp_path / "shafts.yaml"
-    path.write_text(f"""
+    path.write_text(
+        f"""
 mbstab: 1
 bodies:
   rotor: {{type: planar, mass: 1, inertia: {J}}}
@@ -322,7 +326,9 @@ definitions: {{moment: {k}*(angle(a1) - angle(a2)) + {c}*(rate(angle(a1)) - rate
 inputs: {{push: {{type: joint, joint: a1}}}}
 outputs: {{there: angle(a2), here: angle(a1)}}
 reference: {{coordinates: {{rotor: {{theta: 0}}, arm: {{theta: 0}}}}}}
-""")
+""",
+        encoding="utf-8",
+    )
     result = run("response", str(path), "--format", "json")
     assert not result.exit_code, result.stderr
     channels = json.loads(result.stdout)["channels"]

@@ -493,7 +493,7 @@ def test_a_number_of_extreme_size_is_named_where_the_computation_fails(right, wr
 
 def test_a_folder_is_no_model_and_hides_no_example(tmp_path, monkeypatch):
     (tmp_path / "pendulum").mkdir()
-    (tmp_path / "pendulum" / "mine.yaml").write_text(MODEL)
+    (tmp_path / "pendulum" / "mine.yaml").write_text(MODEL, encoding="utf-8")
     with pytest.raises(MbstabError, match=r"is a folder\nhint: name a model file in it: mine.yaml"):
         mbstab.load(tmp_path / "pendulum")
     monkeypatch.chdir(tmp_path)
@@ -802,7 +802,7 @@ CONTRADICTORY = {
 def test_the_gap_and_both_entries_are_told_alike_by_every_command(name, tmp_path):
     text, kind, gravity, gap = CONTRADICTORY[name]
     path = tmp_path / "open.yaml"
-    path.write_text(SCENE.replace("GRAVITY", gravity) + text)
+    path.write_text(SCENE.replace("GRAVITY", gravity) + text, encoding="utf-8")
     told = set()
     for command in (["check"], ["eig"], ["equilibrium"], ["linearize"], ["simulate", "--to", "0.1"]):
         result = CliRunner().invoke(main, [command[0], str(path), *command[1:]])
@@ -916,7 +916,7 @@ def test_a_value_of_another_form_is_told_once_with_what_to_write(kind, keys, pla
 
 def test_a_fault_at_one_file_leaves_the_others_their_answers(tmp_path, monkeypatch):
     for name in ("first", "second", "third"):
-        (tmp_path / f"{name}.yaml").write_text(written("pid") + f"title: {name}\n")
+        (tmp_path / f"{name}.yaml").write_text(written("pid") + f"title: {name}\n", encoding="utf-8")
     whole = mbstab.Mechanism.eig
 
     def eig(mechanism, *arguments, **options):

@@ -318,7 +318,7 @@ def test_a_defective_eigenvalue_has_one_shape_and_it_is_an_eigenvector(text, set
 
 def test_eigenvalues_that_share_a_shape_are_told(tmp_path, capsys):
     file = tmp_path / "double.yaml"
-    file.write_text(DOUBLE)
+    file.write_text(DOUBLE, encoding="utf-8")
     text = printed(capsys, str(file))
     assert "1 has no mode shape of its own: 2 eigenvalues are not told apart there" in " ".join(text.split())
     listed = json.loads(printed(capsys, str(file), "--format", "json"))["eigenvalues"]
@@ -436,7 +436,7 @@ reference: {}
 
 def test_a_mode_of_states_has_no_picture(tmp_path, capsys):
     file = tmp_path / "filters.yaml"
-    file.write_text(FILTERS)
+    file.write_text(FILTERS, encoding="utf-8")
     with pytest.raises(SystemExit) as stop:
         main(["eig", str(file), "--plot", "modes", "--pictures", str(tmp_path / "a.svg")])
     shown = capsys.readouterr()

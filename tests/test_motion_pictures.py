@@ -509,7 +509,7 @@ def test_wheels_stay_on_the_ground_in_every_mode(name):
 
 def test_what_passes_through_the_ground_is_told(tmp_path):
     text = text_of("wheeled_inverted_pendulum")
-    (tmp_path / "low.yaml").write_text(text.replace("R_d: {value: 0.2", "R_d: {value: 0.1"))
+    (tmp_path / "low.yaml").write_text(text.replace("R_d: {value: 0.2", "R_d: {value: 0.1"), encoding="utf-8")
     command = ["simulate", str(tmp_path / "low.yaml"), "--to", "1.5", "--perturb", "pendulum.theta=0.3", "--animate"]
     answer = CliRunner().invoke(main, [*command, str(tmp_path / "low.gif"), "--fps", "5"])
     assert answer.exit_code == 0, answer.output
@@ -700,7 +700,7 @@ def test_a_mode_is_one_period_of_two_seconds(tmp_path):
 
 def fake_ffmpeg(folder, code):
     program = folder / "ffmpeg"
-    program.write_text(f"#!{sys.executable}\nimport sys\n{code}\n")
+    program.write_text(f"#!{sys.executable}\nimport sys\n{code}\n", encoding="utf-8")
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
     return f"{folder}{os.pathsep}{os.environ['PATH']}"
 
@@ -711,7 +711,7 @@ def test_mp4_files_get_all_frames_from_ffmpeg(tmp_path, monkeypatch, pendulum):
     monkeypatch.setenv("PATH", fake_ffmpeg(tmp_path, code))
     stage = Stage(Sketch.of(PENDULUM.system()), motion_frames(pendulum))
     movie_files.write(stage, tmp_path / "a.mp4")
-    size, count = (tmp_path / "a.mp4").read_text().split()
+    size, count = (tmp_path / "a.mp4").read_text(encoding="utf-8").split()
     width, height = map(int, size.split("x"))
     assert int(count) == 26 * width * height * 3
     assert width % 2 == height % 2 == 0
@@ -732,7 +732,7 @@ def test_a_film_has_all_frames_their_size_and_the_duration_of_the_motion(tmp_pat
     stage = Stage(Sketch.of(PENDULUM.system()), motion_frames(sim, rate, speed), PENDULUM.model.title)
     drawn = [np.asarray(image, dtype=int) for image in stage.images()]
     assert len(drawn) == math.floor(rate / speed) + 1
-    said = subprocess.run(["ffmpeg", "-hide_banner", "-i", path], capture_output=True, text=True).stderr
+    said = subprocess.run(["ffmpeg", "-hide_banner", "-i", path], capture_output=True, encoding="utf-8").stderr
     height, width, _ = drawn[0].shape
     assert re.search(rf"Video: h264.* yuv420p.* {width}x{height},.* {rate:g} fps", said)
     hours, minutes, seconds = map(float, re.search(r"Duration: (\d+):(\d+):([\d.]+)", said).groups())
@@ -847,7 +847,7 @@ def test_ffmpeg_ends_with_the_animation(tmp_path, number):
     with child(command_line("simulate", "pendulum.yaml", *arguments), env=environment, **QUIET) as process:
         until(lambda: any(p.stat().st_size for p in out.iterdir()), process)
         (half,) = out.iterdir()
-        writer = int(half.read_text())
+        writer = int(half.read_text(encoding="utf-8"))
         process.send_signal(number)
         process.wait(timeout=30)
     assert process.returncode == 128 + number

@@ -34,7 +34,7 @@ def test_the_kinds_are_listed():
 def test_a_new_file_runs_at_once(kind, here):
     made = run("new", kind, "own.yaml")
     assert (made.exit_code, made.stdout, made.stderr) == (0, "", "wrote own.yaml\n")
-    text = (here / "own.yaml").read_text()
+    text = (here / "own.yaml").read_text(encoding="utf-8")
     assert text.startswith("# yaml-language-server: $schema=mbstab.schema.json\n")
     assert text.count("#") > 8  # commented
     assert kind + ".yaml" not in text
@@ -89,11 +89,11 @@ def test_the_name_is_that_of_the_kind_if_none_is_given(here):
 
 
 def test_no_file_is_overwritten(here):
-    (here / "rotor.yaml").write_text("mine")
+    (here / "rotor.yaml").write_text("mine", encoding="utf-8")
     answer = run("new", "rotor")
     assert answer.exit_code == 2
     assert "rotor.yaml exists already\nhint: name another FILE" in answer.stderr
-    assert (here / "rotor.yaml").read_text() == "mine"
+    assert (here / "rotor.yaml").read_text(encoding="utf-8") == "mine"
 
 
 def test_an_unknown_kind_is_refused_with_the_nearest_one(here):
@@ -107,7 +107,7 @@ def test_an_unknown_kind_is_refused_with_the_nearest_one(here):
 def test_output_is_the_same_as_a_file(here):
     made = run("new", "rotor", "-o", "own.yaml")
     assert (made.exit_code, made.stderr) == (0, "wrote own.yaml\n")
-    assert (here / "own.yaml").read_text() == run_file(here)
+    assert (here / "own.yaml").read_text(encoding="utf-8") == run_file(here)
     assert run("new", "rotor", "a.yaml", "-o", "b.yaml").exit_code == 2
     assert "needs a KIND of model" in run("new", "-o", "c.yaml").stderr
     assert sorted(x.name for x in here.iterdir()) == ["own.yaml", "own2.yaml"]
@@ -115,4 +115,4 @@ def test_output_is_the_same_as_a_file(here):
 
 def run_file(here):
     run("new", "rotor", "own2.yaml")
-    return (here / "own2.yaml").read_text().replace("own2.yaml", "own.yaml")
+    return (here / "own2.yaml").read_text(encoding="utf-8").replace("own2.yaml", "own.yaml")

@@ -90,7 +90,7 @@ def test_a_whirl_that_changes_its_sense_is_told():
 
 def test_a_campbell_diagram_ends_at_a_frequency_that_is_given(tmp_path):
     path = tmp_path / "rotor.yaml"
-    path.write_text(ROTOR)
+    path.write_text(ROTOR, encoding="utf-8")
     arguments = ("sweep", str(path), "--param", "Omega", "--from", "100", "--to", "300", "--points", "5")
     drawn = (*arguments, "--plot", "campbell", "--pictures", str(tmp_path / "a.svg"), "--max-frequency")
     assert run(*drawn, "25").exit_code == 0
@@ -105,7 +105,9 @@ def test_a_campbell_diagram_ends_at_a_frequency_that_is_given(tmp_path):
 
 def test_a_sweep_without_any_answer_draws_nothing(tmp_path):
     path = tmp_path / "rotor.yaml"
-    path.write_text(ROTOR.replace("{value: 0, unit: N*s/m}", "{value: sqrt(-k_1**2/Omega**2), unit: N*s/m}"))
+    path.write_text(
+        ROTOR.replace("{value: 0, unit: N*s/m}", "{value: sqrt(-k_1**2/Omega**2), unit: N*s/m}"), encoding="utf-8"
+    )
     arguments = ("sweep", str(path), "--param", "Omega", "--from", "100", "--to", "300", "--points", "5")
     result = run(*arguments, "--plot", "map", "--pictures", str(tmp_path / "a.svg"))
     assert result.exit_code
@@ -123,7 +125,7 @@ def test_speeds_that_fall_and_names_of_modes():
 
 def test_the_command_lists_and_draws_crossings(tmp_path):
     path = tmp_path / "rotor.yaml"
-    path.write_text(ROTOR)
+    path.write_text(ROTOR, encoding="utf-8")
     arguments = ("sweep", str(path), "--param", "Omega", "--from", "100", "--to", "300", "--points", "21")
     result = run(*arguments, "--plot", "campbell", "--pictures", str(tmp_path / "a.svg"))
     assert result.exit_code == 0

@@ -118,7 +118,7 @@ def no_files_above(size):
 @pytest.mark.parametrize(("name", "suffix"), sample(WRITTEN, 3))
 def test_a_full_disk_leaves_a_whole_file_or_none(name, suffix, tmp_path, monkeypatch):
     path = tmp_path / f"answer.{suffix}"
-    path.write_text("before")
+    path.write_text("before", encoding="utf-8")
     whole = tmp_path / f"whole.{suffix}"
     assert run(*COMMANDS[name][0], "-o", whole).exit_code == 0
     sizes = (1, whole.stat().st_size // 2)
@@ -131,7 +131,7 @@ def test_a_full_disk_leaves_a_whole_file_or_none(name, suffix, tmp_path, monkeyp
         assert result.exit_code == 1, result.stderr
         assert "cannot be written: File too large" in result.stderr
         assert "Traceback" not in result.stderr
-        assert path.read_text() == "before"
+        assert path.read_text(encoding="utf-8") == "before"
         # What a sweep has computed can be resumed.
         shutil.rmtree(tmp_path / f"{path.name}.parts", ignore_errors=True)
     assert sorted(x.name for x in tmp_path.iterdir()) == sorted([path.name, whole.name, "spare"])
@@ -151,7 +151,7 @@ def test_a_copy_for_which_there_is_no_room_does_not_block_the_next(tmp_path, mon
 def test_a_full_stdout_is_said(arguments):
     command = [sys.executable, "-m", "mbstab", *map(str, arguments)]
     with open("/dev/full", "w") as full:
-        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, encoding="utf-8", timeout=60)
     assert result.returncode == 1
     assert "cannot be written to stdout: No space left on device" in result.stderr
     assert "Traceback" not in result.stderr
@@ -190,7 +190,7 @@ def said(*arguments, **options):
 @pytest.mark.parametrize("unseen", UNSEEN, ids=ascii)
 def test_nothing_invisible_in_a_file_reaches_the_terminal(unseen, tmp_path):
     escape = '"' + "".join(f"\\U{ord(c):08x}" for c in "a" + unseen) + '"'
-    text = PENDULUM.read_text()
+    text = PENDULUM.read_text(encoding="utf-8")
     places = {
         "title": text.replace("title: Physical pendulum", f"title: {escape}"),
         "key": text + f"{escape}: 1\n",
@@ -222,7 +222,10 @@ def test_nothing_invisible_on_the_command_line_reaches_the_terminal(unseen, tmp_
 
 def test_a_title_with_line_breaks_is_one_line(tmp_path):
     for title in ('"A pendulum\\nVerdict: unstable"', "|\n  A pendulum\n  Verdict: unstable\n"):
-        (tmp_path / "m.yaml").write_text(PENDULUM.read_text().replace("title: Physical pendulum", f"title: {title}"))
+        (tmp_path / "m.yaml").write_text(
+            PENDULUM.read_text(encoding="utf-8").replace("title: Physical pendulum", f"title: {title}"),
+            encoding="utf-8",
+        )
         text = said("eig", tmp_path / "m.yaml").stdout
         assert text.splitlines()[0] == "A pendulum Verdict: unstable"
         assert [line for line in text.splitlines() if line.startswith("Verdict")] == ["Verdict: stable"]
@@ -245,7 +248,7 @@ def test_escapes_of_unseen_characters_are_those_of_json():
 
 def test_a_model_comes_from_stdin(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text = PENDULUM.read_text()
+    text = PENDULUM.read_text(encoding="utf-8")
     result = run("eig", "-", "--format", "json", input=text)
     assert json.loads(result.stdout)["model"] == "<stdin>"
     assert json.loads(result.stdout)["verdict"] == "stable"
@@ -259,13 +262,13 @@ def test_a_model_comes_from_stdin(tmp_path, monkeypatch):
 
 def test_a_closed_stdin_is_said():
     command = f"{shlex.quote(sys.executable)} -m mbstab eig - <&-"
-    failed = subprocess.run(command, shell=True, capture_output=True, text=True)
+    failed = subprocess.run(command, shell=True, capture_output=True, encoding="utf-8")
     assert failed.returncode == 2
     assert "stdin cannot be read: it is closed\nhint: give the name of a file" in failed.stderr
 
 
 def test_several_files_are_answered_one_after_the_other(tmp_path):
-    (tmp_path / "wrong.yaml").write_text("mbstab: 2\n")
+    (tmp_path / "wrong.yaml").write_text("mbstab: 2\n", encoding="utf-8")
     names = ("pendulum.yaml", tmp_path / "wrong.yaml", "top.yaml")
     result = run("eig", *names, "--format", "json")
     assert [x["verdict"] for x in json.loads(result.stdout)] == ["stable", "marginally stable"]
@@ -394,7 +397,7 @@ def test_eigenvalues_that_left_the_range_are_no_answer(tmp_path):
     codes = set()
     for value in ("1e-60", "1e-150", "1e150"):
         path = tmp_path / "m.yaml"
-        path.write_text(text)
+        path.write_text(text, encoding="utf-8")
         for name in ("m", "l", "g"):
             result = run("eig", path, "--set", f"{name}={value}")
             codes.add(result.exit_code)
@@ -404,7 +407,9 @@ def test_eigenvalues_that_left_the_range_are_no_answer(tmp_path):
 
 def test_long_lists_of_neutral_directions_are_shortened_but_in_json(tmp_path):
     path = tmp_path / "many.yaml"
-    path.write_text("mbstab: 1\nbodies:\n" + "".join(f"  b{i}: {{type: point, mass: 1}}\n" for i in range(12)))
+    path.write_text(
+        "mbstab: 1\nbodies:\n" + "".join(f"  b{i}: {{type: point, mass: 1}}\n" for i in range(12)), encoding="utf-8"
+    )
     text = run("eig", path).stdout
     (shown,) = re.findall(r"neutral eigenvalues belong to: (?s:.*)", text)
     assert len(shown.splitlines()) <= 5
@@ -418,7 +423,8 @@ def test_what_neutral_eigenvalues_belong_to_is_said_beside_an_unstable_one(tmp_p
     path = tmp_path / "cart.yaml"
     path.write_text(
         "mbstab: 1\nbodies:\n  cart: {type: point, mass: 1}\n"
-        "forces:\n  push: {type: expression, on: {cart.x: 3*cart.x}}\n"
+        "forces:\n  push: {type: expression, on: {cart.x: 3*cart.x}}\n",
+        encoding="utf-8",
     )
     assert "neutral eigenvalues belong to: cart.y, cart.z, speed along cart.y" in " ".join(
         run("eig", path).stdout.split()
@@ -443,7 +449,8 @@ def test_values_in_a_unit_are_those_that_were_asked_for(tmp_path):
     path = tmp_path / "rotor.yaml"
     path.write_text(
         "mbstab: 1\nparameters: {n: {value: 3000, unit: rpm}, k: 1}\nbodies:\n  p: {type: point, mass: 1}\n"
-        "forces:\n  f: {type: expression, on: {p.x: -k*n*p.x, p.y: -k*n*p.y, p.z: -k*n*p.z}}\n"
+        "forces:\n  f: {type: expression, on: {p.x: -k*n*p.x, p.y: -k*n*p.y, p.z: -k*n*p.z}}\n",
+        encoding="utf-8",
     )
     asked = ("sweep", path, "--param", "n", "--from", 500, "--to", 4000, "--points", 8)
     lines = run(*asked, "--format", "csv").stdout.splitlines()
@@ -458,7 +465,8 @@ def test_an_expected_critical_value_is_in_the_unit_of_its_parameter(tmp_path):
     path.write_text(
         text.replace("v: {value: 5, unit: m/s", "v: {value: 18, unit: km/h").partition("expect:")[0]
         + "expect:\n- critical: {parameter: v, value: 15.45257713, tolerance: 1e-8, below: unstable, "
-        "above: asymptotically stable up to symmetry}\n"
+        "above: asymptotically stable up to symmetry}\n",
+        encoding="utf-8",
     )
     result = run("test", str(path))
     assert "critical at 15.45257713 km/h" in result.stdout
@@ -476,7 +484,7 @@ program()
 
 @pytest.mark.parametrize(("more", "code"), [([], 0), (["--require", "asymptotic"], 3)])
 def test_what_is_registered_for_the_end_of_a_process_is_run_and_written(more, code):
-    ended = subprocess.run([sys.executable, "-c", END, *more], capture_output=True, text=True)
+    ended = subprocess.run([sys.executable, "-c", END, *more], capture_output=True, encoding="utf-8")
     assert (ended.returncode, ended.stdout.splitlines()[-1]) == (code, "the end")
 
 
@@ -495,7 +503,8 @@ def test_check_says_where_there_is_no_gravity(gravity, none, tmp_path):
     path = tmp_path / "free.yaml"
     path.write_text(
         f"mbstab: 1\n{gravity}bodies: {{p: {{type: planar, mass: 1, inertia: 1}}}}\n"
-        "joints: {pin: {type: fixed, between: [p, ground]}}\n"
+        "joints: {pin: {type: fixed, between: [p, ground]}}\n",
+        encoding="utf-8",
     )
     told, data = (CliRunner().invoke(main, ["check", str(path), *f]).stdout for f in ((), ("--format", "json")))
     assert told.splitlines()[0] == "planar scene, 1 body, 3 coordinates" + ", no gravity" * none

@@ -229,7 +229,7 @@ reference:
 
 def test_the_terminal_and_json_answers_of_a_periodic_motion(tmp_path):
     path = tmp_path / "model.yaml"
-    path.write_text(PARAMETRIC.format(period="T", more=""))
+    path.write_text(PARAMETRIC.format(period="T", more=""), encoding="utf-8")
     shown = CliRunner().invoke(main, ["eig", str(path)])
     assert shown.exit_code == 0
     assert "multiplier" in shown.stdout

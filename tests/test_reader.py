@@ -22,7 +22,10 @@ from mbstab.model.yamlfile import MAX_BYTES, MAX_NESTING, MAX_PROBLEMS
 pytestmark = pytest.mark.table
 
 SCENES = Path(__file__).parent / "scenes"
-RICH = {2: (SCENES / "everything_planar.yaml").read_text(), 3: (SCENES / "everything_spatial.yaml").read_text()}
+RICH = {
+    2: (SCENES / "everything_planar.yaml").read_text(encoding="utf-8"),
+    3: (SCENES / "everything_spatial.yaml").read_text(encoding="utf-8"),
+}
 """Scenes with every kind of entry and every key of each."""
 
 
@@ -906,7 +909,7 @@ def test_bytes_that_are_no_utf8_are_refused_at_their_place(data: bytes, place: s
 
 def test_a_file_is_read_from_disk_under_its_name(tmp_path: Path) -> None:
     path = tmp_path / "my model.yaml"
-    path.write_text(ONE.replace("1}", "-1}"))
+    path.write_text(ONE.replace("1}", "-1}"), encoding="utf-8")
     model = read_model(path)
     assert model.name == str(path)
     with pytest.raises(ModelFileError, match=r"my model\.yaml:2:33: bodies\.p\.mass: mass must not be negative"):
@@ -923,7 +926,7 @@ def test_a_file_of_100_megabytes_is_refused(tmp_path: Path) -> None:
 
 def test_a_file_of_exactly_the_limit_is_read(tmp_path: Path) -> None:
     path = tmp_path / "limit.yaml"
-    path.write_text(ONE + "#" * (MAX_BYTES - len(ONE)))
+    path.write_text(ONE + "#" * (MAX_BYTES - len(ONE)), encoding="utf-8")
     assert evaluate(read_model(path)).bodies[0].mass == 1.0
 
 

@@ -171,7 +171,7 @@ def test_the_command_prints_what_moves_an_eigenvalue_most_first():
 
 
 def test_json_and_csv_have_the_derivatives_per_declared_unit():
-    text = (Path(mbstab.__file__).parents[1] / "models" / "pendulum.yaml").read_text()
+    text = (Path(mbstab.__file__).parents[1] / "models" / "pendulum.yaml").read_text(encoding="utf-8")
     arguments = ["eig", "-", "--sensitivity", "--format"]
     file = text.replace("L: {value: 0.2, unit: m,", "L: {value: 200, unit: mm,")
     run = CliRunner().invoke(main, [*arguments, "json"], input=file, catch_exceptions=False)

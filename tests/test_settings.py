@@ -132,7 +132,7 @@ def test_what_is_no_path_is_refused(value):
 
 def test_paths_and_bytes_are_read(tmp_path):
     path = tmp_path / "a.yaml"
-    path.write_text(TEXT)
+    path.write_text(TEXT, encoding="utf-8")
     assert mbstab.load(pathlib.Path(path)).model == mbstab.load(str(path)).model
     assert mbstab.loads(TEXT.encode()).parameters() == MODEL.parameters()
     with pytest.raises(ModelFileError, match="the file is empty"):

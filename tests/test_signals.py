@@ -8,6 +8,18 @@ from click.testing import CliRunner
 from mbstab.cli import main
 
 
+@pytest.fixture(autouse=True)
+def _handled():
+    """In the background of a script interrupts are ignored, and that is inherited: here they are not."""
+    before = {
+        number: signal.signal(number, handler)
+        for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL))
+    }
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=str)
 @pytest.mark.parametrize(
     ("place", "arguments"),

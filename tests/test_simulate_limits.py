@@ -367,7 +367,7 @@ reference: {rates: {a: {theta: 2}}}
 
 def test_a_failure_is_told_before_the_part_that_is_kept(tmp_path):
     model = tmp_path / "runaway.yaml"
-    model.write_text(RUNAWAY)
+    model.write_text(RUNAWAY, encoding="utf-8")
     result = CliRunner().invoke(main, ["simulate", str(model), "--to", "20", "--tol", "1e-3", "--points", "21"])
     assert result.exit_code == 1
     assert result.output.index("the motion runs away") < result.output.index("ended early")

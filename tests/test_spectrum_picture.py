@@ -340,7 +340,7 @@ def test_log_draws_logarithmic_axes(discs, tmp_path, monkeypatch):
     kept = []
     monkeypatch.setattr("mbstab.cli.commands.sweep.save_picture", lambda draw, path: kept.append(draw()))
     path = tmp_path / "discs.yaml"
-    path.write_text(lagging(INERTIAS))
+    path.write_text(lagging(INERTIAS), encoding="utf-8")
     given = ["sweep", str(path), "--param", "P", "--from", "10", "--to", "20000", "--points", "9", "--log"]
     assert CliRunner().invoke(main, [*given, "-o", str(tmp_path / "a.csv")]).exit_code == 0
     assert kept[0].axes[0].get_xscale() == "log"

@@ -77,7 +77,7 @@ reference: {find: equilibrium, guess: {bar: {x: -0.5}}}
 
 def test_a_bushing_carries_the_weight_by_a_force_and_a_torque(tmp_path):
     model = tmp_path / "bar.yaml"
-    model.write_text(PLANAR.replace("PRELOAD", "damping: [1, 2]"))
+    model.write_text(PLANAR.replace("PRELOAD", "damping: [1, 2]"), encoding="utf-8")
     result = CliRunner().invoke(main, ["equilibrium", str(model), "--format", "json"])
     (found,) = json.loads(result.stdout)["equilibria"]
     (reaction,) = found["reactions"]
