@@ -1,6 +1,7 @@
 """Two lanes: by default a few cases of every test, with ``--long`` all of them.
 
-A test with the mark ``table`` runs all its cases always, a test or a case with the mark ``long`` only with ``--long``.
+A test with the mark ``table`` runs all its cases always, one with ``few(2)`` two of them; a test or a case with the
+mark ``long`` runs with ``--long`` only.
 Workers share the cores among them: linear algebra takes one thread in each.
 """
 
@@ -23,8 +24,10 @@ def pytest_generate_tests(metafunc):
     if metafunc.config.getoption("long") or not metafunc._calls:
         return
     calls = [call for call in metafunc._calls if not any(mark.name == "long" for mark in call.marks)]
-    is_table = metafunc.definition.get_closest_marker("table")
-    metafunc._calls = calls if is_table else differing(calls, FEW)
+    few = metafunc.definition.get_closest_marker("few")
+    if not metafunc.definition.get_closest_marker("table"):
+        calls = differing(calls, few.args[0] if few else FEW)
+    metafunc._calls = calls
 
 
 def pytest_collection_modifyitems(config, items):

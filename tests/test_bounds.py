@@ -75,6 +75,7 @@ def test_discs_of_random_mechanisms_hold_their_eigenvalues(seed, structure):
     assert all(math.isfinite(radius) for _, radius, _ in rows)
 
 
+@pytest.mark.long
 def test_random_mechanisms_are_of_all_kinds_and_nearly_all_are_mechanisms():
     refused = 0
     for seed in range(4 * len(KINDS)):

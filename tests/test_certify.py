@@ -110,6 +110,7 @@ SPEEDS = {"v": "5"}
 LENGTHS = {"L": "0.05", "R": "0.002", "H": "0.02", "e": "0.01777", "omega": "10"}
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("name", "settings", "verdict"),
     sample(
@@ -272,6 +273,7 @@ def test_a_critical_value_that_is_not_there_is_refused():
         proven_change(mbstab.load("top.yaml").model, "omega", Fraction(6), Fraction(7))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", sample(range(3, 7), 4))
 def test_an_interval_over_a_change_is_not_claimed(seed):
     rng = random.Random(seed)
@@ -479,6 +481,7 @@ def test_sweep_proves_its_critical_values():
     assert f",critical: collision; {ball_['midpoint']} ± {ball_['radius']};" in last
 
 
+@pytest.mark.long
 def test_sweep_says_why_a_critical_value_is_not_proven():
     text = swept("von_mises_truss.yaml", "--param", "P", "--from", "-5", "--to", "5", "--points", "11").output
     assert "not proven: only divergence, flutter, collision can be proven, not 'fold'" in " ".join(text.split())
@@ -686,6 +689,7 @@ def test_what_holds_over_parts_with_different_words_is_the_weaker_one():
     assert common(parts("asymptotically stable", "not provable")) is None
 
 
+@pytest.mark.long
 def test_words_that_may_be_required_are_those_of_the_rule():
     assert all(set(words) <= set(WORDS) for words in REQUIRED.values())
     assert run("whipple_bicycle.yaml", "--certify", "--require", "asymptotic").exit_code == 0
@@ -1031,6 +1035,7 @@ PIECES = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", sample(PIECES, 3))
 def test_what_is_proven_over_an_interval_holds_on_both_sides_of_a_kink(name):
     force, low, high = PIECES[name]

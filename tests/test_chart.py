@@ -100,6 +100,7 @@ def test_the_weave_speed_of_the_bicycle_is_on_its_boundary():
     assert np.allclose(found, [4.29238253634110395869, 6.02426201538835888987], rtol=1e-10)
 
 
+@pytest.mark.long
 def test_three_regions_meet():
     # One unstable eigenvalue for each stiffness below zero; the corner lies inside a cell, three regions in it.
     x, y = np.linspace(-1.0, 1.4, 9), np.linspace(-0.7, 1.0, 8)
@@ -117,6 +118,7 @@ def test_three_regions_meet():
     assert np.all(np.min(np.abs(np.concatenate(result.boundaries)), axis=1) < 1e-9)
 
 
+@pytest.mark.long
 def test_curves_reach_the_point_where_they_meet():
     # Weave, capsize and both: three regions in one cell.
     x, y = np.array([4.0, 5.0, 6.0, 7.0]), np.array([1.1, 1.15, 1.2])
@@ -128,6 +130,7 @@ def test_curves_reach_the_point_where_they_meet():
         assert end[0] in (x[0], x[-1]) or end[1] in (y[0], y[-1]) or points.count(end) > 1
 
 
+@pytest.mark.long
 def test_a_bend_within_a_cell_is_drawn():
     """Ziegler's column: with little damping of the upper hinge the critical force rises from 2 to 2.086 and falls."""
     y = np.linspace(0.0, 0.2, 9)
@@ -143,6 +146,7 @@ def test_a_bend_within_a_cell_is_drawn():
     assert set(y) < set(result.detail.y)
 
 
+@pytest.mark.long
 def test_a_region_between_the_lines_of_the_grid_is_found():
     """Two boundaries through 0, which differ by less than a cell: between them one eigenvalue grows."""
     text = OSCILLATORS.replace("-c*b.x - d*rate(b.x)", "-(k + c)*b.x").replace(
@@ -316,6 +320,7 @@ def test_a_chart_follows_equilibria_and_draws_where_they_end():
         assert abs(load - snap(h=h)) < 1e-10
 
 
+@pytest.mark.long
 def test_a_chart_of_equilibria_draws_nothing_between_paths_that_differ():
     from test_sweep import CUBIC
 
@@ -327,6 +332,7 @@ def test_a_chart_of_equilibria_draws_nothing_between_paths_that_differ():
     assert all(np.allclose(points, 0.0, atol=1e-9) for points in result.boundaries)
 
 
+@pytest.mark.long
 def test_a_parameter_of_the_guess_alone_changes_nothing_and_that_is_said():
     truss = mbstab.load("von_mises_truss.yaml")
     grid = {"y": np.linspace(0.025, 2.5, 5), "h": np.linspace(0.5, 2.5, 4)}
@@ -396,6 +402,7 @@ reference:
 """
 
 
+@pytest.mark.long
 def test_points_on_a_boundary_are_judged_as_eig_judges_them():
     mechanism = mbstab.loads(UPRIGHT)
     m, k = np.linspace(0.5, 1.5, 3), np.linspace(1.0, 3.0, 3)
@@ -417,6 +424,7 @@ def test_a_line_divides_flutter_from_divergence():
     assert np.ptp(line[:, 1]) == pytest.approx(0.4)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("force", "ends", "told"),
     [

@@ -56,6 +56,7 @@ def by_name(result):
 # --- errors ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("name", "parameters"),
     sample(
@@ -127,6 +128,7 @@ def heavy_chain():
     return mbstab.loads(text, "chain").compare(20)
 
 
+@pytest.mark.long
 def test_what_qz_loses_is_counted(heavy_chain):
     """Whether it loses any here is up to the rounding of the processor."""
     assert len(heavy_chain.truth.eigenvalues) == 20
@@ -165,6 +167,7 @@ def test_the_counts_are_those_of_the_plain_answer(name):
     assert np.isnan(x.values).sum() == x.lost
 
 
+@pytest.mark.long
 def test_a_zero_that_is_not_there_is_lost_too():
     for name in ("wheeled_inverted_pendulum", "whipple_bicycle", "free_rigid_body"):
         for x in compared(name).outcomes:
@@ -174,6 +177,7 @@ def test_a_zero_that_is_not_there_is_lost_too():
 # --- the choice -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-10, 1e-18, 1e-25, 1e-48])
 def test_the_chosen_method_keeps_the_tolerance_and_no_cheaper_one_does(tolerance):
     result = compared("pendulum", tolerance, 50)

@@ -172,6 +172,7 @@ def _ldl(A):
     return L
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", sample(sorted(MODELS, key=lambda name: name == "andrews_squeezer"), 2))
 def test_accelerations_and_power_are_those_of_the_system_at_any_state(name):
     steps, equations, start = compiled_steps(MODELS[name])

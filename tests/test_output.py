@@ -345,6 +345,7 @@ def test_vectors_belong_to_their_eigenvalues():
         assert vector[largest] == 1.0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", sample(sorted(path.stem for path in models_folder().glob("*.yaml")), 3))
 def test_tables_fit_80_columns(name):
     for arguments in (("check",), ("eig",), ("equilibrium",), ("linearize",), ("test",)):

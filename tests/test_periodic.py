@@ -441,6 +441,7 @@ CONSTANT = {
 }
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", sample(CONSTANT, 3))
 def test_the_monodromy_matrix_of_constant_coefficients_is_their_exponential(name):
     model, T = mbstab.load(MODELS[name]), CONSTANT[name]
@@ -852,6 +853,7 @@ reference: {{period: 2*pi, coordinates: {{b: {{x: 0}}}}, rates: {{b: {{x: 0}}}}}
 """
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("w", [1e-2, 1e-3, 1e-4])
 @pytest.mark.parametrize("t0", [0.0, 2.5, 4.0])
 def test_a_short_pulse_on_the_rate_changes_the_product_of_the_multipliers_as_liouville_says(w, t0):
@@ -864,6 +866,7 @@ def test_a_short_pulse_on_the_rate_changes_the_product_of_the_multipliers_as_lio
     assert result.verdict == "unstable"
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("w", [1e-3, 1e-4])
 @pytest.mark.parametrize("height", [1.5, -1.5])
 def test_a_short_pulse_on_the_place_turns_the_state(w, height):
@@ -885,6 +888,7 @@ drives: {turn: {type: joint, joint: pivot, position: t}}
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("angle", ["rotor.theta", "angle(pivot)"])
 @pytest.mark.parametrize(("w", "on"), [(1e-2, "rate(b.x)"), (1e-3, "rate(b.x)"), (1e-4, "rate(b.x)"), (1e-3, "b.x")])
 def test_a_pulse_of_an_angle_that_a_motor_turns_is_one_of_the_time(w, on, angle):

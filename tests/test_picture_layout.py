@@ -205,6 +205,7 @@ def run(*arguments):
     return stop.value.code
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("name", "of"), [(n, s) for k, n in enumerate(COMMANDS) for s in [(*WIDTHS,)[k % 3]]])
 def test_commands_draw_in_the_size_asked_for(name, of, tmp_path):
     assert not run(*COMMANDS[name].split(), "--pictures", str(tmp_path / "p.png"), "--size", of)
@@ -291,6 +292,7 @@ def test_texts_hide_neither_each_other_nor_curves(name, of, drawings):
             assert name == "chart" or not covered.all(axis=1).any(), text.get_text()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("of", WIDTHS)
 def test_texts_are_inside_the_picture_and_legible(of, drawings):
     for name, draw in drawings.items():
@@ -315,6 +317,7 @@ def test_texts_are_inside_the_picture_and_legible(of, drawings):
                 assert sheet.y0 - 1.0 <= box.y0 < box.y1 <= sheet.y1 + 1.0, (name, text.get_text())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("of", WIDTHS)
 def test_pictures_with_many_panels_fit_a_page(of):
     model = mbstab.load("motorcycle.yaml")

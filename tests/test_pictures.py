@@ -112,6 +112,7 @@ def test_dollar_signs_in_titles_are_no_formulas(tmp_path):
     assert "Costs $5, not $_" in texts(figure)
 
 
+@pytest.mark.long
 def test_many_critical_values_do_not_cover_each_other():
     x = np.linspace(0.0, 1.0, 2001)
     branches = np.column_stack([np.sin(300.0 * x) + 5j, np.sin(300.0 * x) - 5j])
@@ -503,6 +504,7 @@ def test_the_key_says_what_is_too_narrow_to_be_seen(columns, hidden):
 MAGIC = {"png": b"\x89PNG\r\n", "svg": b"<?xml", "pdf": b"%PDF"}
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", MAGIC)
 def test_files_are_whole_deterministic_and_alone(kind, tmp_path, top):
     path = tmp_path / f"picture.{kind}"
@@ -585,6 +587,7 @@ def test_a_branch_without_frequency_is_no_branch_without_whirl():
     assert "no whirl" not in all_texts(campbell(swept, "omega (rad/s)", ""))
 
 
+@pytest.mark.long
 def test_crossings_without_a_value_are_counted():
     x = np.linspace(0.0, 10.0, 41)
     frequencies = np.linspace(1.0, 4.0, 8)

@@ -194,6 +194,7 @@ def test_only_structure_holds_eigenvalues_on_the_axis(x, y, verdict):
     assert result.verdict == verdict
 
 
+@pytest.mark.long
 def test_a_critical_position_that_is_found_is_known_in_double_precision_only():
     result = mbstab.load("bead_on_hoop.yaml").eig_precise(40, R=0.5, g=8, Omega=4, theta=0)
     assert [e.kind for e in result.eigenvalues] == ["critical", "critical"]

@@ -59,6 +59,7 @@ QUESTIONS = {
 }  # fmt: skip
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("arguments", QUESTIONS, ids=" ".join)
 def test_printed_results_are_the_text_of_the_command(arguments, tmp_path):
     path = tmp_path / "m.yaml"

@@ -173,6 +173,7 @@ def test_a_cart_is_judged_as_its_plane_motion_is(seed):
     assert result.verdict == ("unstable" if growing else "asymptotically stable up to symmetry")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(12))
 def test_a_cart_at_rest_is_judged_by_its_energy(seed):
     """Speeds stay small, as the energy does; but casters turn round, however slowly the cart moves back."""
@@ -209,6 +210,7 @@ def test_a_pattern_with_other_directions_than_a_point_does_not_hold_there(rows, 
     assert np.allclose(np.swapaxes(basis, 1, 2) @ basis, np.eye(rank), atol=1e-14)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(0, 36, 3))
 def test_rounding_of_forces_that_vanish_holds_no_place_at_rest(seed):
     """Only what symmetries and speeds explain is neutral: forces that are rounding determine no manifold of rests."""
@@ -218,6 +220,7 @@ def test_rounding_of_forces_that_vanish_holds_no_place_at_rest(seed):
     assert result.counts.neutral == len(result.neutral_directions)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_all_eigenvalues_of_a_cart_pass_zero_where_it_stands(seed):
     # They are proportional to the speed: at rest all of them are zero, and only rounding tells in which order.
