@@ -46,6 +46,43 @@ def _shifted(x, from_x, y, from_y, i, px, py):
     return {x: f"{from_x} + c_{i}*({px!r}) - s_{i}*({py!r})", y: f"{from_y} + s_{i}*({px!r}) + c_{i}*({py!r})"}
 
 
+def spinning_chain(count, damping=100):
+    """Return the text of a shaft of spinning rigid cylinders on bushings, which bend as a beam does, in two bearings.
+
+    The bearings are damped (N s/m) and softer along y than along x, and the cylinders turn at 100 rad/s.
+    """
+    return f"""mbstab: 1
+counts: {{N: {count}}}
+parameters:
+  Omega: {{value: 100, unit: rad/s}}
+  l: {{value: 1.5/<N>, unit: m}}
+  d: {{value: 0.05, unit: m}}
+  density: {{value: 7810, unit: kg/m^3}}
+  modulus: {{value: 211, unit: GPa}}
+  mass: {{value: density*pi*d**2/4*l, unit: kg}}
+  across: {{value: mass*(3*d**2/4 + l**2)/12, unit: kg*m^2}}
+  pull: {{value: modulus*pi*d**2/4/l, unit: N/m}}
+  bend: {{value: modulus*pi*d**4/64/l, unit: N*m/rad}}
+repeat:
+  - for: {{i: [1, N]}}
+    bodies:
+      s<i>: {{type: spatial, mass: mass, inertia: [across, across, mass*d**2/8], points: {{L: [0, 0, -l/2],
+        R: [0, 0, l/2]}}}}
+    reference:
+      coordinates: {{s<i>: {{x: 0, y: 0, z: <i>*l, phi: 0, theta: 0, psi: 0}}}}
+      rates: {{s<i>: {{psi: Omega}}}}
+  - for: {{i: [2, N]}}
+    forces:
+      shaft<i>: {{type: bushing, between: [s<i>.L, s<i-1>.R], stiffness: [12*bend/l**2, 12*bend/l**2, pull],
+        torsional_stiffness: [bend, bend, 0.77*bend]}}
+ground: {{points: {{A: [0, 0, l], B: [0, 0, <N>*l]}}}}
+joints: {{thrust: {{type: point_on_plane, between: [ground.A, s1], axis: z}}}}
+forces:
+  bA: {{type: rotor_bearing, between: [s1, ground.A], kxx: 1e6, kyy: 0.8e6, cxx: {damping}, cyy: {damping}}}
+  bB: {{type: rotor_bearing, between: ["s<N>", ground.B], kxx: 1e6, kyy: 0.8e6, cxx: {damping}, cyy: {damping}}}
+"""
+
+
 def four_bar_loops(loops, angle, solved=False):
     """Return the text of N four-bar loops side by side: N + 1 cranks at an angle and N couplers, rods of 1 m and 1 kg.
 

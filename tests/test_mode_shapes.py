@@ -5,11 +5,18 @@ import math
 
 import numpy as np
 import pytest
+from chains import spinning_chain
 from linear_ports import GUISES, ports
 from random_mechanisms import random_mechanism
 from sampling import sample
 
 import mbstab
+from mbstab.analysis.linear.linearize import linearize
+from mbstab.analysis.reference import attitude
+from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.reference.rotation import rate_matrix
+from mbstab.analysis.spectrum.eigenvalues import mode_shapes
+from mbstab.analysis.spectrum.named_motions import Whirl
 from mbstab.cli import main
 from mbstab.errors import MbstabError
 from mbstab.model.library import installed_models
@@ -251,6 +258,16 @@ def test_whirl_in_a_turning_frame_is_that_on_the_ground():
     found = sorted((e.value.imag, e.whirl) for e in modes(model.eig()) if e.whirl)
     assert [sense for _, sense in found] == [sense for _, sense in sorted(expected)]
     assert [w for w, _ in found] == pytest.approx([w for w, _ in sorted(expected)], rel=1e-6)
+
+
+def test_the_rates_of_each_body_are_formed_once_for_the_whirl_of_all_modes(monkeypatch):
+    linear = linearize(system := mbstab.loads(spinning_chain(3)).system(), reference_motion(system))
+    formed = []
+    monkeypatch.setattr(attitude, "rate_matrix", lambda *given: formed.append(given) or rate_matrix(*given))
+    whirl = Whirl(linear.system, linear.motion, linear.generator)
+    found = mode_shapes(np.eye(system.n_q) + 0.5j, linear.motion.sizes)
+    assert {whirl.of(1j * k, shape) for k, shape in enumerate(found)} <= {"", "forward", "backward", "mixed"}
+    assert len(formed) == 3
 
 
 # --- printed --------------------------------------------------------------------------------------------------------

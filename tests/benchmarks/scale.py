@@ -31,12 +31,14 @@ MODELS = {
     "universal": (50, 200),
     "spherical": (50, 200),
     "four_bars": (100, 400),
+    "spinning": (20, 40, 80),
 }
 BESIDE = {"rods": (100, 200, 400), "universal": (100, 200)}
 """The chains of which other programs are asked."""
 SHAPES = {"rods": ((1, 12), (1, 2)), "universal": ((1, 12), (1, 2)), "points": ((0, 1), (1, 1))}
 """Moment of inertia (kg m²) and place of the centre (m) of the links of chains whose frequencies are known."""
 SHORT = 50
+"""So many links, or fewer where fewer are asked for, has the chain that is solved first."""
 QUICK = 200
 SAMPLES = 40
 """So many frequencies are compared."""
@@ -46,7 +48,7 @@ PATIENCE = 600
 
 def text_of(name, count):
     """Return the text of a model."""
-    from chains import four_bar_loops, straight_chain, string_of_points
+    from chains import four_bar_loops, spinning_chain, straight_chain, string_of_points
 
     return {
         "rods": lambda: straight_chain(count),
@@ -55,6 +57,7 @@ def text_of(name, count):
         "universal": lambda: straight_chain(count, "universal"),
         "spherical": lambda: straight_chain(count, "spherical"),
         "four_bars": lambda: four_bar_loops(count, "-pi/2"),
+        "spinning": lambda: spinning_chain(count),
     }[name]()
 
 
@@ -160,7 +163,7 @@ def measured(name, count, program):
     import scipy.linalg
 
     run = own if program == "mbstab" else partial(of_peer, program)
-    run(name, SHORT)
+    run(name, min(SHORT, count // 2))
     read, whole, found, bounds, bodies, size, verdict = run(name, count)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     A = np.random.default_rng(1).standard_normal((size, size))

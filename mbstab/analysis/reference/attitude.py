@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.reference.rotation import euler_angles, orientation, rate_drift, rate_matrix
+from mbstab.analysis.reference.rotation import UP, euler_angles, orientation, rate_drift, rate_matrix
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError
@@ -115,16 +115,28 @@ class Attitudes:
                     found[..., i, 1, 0], found[..., i, 1, 1] = s, c
         return found
 
+    def turning(self, system: System, q: Array, body: int) -> tuple[slice, Array]:
+        """Return where the angles of a body stand, and G from their rates to its angular velocity in ground axes.
+
+        Returns
+        -------
+        angles : slice
+        G : ndarray, shape (…, 3, number of angles)
+            In the plane it turns about z.
+        """
+        own = system.body_slices[body]
+        angles = slice(own.start + system.scene.dimension, own.stop)
+        if system.scene.dimension == 3:
+            return angles, rate_matrix(system.scene.bodies[body], q[..., angles])
+        return angles, UP[:, None]
+
     def spins(self, system: System, q: Array, u: Array) -> Array:
-        """Return the angular velocity of every body in ground axes, shape (…, n_b, 3) (rad/s); about z in the plane."""
-        scene = system.scene
-        found = np.zeros((*q.shape[:-1], len(scene.bodies), 3))
-        for i, part in self.parts:
-            found[..., i, :] = _times(rate_matrix(scene.bodies[i], q[..., part]), u[..., part])
-        if scene.dimension == 2:
-            for i, (body, own) in enumerate(zip(scene.bodies, system.body_slices, strict=True)):
-                if body.orientation:
-                    found[..., i, 2] = u[..., own.start + 2]
+        """Return the angular velocity of every body in ground axes, shape (…, n_b, 3) (rad/s)."""
+        found = np.zeros((*q.shape[:-1], len(system.scene.bodies), 3))
+        for i, body in enumerate(system.scene.bodies):
+            if body.orientation:
+                angles, G = self.turning(system, q, i)
+                found[..., i, :] = _times(G, u[..., angles])
         return found
 
     def coordinates_in_file(self, system: System, q: Array, near: Array) -> Array:
@@ -159,7 +171,7 @@ class Attitudes:
 
 
 def _times(matrix: Array, vector: Array) -> Array:
-    """Return products of matrices (…, 3, 3) and vectors (…, 3)."""
+    """Return products of matrices (…, 3, k) and vectors (…, k)."""
     return np.asarray((matrix @ vector[..., None])[..., 0])
 
 

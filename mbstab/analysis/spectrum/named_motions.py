@@ -14,11 +14,12 @@ from functools import cached_property
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, Flags
+from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.linear.sparse_pencil import product
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import MOTION_UNITS, Placement, motion_name, moving_joints
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.rotation import cross_matrix
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
@@ -183,16 +184,6 @@ def _independent(rows: Array, groups: Iterable[Sequence[int]]) -> list[int]:
 # --- whirl ----------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Rotor:
-    """A body that spins about an axis that stands still: its number, the axis, and two directions across it."""
-
-    body: int
-    across: Array
-    axis: Array
-    frame: float
-
-
 class Whirl:
     """The sense in which the axes and centres of spinning bodies go round, seen from the ground.
 
@@ -202,25 +193,29 @@ class Whirl:
     """
 
     def __init__(self, system: System, motion: Motion, generator: Generator | None) -> None:
-        self.system, self.motion, self.attitudes = system, motion, Attitudes.of(system)
+        self.sizes, d, attitudes = motion.sizes, system.scene.dimension, Attitudes.of(system)
         turning = np.zeros(3)
         if generator is not None and generator.turns:
             turning = float(generator.rate) * generator.axis
-        self.rotors: list[_Rotor] = []
-        if motion.at_rest:
-            return
-        spins = self.attitudes.spins(system, motion.q, motion.u)
-        for i, (body, spin) in enumerate(zip(system.scene.bodies, spins, strict=True)):
-            rate = float(np.linalg.norm(spin))
-            place = slice(system.body_slices[i].start, system.body_slices[i].start + system.scene.dimension)
-            slow = TOLERANCES.rotor_still * rate
-            if not body.orientation or not rate:
+        own, across, frames = list[Index](), list[Array](), list[float]()
+        for i, body in enumerate(() if motion.at_rest else system.scene.bodies):
+            if not body.orientation:
                 continue
-            axis = spin / rate
+            angles, G = attitudes.turning(system, motion.q, i)
+            spin, centre = G @ motion.u[angles], np.arange(angles.start - d, angles.start)
+            rate = float(np.linalg.norm(spin))
+            if not rate:
+                continue
+            axis, size, slow = spin / rate, motion.sizes[centre[0]], TOLERANCES.rotor_still * rate
             along = float(turning @ axis)
-            still = np.linalg.norm(motion.a[place]) <= slow * rate * motion.sizes[place.start]
+            still = np.linalg.norm(motion.a[centre]) <= slow * rate * size
             if still and np.linalg.norm(turning - along * axis) <= slow:
-                self.rotors.append(_Rotor(i, _across(axis), axis, along))
+                directions, rows = _across(axis), np.zeros((4, angles.stop - int(centre[0])))
+                rows[:2, :d], rows[2:, d:] = directions[:, :d] / size, -directions @ cross_matrix(axis) @ G
+                own.append(np.arange(centre[0], angles.stop))
+                across.append(rows)
+                frames.append(along)
+        self.own, self.across, self.frames = np.array(own, dtype=np.intp), np.array(across), np.array(frames)
 
     def of(self, value: complex, shape: Complex | None) -> str:
         """Return ``forward``, ``backward``, ``mixed``, or nothing if no spinning body moves to and fro.
@@ -230,36 +225,34 @@ class Whirl:
         value : complex (1/s)
         shape : ndarray of complex, shape (n_q,), or None
         """
-        if shape is None or not self.rotors:
+        if shape is None or not len(self.own):
             return ""
-        found = [self._circles(rotor, value.imag, shape) for rotor in self.rotors]
-        most = max((sum(x) for x in found), default=0.0)
-        moved = float(np.max(np.abs(shape / self.motion.sizes), initial=0.0))
+        forward, backward = self._circles(value.imag, shape)
+        both = forward + backward
+        most, moved = float(np.max(both)), float(np.max(np.abs(shape / self.sizes)))
         if not most > (TOLERANCES.rotor_moves * moved) ** 2:
             return ""
         # The sense of a body that hardly moves says nothing.
-        senses = [(f - b) / (f + b) for f, b in found if f + b > TOLERANCES.rotor_moves**2 * most]
-        if all(x > TOLERANCES.whirl_round for x in senses):
+        moves = both > TOLERANCES.rotor_moves**2 * most
+        senses = (forward - backward)[moves] / both[moves]
+        if np.all(senses > TOLERANCES.whirl_round):
             return "forward"
-        return "backward" if all(x < -TOLERANCES.whirl_round for x in senses) else "mixed"
+        return "backward" if np.all(senses < -TOLERANCES.whirl_round) else "mixed"
 
-    def _circles(self, rotor: _Rotor, frequency: float, shape: Complex) -> tuple[float, float]:
-        """Return the sums of squares of the circles forward and backward, of the centre and of the axis of a body."""
-        d, start = self.system.scene.dimension, self.system.body_slices[rotor.body].start
-        centre = np.zeros(3, dtype=complex)
-        centre[:d] = shape[start : start + d] / self.motion.sizes[start]
-        turns = [self.attitudes.spins(self.system, self.motion.q, x)[rotor.body] for x in (shape.real, shape.imag)]
-        tilt = np.cross(turns[0] + 1j * turns[1], rotor.axis)
-        forward = backward = 0.0
-        for vector in (centre, tilt):
-            one, other = rotor.across @ vector
-            for size, rate in (
-                (one + 1j * other, rotor.frame + frequency),
-                (one - 1j * other, rotor.frame - frequency),
-            ):
-                square = 0.25 * abs(size) ** 2
-                if abs(rate) > TOLERANCES.rotor_still * (abs(rotor.frame) + abs(frequency)):
-                    forward, backward = forward + square * (rate > 0.0), backward + square * (rate < 0.0)
+    def _circles(self, frequency: float, shape: Complex) -> tuple[Array, Array]:
+        """Return for each rotor the squares of the circles forward and backward, of its centre and its axis together.
+
+        The columns of `across` belong to the coordinates of the rotor, its rows to the two directions across the axis:
+        first the place of the centre, relative to its size, then the tip of the axis, which moves by ω × axis.
+        """
+        parts = (self.across @ shape[self.own][:, :, None])[:, :, 0]
+        one, other = parts[:, 0::2], parts[:, 1::2]
+        forward, backward = np.zeros((2, len(parts)))
+        for circle, rate in ((one + 1j * other, self.frames + frequency), (one - 1j * other, self.frames - frequency)):
+            square = 0.25 * np.sum(np.abs(circle) ** 2, axis=1)
+            square[np.abs(rate) <= TOLERANCES.rotor_still * (np.abs(self.frames) + abs(frequency))] = 0.0
+            forward += np.where(rate > 0.0, square, 0.0)
+            backward += np.where(rate < 0.0, square, 0.0)
         return forward, backward
 
 
