@@ -163,20 +163,22 @@ class Grounds:
             return ""
         # The same motion may follow several symmetries; one that holds for all elements is enough.
         first = linear.generator or _standing(self.linear)
-        ways = [first, *(g for g in self.motion.generators if g is not first)]
-        followed = [g for g in ways if not self._accelerating(g)]
+        followed = list[tuple[Generator, str | bool]]()
+        for g in (first, *(g for g in self.motion.generators if g is not first)):
+            if not self._accelerating(g):
+                broken = self.invariance.keeps_time(g) if driven else not self.invariance.steady(g)
+                if not broken:
+                    return ""
+                followed.append((g, broken))
         if not followed:
             unbalanced = f"the reference is no steady motion: forces do not balance{self._accelerating(first)}"
             return f"{unbalanced}; {self._advice(first)}"
         if driven:
-            broken = [self.invariance.keeps_time(g) for g in followed]
-            return f"the motion is not known to be steady: {broken[0]} changes along it" if all(broken) else ""
-        if any(self.invariance.steady(g) for g in followed):
-            return ""
+            return f"the motion is not known to be steady: {followed[0][1]} changes along it"
         if drift := self._drifting():
             return drift
         return (
-            f"the motion is not known to be steady: that of now and that of later ({followed[0]}) are not the same by "
+            f"the motion is not known to be steady: that of now and that of later ({followed[0][0]}) are not the same by "
             f"a symmetry of the scene; {ADVICE}"
         )
 
