@@ -15,16 +15,18 @@ if TYPE_CHECKING:
 def assigned(cost: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     """Return the column paired with each row of a square cost matrix, so that the sum of costs is least.
 
-    Shortest augmenting paths (Jonker and Volgenant 1987, Computing 38). For the few eigenvalues of
-    a mechanism this is faster than importing the corresponding routine of SciPy.
+    Shortest augmenting paths (Jonker and Volgenant 1987, Computing 38) for the rows that do not get their own least
+    cost. For the few of these among the eigenvalues of a mechanism this is faster than importing SciPy's routine.
     """
     n = len(cost)
     nearest: npt.NDArray[np.intp] = np.argmin(cost, axis=1) if n else np.zeros(0, dtype=np.intp)
-    if len(set(nearest.tolist())) == n:  # each has its own least cost: no sum is less
+    columns, first = np.unique(nearest, return_index=True)
+    if len(columns) == n:  # each has its own least cost: no sum is less
         return nearest
-    u, v = np.zeros(n), np.zeros(n + 1)
+    u, v = np.min(cost, axis=1), np.zeros(n + 1)
     row_of = np.full(n + 1, -1)  # the last column is where paths start
-    for row in range(n):
+    row_of[columns] = first
+    for row in np.setdiff1d(np.arange(n), first).tolist():
         row_of[n], j = row, n
         least, before = np.full(n, np.inf), np.full(n, n)
         seen = np.zeros(n + 1, dtype=bool)
@@ -43,9 +45,9 @@ def assigned(cost: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
         while j != n:
             row_of[j] = row_of[before[j]]
             j = int(before[j])
-    columns = np.empty(n, dtype=np.intp)
-    columns[row_of[:n]] = np.arange(n)
-    return columns
+    found = np.empty(n, dtype=np.intp)
+    found[row_of[:n]] = np.arange(n)
+    return found
 
 
 def matched(found: Any, expected: Any) -> Array:
