@@ -137,7 +137,7 @@ reference: {coordinates: {a: {x: 0, y: 0}}}
     ],
 )
 def test_branches_that_touch_meet_once(gap, meeting, within):
-    found = mbstab.loads(TEXT.replace("GAP", gap)).sweep("p", np.linspace(0.0, 1.0, 21))
+    found = mbstab.loads(TEXT.replace("GAP", gap)).sweep("p", np.linspace(0.0, 1.0, 21), meetings=True)
     expected = np.repeat([] if meeting is None else np.atleast_1d(meeting), 2)  # above and below the real axis
     assert found.warnings == ()
     assert {kind for _, kind in found.meetings} <= {"cross"}
@@ -146,12 +146,12 @@ def test_branches_that_touch_meet_once(gap, meeting, within):
 
 
 def test_two_shafts_that_are_equal_at_first_do_not_meet():
-    found = mbstab.load("drive_shafts.yaml").sweep("beta", np.linspace(0.0, 1.2, 61))
+    found = mbstab.load("drive_shafts.yaml").sweep("beta", np.linspace(0.0, 1.2, 61), meetings=True)
     assert (found.warnings, found.meetings) == ((), ())
 
 
 def test_a_pair_is_followed_through_zeros_that_nothing_explains():
-    found = mbstab.load("rolling_disk.yaml").sweep("omega", np.linspace(0.0, 10.0, 401))
+    found = mbstab.load("rolling_disk.yaml").sweep("omega", np.linspace(0.0, 10.0, 401), meetings=True)
     assert (found.warnings, found.meetings) == ((), ())
     first, last = found.branches[[0, -1]]
     growing, falling = int(np.argmax(first.real)), int(np.argmin(first.real))

@@ -762,7 +762,7 @@ def test_the_legend_tells_names_from_lines(truss):
     ]
     stable, unstable = legend.get_lines()[:2]
     assert [stable.get_color(), unstable.get_color(), stable.get_linestyle()] == [INK[0], INK[0], "-"]
-    car = bifurcation(CAR_TURN.sweep("steer", np.linspace(0.03, 0.07, 9)), Axis("steer"), "")
+    car = bifurcation(CAR_TURN.sweep("steer", np.linspace(0.03, 0.07, 9), detail=True), Axis("steer"), "")
     names = [x.get_text() for x in car.legends[0].get_texts()]
     assert names[:2] == ["car.y", "car.x"]
     assert not [name for name in names if name.startswith("rate(")]  # each alone in its panel
@@ -771,7 +771,7 @@ def test_the_legend_tells_names_from_lines(truss):
 
 def test_what_has_no_answer_begins_where_the_path_ends():
     """The steady turn ends in a fold, 0.0584430954089223 rad, between two points of the sweep."""
-    found = list(SweepCurves(CAR_TURN.sweep("steer", np.linspace(0.03, 0.07, 9)), Axis("steer")).ranges())
+    found = list(SweepCurves(CAR_TURN.sweep("steer", np.linspace(0.03, 0.07, 9), detail=True), Axis("steer")).ranges())
     assert found == [(pytest.approx(0.0584430954089223, rel=1e-8), 0.07, -1)]
-    down = list(SweepCurves(CAR_TURN.sweep("steer", np.linspace(0.07, 0.03, 9)), Axis("steer")).ranges())
+    down = list(SweepCurves(CAR_TURN.sweep("steer", np.linspace(0.07, 0.03, 9), detail=True), Axis("steer")).ranges())
     assert down == found

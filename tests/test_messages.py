@@ -617,7 +617,7 @@ def test_units_of_disturbances_must_fit(given, hint):
 
 
 def test_where_branches_meet_is_told_with_parameter_and_unit():
-    answer = CliRunner().invoke(main, ["sweep", "ziegler_column.yaml", "--param", "P", "--plot", "none"])
+    answer = CliRunner().invoke(main, ["sweep", "ziegler_column.yaml", "--param", "P", "--plot", "none", "--meetings"])
     assert "branches meet at P (N): " in answer.stdout
 
 

@@ -151,7 +151,7 @@ def test_lines_of_a_title_are_about_equally_long():
 
 
 def test_the_legend_tells_colours_from_styles_of_lines():
-    figure = stability_map(mbstab.load("car_trailer.yaml").sweep("u", np.linspace(10.0, 45.0, 8)), "u", "")
+    figure = stability_map(mbstab.load("car_trailer.yaml").sweep("u", np.linspace(10.0, 45.0, 8), detail=True), "u", "")
     legend = figure.legends[0]
     entries = dict(zip([x.get_text() for x in legend.get_texts()], legend.legend_handles, strict=True))
     assert [entries[name].get_linestyle() for name in ("real part", "snaking")] == ["-", "None"]
@@ -178,7 +178,7 @@ reference:
   coordinates: {a: {x: 0, y: 0, theta: 0}, b: {x: 0, y: 0, theta: 0}}
   rates: {a: {x: 0, y: 0, theta: n}, b: {x: 0, y: 0, theta: n}}
 """
-    (axes,) = campbell(mbstab.loads(text).sweep("n", np.linspace(1.0, 500.0, 9)), Axis("n"), "").axes
+    (axes,) = campbell(mbstab.loads(text).sweep("n", np.linspace(1.0, 500.0, 9), detail=True), Axis("n"), "").axes
     assert axes.get_yscale() == "asinh"
     assert axes.get_ylim()[0] == 0.0
 

@@ -67,7 +67,7 @@ def verticals(axes):
 
 @pytest.fixture(scope="module")
 def top():
-    return sweep(mbstab.load("top.yaml").model, "omega", np.linspace(0.0, 10.0, 101))
+    return sweep(mbstab.load("top.yaml").model, "omega", np.linspace(0.0, 10.0, 101), detail=True)
 
 
 # --- what is written on a picture -----------------------------------------------------------------------------------
@@ -196,7 +196,7 @@ def test_collisions_at_the_same_value_are_all_drawn_as_square_roots():
         reference: {coordinates: {p: {x: 0}, q: {x: 0}}}
         """
     )
-    result = model.sweep("c", np.linspace(1.55, 2.45, 10))
+    result = model.sweep("c", np.linspace(1.55, 2.45, 10), meetings=True, detail=True)
     assert [(round(at, 9), how) for at, how in result.meetings] == [(2.0, "collide")] * 2
     drawn = SweepCurves(result, Axis("c"))
     root = np.sqrt(drawn.x**2 - 4.0 + 0j)
@@ -569,7 +569,7 @@ def test_a_curve_that_hardly_changes_does_not_lie_on_the_frame():
     [("rotating_pendulum", "Omega", "frequency in the turning frame (Hz)"), ("rigid_rotor", "Omega", "frequency (Hz)")],
 )
 def test_the_campbell_diagram_says_in_which_frame_frequencies_are(name, parameter, text):
-    found = mbstab.load(f"{name}.yaml").sweep(parameter, np.linspace(6.0, 20.0, 9))
+    found = mbstab.load(f"{name}.yaml").sweep(parameter, np.linspace(6.0, 20.0, 9), detail=True)
     assert campbell(found, parameter, "").axes[0].get_ylabel() == text
 
 

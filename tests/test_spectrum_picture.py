@@ -270,7 +270,7 @@ def off(z, J, last):
 @pytest.mark.parametrize("last", [2500.0, 20000.0])
 def test_every_point_of_a_locus_is_on_the_true_one(discs, points, last):
     """T J s³ + J s² + D s + P = 0 has a real P in the range at each point that is drawn."""
-    figure = root_locus(discs.sweep("P", np.linspace(10.0, last, points)), "P", "")
+    figure = root_locus(discs.sweep("P", np.linspace(10.0, last, points), detail=True), "P", "")
     z = np.concatenate(points_of_branches(figure))
     size = np.max(np.abs(z))
     distance = [min(off(s, J, last) for J in INERTIAS) for s in z[:: 1 + len(z) // 400]]
@@ -287,7 +287,7 @@ def test_every_point_of_a_locus_is_on_the_true_one(discs, points, last):
 )
 @pytest.mark.parametrize("points", [4, 12, 31])
 def test_loci_are_mirrored_at_the_real_axis(name, parameter, ends, points):
-    figure = root_locus(mbstab.load(f"{name}.yaml").sweep(parameter, np.linspace(*ends, points)), parameter, "")
+    figure = root_locus(mbstab.load(f"{name}.yaml").sweep(parameter, np.linspace(*ends, points), detail=True), parameter, "")
     lines = [(line.get_color(), line.get_linewidth(), line.get_xydata()) for line in curves(figure.axes[0])]
     mirrored = sorted((c, w, np.nan_to_num(xy * [1, -1]).tolist()) for c, w, xy in lines)
     own = sorted((c, w, np.nan_to_num(xy * [1, 1]).tolist()) for c, w, xy in lines)
@@ -299,14 +299,14 @@ def test_loci_are_mirrored_at_the_real_axis(name, parameter, ends, points):
 @pytest.mark.parametrize("points", [3, 8])
 def test_coarse_maps_show_what_fine_ones_show(discs, points):
     coarse, fine = (
-        stability_map(discs.sweep("P", np.linspace(10.0, 20000.0, n)), "P", "").axes[0] for n in (points, 1001)
+        stability_map(discs.sweep("P", np.linspace(10.0, 20000.0, n), detail=True), "P", "").axes[0] for n in (points, 1001)
     )
     assert coarse.get_ylim() == pytest.approx(fine.get_ylim(), rel=0.02)
 
 
 def test_a_search_that_ended_early_is_marked(discs, monkeypatch):
     monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_looks", 4)
-    result = discs.sweep("P", np.linspace(10.0, 20000.0, 12))
+    result = discs.sweep("P", np.linspace(10.0, 20000.0, 12), detail=True)
     assert any("ended after" in text for text in result.warnings)
     for draw in (root_locus, stability_map):
         assert any("branches uncertain" in text for text in texts(draw(result, "P", "")))
@@ -328,7 +328,7 @@ def test_equal_ratios_are_told_from_equal_steps():
 def test_maps_have_the_axis_of_their_values(discs, spaced):
     x = (np.geomspace if spaced else np.linspace)(10.0, 20000.0, 12)
     axis = Axis("P", "N*m/rad", logarithmic=is_geometric(x))
-    figure = stability_map(discs.sweep("P", x), axis, "")
+    figure = stability_map(discs.sweep("P", x, detail=True), axis, "")
     assert {axes.get_xscale() for axes in figure.axes} == {"log" if spaced else "linear"}
     (label,) = (text for text in figure.axes[0].texts if text.get_text().startswith("2000 flutter"))
     line = figure.axes[0].transData.transform((2000.0, 0.0))[0]

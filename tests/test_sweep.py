@@ -179,7 +179,7 @@ def test_a_critical_value_at_an_end_is_exact_or_not_there(case, ends):
 
 def test_a_value_at_which_two_things_happen_and_others_at_its_sides():
     sweep_of = mbstab.load("ziegler_column.yaml").sweep
-    result = sweep_of("P", np.linspace(0.0, 6.0, 301), b_1=0, b_2=0)
+    result = sweep_of("P", np.linspace(0.0, 6.0, 301), meetings=True, b_1=0, b_2=0)
     assert {kind for _, kind in result.meetings} == {"collide"}
     for value in (3.5 - SQRT2, 3.5 + SQRT2):
         assert min(abs(at - value) for at, _ in result.meetings) < 1e-10
@@ -285,7 +285,7 @@ def test_no_branches_are_swapped_on_random_paths_through_avoided_crossings(part,
 @pytest.mark.parametrize("seed", sample(range(12), 12))
 def test_frequencies_of_undamped_chains_keep_their_order(seed):
     text = chain_path(np.random.default_rng(seed), damping=0.0)
-    result = mbstab.loads(text).sweep("s", np.linspace(0.0, 1.0, 11))
+    result = mbstab.loads(text).sweep("s", np.linspace(0.0, 1.0, 11), meetings=True)
     frequencies = np.abs(result.branches.imag)
     assert result.meetings == ()
     assert np.all(np.diff(frequencies[:, np.argsort(frequencies[0])], axis=1) >= -1e-9 * np.max(frequencies))
@@ -324,7 +324,7 @@ def ends_of(result):
 @pytest.mark.parametrize(("e", "points"), sample(product([1e-1, 1e-3, 1e-5, 1e-7], [5, 22, 401]), 4))
 def test_frequencies_that_avoid_each_other_do_not_cross(e, points):
     x = np.linspace(0.5, 2.0, points)
-    result = mbstab.loads(OSCILLATORS).sweep("k", x, e=e)
+    result = mbstab.loads(OSCILLATORS).sweep("k", x, meetings=True, e=e)
     assert result.meetings == ()
     assert result.critical == ()
     half = (x + 1) / 2 + e
@@ -341,7 +341,7 @@ def test_frequencies_of_uncoupled_oscillators_cross(seed):
     bad, kinds = 0, []
     for _ in range(4):
         low, high = float(rng.uniform(0.3, 0.9)), float(rng.uniform(1.1, 2.5))
-        result = mbstab.loads(OSCILLATORS).sweep("k", np.linspace(low, high, int(rng.integers(5, 60))))
+        result = mbstab.loads(OSCILLATORS).sweep("k", np.linspace(low, high, int(rng.integers(5, 60))), meetings=True)
         expected = [[math.sqrt(low), math.sqrt(high)]] * 2 + [[1.0, 1.0]] * 2
         bad += not np.allclose(ends_of(result), expected, rtol=1e-9)
         kinds += [(kind, abs(at - 1.0) < 1e-9) for at, kind in result.meetings]
@@ -357,7 +357,7 @@ def test_every_row_of_oscillators_that_cross_is_right_as_a_set():
 
 
 def test_a_collision_at_a_point_of_the_grid_is_one_collision():
-    result = mbstab.load("top.yaml").sweep("omega", np.linspace(0.0, 2 * TOP, 101))
+    result = mbstab.load("top.yaml").sweep("omega", np.linspace(0.0, 2 * TOP, 101), meetings=True)
     assert result.meetings == ((result.meetings[0][0], "collide"),) * 2  # above and below the real axis
 
 

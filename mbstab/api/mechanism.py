@@ -279,6 +279,8 @@ class Mechanism(Ports):
         certify: bool = False,
         sensitivity: bool = False,
         orders: Sequence[float] = (),
+        meetings: bool = False,
+        detail: bool = False,
         **keywords: Any,
     ) -> Sweep:
         """Return eigenvalue branches over a parameter, and where stability changes.
@@ -295,6 +297,10 @@ class Mechanism(Ports):
             Differentiate each by the other parameters, or say why that is not possible (`Critical.slopes`).
         orders : sequence of float
             Multiples of the parameter, an angular velocity, whose crossings with frequencies are looked for.
+        meetings : bool
+            Locate where branches cross or collide.
+        detail : bool
+            Compute points between, for pictures.
         **keywords
             Other parameters, and fields of `mbstab.analysis.sweep.settings.SweepSettings`.
 
@@ -309,7 +315,7 @@ class Mechanism(Ports):
 
         settings, parameters = parted(SweepSettings, keywords, self.model.parameters)
         model = self._afforded("modes", parameters)
-        return swept(model, parameter, values, settings, progress, certify, sensitivity, orders)
+        return swept(model, parameter, values, settings, progress, certify, sensitivity, orders, (meetings, detail))
 
     @asked
     def design(

@@ -21,7 +21,7 @@ def compared(text):
     Both distances are parts of the eigenvalue.
     """
     mechanism, s = mbstab.loads(text), np.linspace(0.0, 1.0, (POINTS - 1) * FINER + 1)
-    fine, coarse = (mechanism.sweep("s", x) for x in (s, s[::FINER]))
+    fine, coarse = (mechanism.sweep("s", x, meetings=True) for x in (s, s[::FINER]))
     if fine.problems or coarse.problems:
         raise SystemExit(f"points without eigenvalues: {fine.problems}, {coarse.problems}")
     gaps = []

@@ -22,8 +22,9 @@ def swept(
     certify: bool,
     sensitivity: bool,
     orders: Sequence[float],
+    drawn: tuple[bool, bool] = (False, False),
 ) -> Sweep:
-    """Return a sweep as `mbstab.api.Mechanism.sweep` does.
+    """Return a sweep as `mbstab.api.Mechanism.sweep` does; `drawn` says whether with meetings, and with detail.
 
     Raises
     ------
@@ -35,7 +36,7 @@ def swept(
         from mbstab.analysis.algebra.balls import require_flint
 
         require_flint()
-    found = sweep(model, parameter, values, lambda done: progress(done / parts), settings)
+    found = sweep(model, parameter, values, lambda done: progress(done / parts), settings, *drawn)
     if certify:
         from mbstab.analysis.proof.critical_values import with_enclosures
 

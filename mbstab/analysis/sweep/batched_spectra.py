@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -42,6 +42,7 @@ from mbstab.analysis.sweep.batched_verdict import (
 from mbstab.analysis.sweep.cancellation import Cancellation, sampled
 from mbstab.analysis.sweep.data_errors import EntryErrors, entry_errors
 from mbstab.analysis.sweep.open_points import Kind, Part, kinds_of_open_points, nearly_meeting, settle, spread
+from mbstab.analysis.sweep.shapes import Shapes, shapes_of
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
 from mbstab.analysis.verdict.facts import Grounds
@@ -157,6 +158,21 @@ class Evaluator:
         if exact:
             work.decide()
         return work.gathered(count)
+
+    def shapes(self, values: Mapping[str, Array], count: int) -> dict[int, Shapes]:
+        """Return `count` eigenvalues and their vectors by the numbers of those points that patterns fit; no verdict."""
+        work = _Work(self, values, lambda done: None)
+        work.sampled, pending, found = False, np.arange(work.points), dict[int, Shapes]()
+        if self.path is not None:
+            pending = pending[self.path.covers(values)]
+        for pattern in self.patterns:
+            for start in range(0, len(pending), TOLERANCES.points_with_vectors):
+                index = pending[start : start + TOLERANCES.points_with_vectors]
+                for i, shape in work.shapes(pattern, index):
+                    if len(shape.values) == count:
+                        found[i] = shape
+            pending = pending[~np.isin(pending, list(found))]
+        return found
 
     def at_zeros(self, values: Mapping[str, Array], spectra: Complex, sides: Sides) -> npt.NDArray[np.int8]:
         """Return the verdicts of undecided points, as numbers, where exact zero eigenvalues may decide.
@@ -569,6 +585,22 @@ class _Work:
         if np.any(good):
             self.found.append(Part(index[good], found.at(good), pattern.known))
         return good
+
+    def shapes(self, pattern: Pattern, index: Index) -> Iterator[tuple[int, Shapes]]:
+        """Yield the numbers of points that fit a pattern, with their eigenvalues and vectors."""
+        cancellation = self._cancellation(pattern, index) if len(index) else None
+        if cancellation is None:
+            return
+        with np.errstate(all="ignore"):
+            try:
+                equations = self._equations(pattern, index, self.scene(index))
+                good, points = equations.linearized(cancellation.at(slice(0, len(index))))
+                separation = pattern.known.separated(points)
+                found = shapes_of(points, separation)
+            except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+                return
+        for n in np.flatnonzero(good & separation.good).tolist():
+            yield int(index[n]), Shapes(found.values[n], found.right[n], found.left[n])
 
     def _equations(self, pattern: Pattern, index: Index, scene: Scene) -> Equations:
         """Return the equations of some points of a pattern."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -13,23 +14,35 @@ from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, settled, unplaced
 from mbstab.analysis.sweep.blocks import Block
+from mbstab.analysis.sweep.shapes import Shapes, Told, told
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, doubtful, follow, has_twins, together
+from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, doubtful, follow, has_twins, together, uncertain
 from mbstab.analysis.verdict.rule import UNDECIDED
 from mbstab.compiler.system import Array
 from mbstab.model.schema import after_number
+from mbstab.model.words import STABLE, STABLE_UP_TO
 from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """A part of an interval between two points of the sweep, with the eigenvalues at its ends."""
+    """A part of an interval between two points of the sweep, with the eigenvalues at its ends.
+
+    Attributes
+    ----------
+    guesses : tuple of float
+        Values of the parameter at which eigenvalues may meet.
+    crowded : bool
+        Whether eigenvalues that cannot be told apart may change stability.
+    """
 
     interval: int
     a: float
     b: float
     before: Complex
     after: Complex
+    guesses: tuple[float, ...] = ()
+    crowded: bool = True
 
 
 @dataclass(frozen=True)
@@ -45,11 +58,20 @@ class _Looked:
 class Branches:
     """Eigenvalues at the points of a sweep and between them, joined into branches."""
 
-    def __init__(self, evaluator: Evaluator, parameter: str, x: Array, raw: Block, most: int | None = None) -> None:
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        parameter: str,
+        x: Array,
+        raw: Block,
+        most: int | None = None,
+        locates: bool = False,
+    ) -> None:
         self.evaluator, self.parameter, self.x, self.raw = evaluator, parameter, x, raw
-        self.most = TOLERANCES.branch_points if most is None else most
+        self.most, self.locates = TOLERANCES.branch_points if most is None else most, locates
         self.values = raw.values
-        evaluator.learn({parameter: x})
+        self.shapes: dict[float, Shapes | None] = {}
+        self.linked = 0
         self.meetings: list[tuple[float, str]] = []
         self.looked: dict[float, _Looked] = {}
         self.between: list[float] = []
@@ -82,14 +104,17 @@ class Branches:
         """Warnings about where the search ended early."""
         if self.stopped is None:
             return ()
+        far = "no change of stability (they are far from the imaginary axis)"
         missing = (
-            "critical values may be missing"
+            " and critical values may be missing"
             if self.near_axis
-            else "values where they meet may be missing, no change of stability (they are far from the imaginary axis)"
+            else f" and values where they meet may be missing, {far}"
+            if self.locates
+            else f", {far}"
         )
         return (
-            f"the refinement between points ended after {self.spent} of them{self._where()}: branches may be mistaken "
-            f"for each other and {missing}; more points, a smaller range or --log help",
+            f"the refinement between points ended after {self.spent + self.linked} of them{self._where()}: branches may "
+            f"be mistaken for each other{missing}; more points, a smaller range or --log help",
         )
 
     def _where(self) -> str:
@@ -197,16 +222,18 @@ class Branches:
             piece.interval: bool(has_twins(piece.before[None])[0] and has_twins(piece.after[None])[0])
             for piece in pieces
         }
+        pieces = self._untold(pieces, done, multiple)
         while pieces:
             pieces, left = self._affordable(pieces)
             for piece in left:
                 done[piece.interval].append((piece, None))
             if not pieces:
                 break
-            cuts = np.array([piece.a + inner * (piece.b - piece.a) for piece in pieces])
-            found = self.at(cuts.ravel()).reshape(*cuts.shape, -1)
-            parts: list[_Piece] = []
-            for piece, at, spectra in zip(pieces, cuts, found, strict=True):
+            cuts = [
+                np.array(piece.guesses) if piece.guesses else piece.a + inner * (piece.b - piece.a) for piece in pieces
+            ]
+            open_: list[_Piece] = []
+            for piece, at, spectra in zip(pieces, cuts, self._between(pieces, cuts), strict=True):
                 if (
                     np.any(np.isnan(spectra))
                     or piece.b - piece.a <= TOLERANCES.crossing_interval * self.width
@@ -215,27 +242,99 @@ class Branches:
                 ):
                     done[piece.interval].append((piece, None))
                     continue
-                ends = [piece.a, *(float(x) for x in at), piece.b]
-                between = [piece.before, *spectra, piece.after]
-                parts += [
-                    _Piece(piece.interval, a, b, before, after)
-                    for (a, b), (before, after) in zip(pairwise(ends), pairwise(between), strict=True)
-                ]
-            if not parts:
-                break
-            # Equal eigenvalues at an intermediate point are a meeting, unless they are equal from end to end.
-            twins = np.array([multiple[x.interval] for x in parts])
-            links, clear = follow(np.array([x.before for x in parts]), np.array([x.after for x in parts]), twins)
-            # The parts of one piece follow each other.
-            clear &= ~np.apply_along_axis(doubtful, 1, clear.reshape(-1, TOLERANCES.branch_split)).ravel()
-            _move_together(parts, links, clear)
-            pieces = []
-            for part, link, is_clear in zip(parts, links, clear, strict=True):
-                if is_clear:
-                    done[part.interval].append((part, link))
-                else:
-                    pieces.append(part)
+                ends = np.array([piece.a, *at.tolist(), piece.b])
+                values = np.array([piece.before, *spectra, piece.after])
+                # Equal eigenvalues at an intermediate point are a meeting, unless they are equal from end to end.
+                twins = np.full(len(at) + 1, multiple[piece.interval])
+                links, clear = follow(values[:-1], values[1:], twins)
+                clear &= ~doubtful(clear)
+                if not clear.all():
+                    link, certain = together(values, np.diff(ends))
+                    links = np.where((certain & ~clear)[:, None], link, links)
+                    clear |= certain
+                for n, (a, b) in enumerate(pairwise(ends.tolist())):
+                    part = _Piece(piece.interval, a, b, values[n], values[n + 1])
+                    if clear[n]:
+                        done[part.interval].append((part, links[n]))
+                    else:
+                        open_.append(part)
+            pieces = self._untold(open_, done, multiple)
         return {k: self._joined(sorted(parts, key=lambda item: item[0].a)) for k, parts in done.items()}
+
+    def _between(self, pieces: list[_Piece], cuts: list[Array]) -> Iterator[Complex]:
+        """Yield the eigenvalues at the points that divide each piece; nan where there are none."""
+        alone = [at for piece, at in zip(pieces, cuts, strict=True) if not piece.crowded]
+        self._learn(np.concatenate(alone) if alone else np.zeros(0))
+        found: dict[float, Complex] = {p: x.values for p, x in self.shapes.items() if x is not None}
+        judged = [
+            at
+            for piece, at in zip(pieces, cuts, strict=True)
+            if piece.crowded or any(p not in found for p in at.tolist())
+        ]
+        if judged:
+            at = np.unique(np.concatenate(judged))
+            found |= dict(zip(at.tolist(), self.at(at), strict=True))
+        for at in cuts:
+            yield np.array([found[p] for p in at.tolist()])
+
+    def _learn(self, points: Array) -> None:
+        """Compute the eigenvectors at points where they are not known."""
+        new = np.array(sorted({p for p in points.tolist() if p not in self.shapes}))
+        if self.unplaced or not len(new):
+            return
+        self.shapes |= dict.fromkeys(new.tolist())
+        self.linked += len(new)
+        found = self.evaluator.shapes({self.parameter: new}, self.values.shape[1])
+        self.shapes |= {float(new[i]): shape for i, shape in found.items()}
+
+    def _untold(
+        self, pieces: list[_Piece], done: dict[int, list[tuple[_Piece, Index | None]]], multiple: dict[int, bool]
+    ) -> list[_Piece]:
+        """Return the pieces that must be divided further; the others are done, with their links.
+
+        Far from the axis eigenvectors tell which eigenvalue continues which, and what is left open changes no verdict.
+        """
+        self._learn(np.array([end for piece in pieces for end in (piece.a, piece.b)]))
+        room = self._room()
+        left: list[_Piece] = []
+        for piece in pieces:
+            ends = self.shapes.get(piece.a), self.shapes.get(piece.b)
+            known = ends[0] is not None and ends[1] is not None
+            found = told(piece.before, piece.after, ends[0], ends[1]) if known else None
+            leaves = found is not None and any(x.collides for x in found.approaches)
+            touches = found is not None and found.touches and not multiple[piece.interval]
+            crowded = _near_axis(piece) and (leaves or not self._held(piece.interval))
+            wide = piece.b - piece.a > TOLERANCES.meeting_interval * self.width
+            wide &= found is None or any(x.gap > TOLERANCES.meeting_gap for x in found.approaches)
+            if found is None and not crowded and (room < TOLERANCES.branch_split or not (known or self.locates)):
+                done[piece.interval].append((piece, _straight(piece)))
+                if room < TOLERANCES.branch_split:
+                    self._stop(0.5 * (piece.a + piece.b), near_axis=False)
+            elif found is None or (found.coupled and crowded and not self.locates):
+                left.append(replace(piece, crowded=crowded))
+                room -= TOLERANCES.branch_split * (not crowded)
+            elif not self.locates or not (found.approaches or touches):
+                done[piece.interval].append((piece, found.link))
+            elif touches or wide:
+                left.append(replace(piece, crowded=crowded, guesses=() if touches else _around(piece, found)))
+                room -= TOLERANCES.branch_split * (not crowded)
+            else:
+                done[piece.interval].append((piece, found.link))
+                for x in found.approaches:
+                    if x.collides or not x.coupled:
+                        value = piece.a + x.t * (piece.b - piece.a)
+                        self.meetings.append((value, "collide" if x.collides else "cross"))
+        return left
+
+    def _room(self) -> int:
+        """Return the number of points that may still be computed only to tell eigenvalues apart."""
+        r = self.values.shape[1]
+        most = max(TOLERANCES.branch_points_each * len(self.x), TOLERANCES.branch_eigenvalues_least // max(r, 1))
+        return most * (TOLERANCES.branch_locating if self.locates else 1) - self.linked
+
+    def _held(self, k: int) -> bool:
+        """Return whether disturbances stay small at both ends of an interval without damping: by the energy."""
+        return bool(np.isin(self.raw.words[k : k + 2], [WORD[STABLE], WORD[STABLE_UP_TO]]).all())
 
     def _affordable(self, pieces: list[_Piece]) -> tuple[list[_Piece], list[_Piece]]:
         """Return the pieces to divide further, and those that are too many because rounding crosses everywhere."""
@@ -334,18 +433,30 @@ def _equal(*spectra: Complex) -> bool:
     return bool(np.all(has_twins(values + 10.0 * size * apart, TOLERANCES.twin_rounding)))
 
 
-def _move_together(parts: list[_Piece], links: Index, clear: Flags) -> None:
-    """Put in the successors of eigenvalues that are not clear by themselves, but move together with others."""
-    for start in range(0, len(parts), TOLERANCES.branch_split):
-        one = slice(start, start + TOLERANCES.branch_split)
-        if clear[one].all():
-            continue
-        link, certain = together(
-            np.array([parts[start].before, *(x.after for x in parts[one])]), np.array([x.b - x.a for x in parts[one]])
-        )
-        certain &= ~clear[one]
-        links[one][certain] = link[certain]
-        clear[one] |= certain
+def _straight(piece: _Piece) -> Index:
+    """Return the links with the least sum of squares: those on a line keep their order."""
+    return assigned(np.abs(piece.before[:, None] - piece.after[None, :]) ** 2)
+
+
+def _near_axis(piece: _Piece) -> bool:
+    """Return whether eigenvalues that move far beside their distance to the others may reach the imaginary axis."""
+    link = _straight(piece)
+    after = piece.after[link]
+    moved = np.abs(after - piece.before)
+    distance = np.minimum(np.abs(piece.before.real), np.abs(after.real))
+    reach = (moved > TOLERANCES.tracking_step * distance) | (np.sign(piece.before.real) != np.sign(after.real))
+    return bool(np.any(reach & uncertain(piece.before, piece.after, link)))
+
+
+def _around(piece: _Piece, found: Told) -> tuple[float, ...]:
+    """Return points beside those at which eigenvalues seem to meet."""
+    width = piece.b - piece.a
+    points = {
+        piece.a + min(max(x.t + side * TOLERANCES.meeting_part, 0.0), 1.0) * width
+        for x in found.approaches
+        for side in (-1.0, 1.0)
+    }
+    return tuple(sorted(p for p in points if piece.a < p < piece.b))
 
 
 def _off_axis(piece: _Piece) -> bool:

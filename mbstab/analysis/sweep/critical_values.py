@@ -378,11 +378,14 @@ class CriticalValues(Branches):
         """
         coarse = len(self.x) <= TOLERANCES.points_fewest and self.evaluator.path is None
         each = -(-TOLERANCES.points_fewest // (len(self.x) - 1)) if coarse else 0
+        new = list[Array]()
         for a, b in pairwise(self.x.tolist()) if each else ():
             parts = np.linspace(a, b, each + 2)[1:-1]
             if 0.0 < TOLERANCES.interval_ratio * min(abs(a), abs(b)) < max(abs(a), abs(b)) and a * b > 0.0:
                 parts = np.sign(a) * np.geomspace(abs(a), abs(b), each + 2)[1:-1]
-            self.at(parts)
+            new.append(parts)
+        if new:
+            self.at(np.concatenate(new))
 
     def _look_between(self, branches: Complex) -> None:
         """Examine real parts that approach the axis and turn back between points: they may have crossed it."""

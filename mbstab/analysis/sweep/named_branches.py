@@ -142,7 +142,7 @@ def _branches(model: Model, parameter: str, first: float, last: float, count: in
     raw = followed(evaluator.near({parameter: x}, count))
     # Where most points have nothing in common, or no neighbours have, as many in between would take minutes.
     if evaluator.alone <= len(x) // 2 and np.any(raw.clear):
-        branches = Branches(evaluator, parameter, x, raw, TOLERANCES.points_between_names)
+        branches = Branches(evaluator, parameter, x, raw, TOLERANCES.points_between_names, locates=True)
         found = branches.branches()
         if branches.stopped is None:
             return found if first < last else found[::-1]

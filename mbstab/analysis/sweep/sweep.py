@@ -90,7 +90,7 @@ class Sweep(Answer):
     critical : tuple of Critical
         In the order of the parameter.
     meetings : tuple of (float, str)
-        Values at which two branches ``cross`` or ``collide``; once for each pair of branches that does.
+        If they are asked for, values at which two branches ``cross`` or ``collide``; once for each pair that does.
     problems : dict
         By the number of a point, why it has no eigenvalues.
     start : float or None
@@ -121,7 +121,8 @@ class Sweep(Answer):
     turning : bool
         Whether the eigenvalues are those of disturbances in a frame that turns with the motion.
     detail : Detail or None
-        The branches with the points between those of the sweep, for a picture; None if these are dense.
+        The branches with the points between those of the sweep, for a picture; None if these are dense, or it was not
+        asked for.
     """
 
     parameter: str
@@ -170,6 +171,8 @@ def sweep(
     values: Array,
     progress: Progress = lambda done: None,
     settings: SweepSettings = HERE,
+    meetings: bool = False,
+    detail: bool = False,
 ) -> Sweep:
     """Return the eigenvalue branches of a model over a parameter, and where stability changes.
 
@@ -182,6 +185,10 @@ def sweep(
     progress : callable, optional
         Called with the fraction of the work that is done, from 0 to 1.
     settings : SweepSettings, optional
+    meetings : bool, optional
+        Whether it is located where branches meet …
+    detail : bool, optional
+        … and points between those of the sweep are computed, for pictures.
 
     Raises
     ------
@@ -209,16 +216,19 @@ def sweep(
     with stored(all_tasks, settings) as store:
         blocks = iter(run(all_tasks, store, settings, progress))
         found = [
-            _at(x, _answer(model, parameter, more, path, merged(list(islice(blocks, len(group))))))
+            _at(x, _answer(model, parameter, more, path, merged(list(islice(blocks, len(group)))), (meetings, detail)))
             for x, more, path, group in zip(grids, closer, paths, groups, strict=True)
         ]
     return replace(_ordered(found[0], order), beyond=tuple(_ordered(result, order) for result in found[1:]))
 
 
-def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw: Block) -> Sweep:
-    """Return the branches and critical values along one path of solutions."""
+def _answer(
+    model: Model, parameter: str, x: Array, path: Solutions | None, raw: Block, asked: tuple[bool, bool]
+) -> Sweep:
+    """Return the branches and critical values along one path of solutions; with meetings and detail if asked for."""
     evaluator = Evaluator(model, path, patterns_at(model, path, home_of({parameter: x})))
-    tracker = CriticalValues(evaluator, parameter, x, raw)
+    # Names and curves belong to branches.
+    tracker = CriticalValues(evaluator, parameter, x, raw, locates=any(asked) or bool(model.modes))
     branches = tracker.branches()
     critical = tracker.critical(branches)
     # Zeros that nonlinear terms decide do not tell where stability changes.
@@ -241,10 +251,10 @@ def _answer(model: Model, parameter: str, x: Array, path: Solutions | None, raw:
     reference = _named(model, raw.motion)
     return Sweep(
         parameter, x, branches, unstable_counts(raw.sides, words), raw.neutral, tuple(critical),
-        tuple(sorted(tracker.meetings)), raw.problems, None if path is None else path.start,
+        tuple(sorted(tracker.meetings)) if asked[0] else (), raw.problems, None if path is None else path.start,
         "" if path is None else path.moved, (), words,
         warnings, reference=reference, units={name: model.unit_of_solved(name) for name in reference},
-        turning=_turns(evaluator), detail=detailed(tracker, branches),
+        turning=_turns(evaluator), detail=detailed(tracker, branches) if asked[1] else None,
     )  # fmt: skip
 
 

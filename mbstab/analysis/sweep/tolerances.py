@@ -57,6 +57,14 @@ class Tolerances:
     # Eigenvalues that are followed from point to point
     tracking_step: Final = 0.35
     """Between neighbouring points an eigenvalue moves by less than this fraction of its distance to the others."""
+    pass_near: Final = 0.5
+    """Eigenvalues may meet if they come nearer to each other on straight lines than this fraction of their approach."""
+    uncoupled: Final = 1e-12
+    """Entries of a matrix below this fraction of its eigenvalues are rounding."""
+    other_vectors: Final = 0.5
+    """Eigenvectors are those of another point if less than this part of each lies along others."""
+    points_with_vectors: Final = 32
+    """Points whose eigenvectors are computed together."""
     twin_distance: Final = 1e-9
     """Eigenvalues closer than this fraction of the largest are equal, if they are so at both ends of an interval."""
     twin_rounding: Final = 1e-13
@@ -67,6 +75,10 @@ class Tolerances:
     """Eigenvalues that are not separated in an interval of this relative width cross or collide in it."""
     meeting_interval: Final = 1e-6
     """A meeting of eigenvalues is located if the interval is narrower than this fraction of the parameter."""
+    meeting_gap: Final = 1e-6
+    """Where eigenvalues nearer to each other than this, relative to the largest, meet follows from their rates."""
+    meeting_part: Final = 0.02
+    """Where two eigenvalues seem to meet, points are computed at this fraction of the interval on both sides."""
     meeting_rounding: Final = 1e-7
     """Nearer to a meeting than this, relative to the parameter, rounding may show a pair on the wrong side."""
     direction_difference: Final = 1e-6
@@ -77,6 +89,12 @@ class Tolerances:
     """An interval with more parts in which eigenvalues cannot be followed is not divided further: they are rounding."""
     branch_points: Final = 100_000
     """Maximum number of intermediate points …"""
+    branch_points_each: Final = 2
+    """… far from the axis for each point of the sweep …"""
+    branch_eigenvalues_least: Final = 2_000
+    """… or with so many eigenvalues, if these are more …"""
+    branch_locating: Final = 8
+    """… or this many times as many where meetings are asked for …"""
     branch_eigenvalues: Final = 4_000_000
     """… and of their eigenvalues that are kept."""
     branch_looks: Final = 5_000

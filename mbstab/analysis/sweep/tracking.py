@@ -89,6 +89,15 @@ def follow(before: Complex, after: Complex, twins: Flags | None = None) -> tuple
     return link, clear
 
 
+def uncertain(before: Complex, after: Complex, link: Index) -> Flags:
+    """Return which eigenvalues, shape (r,), move too far beside their distance to the others for a link to be sure."""
+    moved, own = np.abs(after[link] - before), np.where(np.eye(len(before), dtype=bool), np.inf, 0.0)
+    # At the second point those that want the same successor are one.
+    gap = [np.min(np.abs(x[:, None] - x[None, :]) + own, axis=1, initial=np.inf) for x in (before, after[link])]
+    found: Flags = ~(moved <= TOLERANCES.tracking_step * np.minimum(*gap))
+    return found
+
+
 def together(spectra: Complex, steps: Array) -> tuple[Index, Flags]:
     """Return the successors of eigenvalues that move far but together, for spectra, shape (m, r), and m − 1 steps.
 

@@ -97,6 +97,7 @@ CHART_POINTS = 101
     multiple=True,
     help="What --plot path draws, such as apex.y or rate(car.psi); else what the parameter changes most.",
 )
+@click.option("--meetings", is_flag=True, help="Print where branches cross or collide.")
 @click.option("--certify", is_flag=True, help="Prove each critical value: enclose it in a ball, or say why not.")
 @click.option(
     "--sensitivity",
@@ -122,6 +123,7 @@ def sweep(
     orders: tuple[float, ...],
     max_frequency: float | None,
     coordinates: tuple[str, ...],
+    meetings: bool,
     certify: bool,
     sensitivity: bool,
     resume: bool,
@@ -139,8 +141,8 @@ def sweep(
     """
     given = {"--from": start, "--to": stop, "--points": points}
     _check_options(parameters, given, values is not None, pictures, place)
-    if (certify or sensitivity or orders) and len(parameters) == 2:
-        option = "--certify" if certify else "--sensitivity" if sensitivity else "--orders"
+    single = {"--certify": certify, "--sensitivity": sensitivity, "--orders": orders, "--meetings": meetings}
+    if len(parameters) == 2 and (option := next((name for name, chosen in single.items() if chosen), "")):
         raise UsageError(f"{option} goes with one parameter")
     if sensitivity and output.format == "npz":
         raise UsageError("--sensitivity goes with the formats table, json and csv")
@@ -160,6 +162,7 @@ def sweep(
         if "campbell" in paths and is_angular_velocity(model.parameters[parameters[0]].unit):
             orders = orders or (1.0,)
         asked = {"certify": certify, "sensitivity": sensitivity, "orders": orders}
+        asked |= {"meetings": meetings, "detail": bool(paths)}
         total, missing, reason = _sweep(
             mechanism, parameters[0], grids, run, paths, output, asked, (max_frequency, coordinates)
         )
