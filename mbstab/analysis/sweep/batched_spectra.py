@@ -116,6 +116,8 @@ class Evaluator:
     ) -> None:
         self.model, self.path = model, path
         self.patterns = list(patterns)
+        self.tried: list[Pattern] = []
+        """Those of them that have fitted few points."""
         self.cancellation: Cancellation | None = None
         self.alone = 0
         """How many points of the last call of `near` no pattern fits, so that each was computed by itself."""
@@ -225,6 +227,15 @@ class Evaluator:
         found = _Work(self, at, lambda done: None).pattern(0, judged=False)
         return () if found is None else (found,)
 
+    def keep(self, pattern: Pattern, fitted: int) -> None:
+        """Keep a pattern for further points; of those that have fitted few so far, only the latest ones."""
+        self.patterns.append(pattern)
+        if fitted <= TOLERANCES.points_of_lonely_pattern:
+            self.tried.append(pattern)
+            if len(self.tried) > TOLERANCES.lonely_patterns:
+                first = self.tried.pop(0)
+                self.patterns = [x for x in self.patterns if x is not first]
+
     def learn(self, values: Mapping[str, Array]) -> None:
         """Compute the patterns of some of many points."""
         points, fewest = len(next(iter(values.values()))), TOLERANCES.points_of_lonely_pattern
@@ -258,7 +269,7 @@ class _Work:
             covered = self.path.covers(self.values)
             self.problems |= self.evaluator.missing(self.values, pending[~covered])
             pending = pending[covered]
-        for pattern in self.evaluator.patterns:
+        for pattern in list(self.evaluator.patterns):
             pending = pending[~self._fitting(pattern, pending)]
         lonely, number = 0, 0
         while len(pending) > (left if self.evaluator.patterns else 0):
@@ -267,12 +278,11 @@ class _Work:
             number += 1
             own = self.pattern(i)
             pending = pending[pending != i]
-            if own is not None and lonely < TOLERANCES.lonely_patterns and len(pending):
+            if own is not None and lonely < TOLERANCES.lonely_patterns:
                 done = self._fitting(own, pending)
                 pending = pending[~done]
                 lonely = 0 if np.sum(done) > TOLERANCES.points_of_lonely_pattern else lonely + 1
-                if np.sum(done) > TOLERANCES.points_of_lonely_pattern:
-                    self.evaluator.patterns.append(own)
+                self.evaluator.keep(own, int(np.sum(done)))
 
     def _fitting(self, pattern: Pattern, pending: Index) -> Flags:
         """Compute points with a pattern; return which of them fit it."""
@@ -566,19 +576,22 @@ class _Work:
             return np.zeros(0, dtype=bool)
         try:
             scene = self.scene(index)
+            alike = pattern.known.same_signs(System(scene))
         except MbstabError:  # some of them are out of range
             if len(index) == 1:
                 return np.zeros(1, dtype=bool)
             half = len(index) // 2
             parts = (slice(0, half), slice(half, None))
             return np.concatenate([self._block(pattern, index[x], cancellation.at(x)) for x in parts])
+        if not np.any(alike):
+            return np.zeros(len(index), dtype=bool)
         with np.errstate(all="ignore"):
             try:
                 good, points = self._equations(pattern, index, scene).linearized(cancellation)
                 separation = pattern.known.separated(points)
                 for x in self.values.values():
                     good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= VERDICT.number_lost))
-                good = good & separation.good & pattern.known.same_signs(points) & pattern.known.keeps_energy(points)
+                good = good & separation.good & alike & pattern.known.keeps_energy(points)
                 found = judged(pattern.known, points, separation)
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)

@@ -316,10 +316,10 @@ class Known:
         """The numbers at the point and their error bounds, as `coefficients`."""
         return [value_and_error(x) for x in coefficients(rounded_system(self.grounds.linear.system))]
 
-    def same_signs(self, points: Points) -> Flags:
+    def same_signs(self, system: System) -> Flags:
         """Return where all numbers have the signs that they have at the point, as far as rounding lets them be told."""
         result: Flags = np.ones(1, dtype=bool)
-        for x, (own, error) in zip(coefficients(points.system), self.numbers, strict=True):
+        for x, (own, error) in zip(coefficients(system), self.numbers, strict=True):
             sign = _sign(own, error)
             if isinstance(x, np.ndarray):
                 result = result & (np.where(np.abs(x) <= error, 0.0, np.sign(x)) == sign)

@@ -107,6 +107,12 @@ class CriticalValues(Branches):
             if crossings:  # near other equilibria those of the path are hard to identify
                 found += [self.branch_point(value, branches) for value in crossings if not self.known(value, found)]
                 continue
+            settled = a + np.flatnonzero(part.counts[a : b + 1] >= 0)
+            changing = [pair for pair in pairwise(settled.tolist()) if np.ptp(part.counts[list(pair)])]
+            at_points = [self._beginning(part, pair, branches) for pair in changing]
+            if at_points and all(at_points):
+                found += [critical for group in at_points for critical in group]
+                continue
             # Branches are confused there: more points separate them.
             more = spaced(float(x[a]), float(x[b]))
             between = self.at(more[1:-1]) if depth < TOLERANCES.jump_depth else np.full((1, 1), NO_EIGENVALUE)
@@ -141,6 +147,18 @@ class CriticalValues(Branches):
                 return found
         left = self._leaving(part, (a, b), (low, high), branches)
         return left or [Critical(0.5 * (low + high), "unresolved", (), 0.0, counts)]
+
+    def _beginning(self, part: Stretch, places: tuple[int, int], branches: Complex) -> list[Critical]:
+        """Return a change exactly at a point where the spectrum is symmetric, as where damping begins at zero."""
+        mirrored, x = part.mirrored[list(places)], part.x[list(places)]
+        if mirrored[0] == mirrored[1]:
+            return []
+        end = int(mirrored[1])
+        beside = float(x[end] + np.copysign(TOLERANCES.crossing_interval * self.width, x[1 - end] - x[end]))
+        if int(self._counted(np.array([beside]), needed=True)[0]) != int(part.counts[places[1 - end]]):
+            return []
+        low, high = sorted((float(x[end]), beside))
+        return self._leaving(part, places, (low, high), branches)
 
     def _leaving(
         self, part: Stretch, places: tuple[int, int], near: tuple[float, float], branches: Complex
