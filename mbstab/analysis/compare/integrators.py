@@ -17,7 +17,7 @@ import numpy as np
 
 from mbstab.analysis.compare.tolerances import TOLERANCES
 from mbstab.analysis.simulate.accuracy import Work
-from mbstab.analysis.simulate.recording import Record, states
+from mbstab.analysis.simulate.recording import Record, Track, states
 from mbstab.analysis.simulate.run import Follower, Run, difference
 from mbstab.analysis.simulate.start import Start, start_of
 from mbstab.analysis.simulate.steppers.interface import Method
@@ -149,7 +149,7 @@ def compare_integrators(
     reference, known = race.reference()
     runs = race.runs(reference, progress)
     chosen = None if tolerance is None else _fastest_within(runs, tolerance)
-    final = states(reference.samples)[0][-1]
+    final = states(reference.stretches)[0][-1]
     return Integrations(tuple(runs), first, last, disturbance, race.name, known, final, tolerance, chosen)
 
 
@@ -200,6 +200,7 @@ class _Race:
             run = work.refined()
             if run.interrupted:
                 raise KeyboardInterrupt
+            self.follower.settle(run)
             if run.complete:
                 self.name, self.rate, self.fast = name, work.rate, work.fast
                 return run, work.estimate
@@ -228,6 +229,7 @@ class _Race:
         work.rate = self.rate
         began = time.process_time()
         run = work.once(tol)
+        self.follower.settle(run)
         if run.interrupted:
             raise KeyboardInterrupt
         return run, time.process_time() - began
@@ -240,7 +242,9 @@ class _Race:
         counts: dict[str, Any] = {"evaluations": run.evaluations, "steps": run.steps, "rejected": run.rejected}
         if not run.complete:
             return Integration(name, key, tol, seconds=seconds, failure=run.failure.partition("\n")[0], **counts)
-        error = difference(run, reference, self.follower.motion.sizes, self.fast)
+        tracks = Track.of(run.stretches), Track.of(reference.stretches)
+        states_of = self.follower.system.states[0]
+        error = difference(*tracks, self.follower.motion.sizes, states_of, self.fast)
         return Integration(name, key, tol, error, seconds, energy=_imbalance(run), constraints=run.drift, **counts)
 
 
@@ -258,7 +262,7 @@ def _watch(limit: float, enough: float = math.inf) -> Callable[[float], object]:
 
 def _imbalance(run: Run) -> float:
     """Return the largest imbalance of energy, relative to the energy that is exchanged."""
-    record, work = Record.of(run.samples), np.array([s.work for s in run.samples])
+    record, work = Record.of(run.stretches), np.concatenate([x.work for x in run.stretches])
     total = record.kinetic + record.potential - work
     scale = max(run.peak, float(np.ptp(record.potential)), float(np.max(np.abs(work))))
     return float(np.max(np.abs(total - total[0]))) / scale if scale > 0.0 else 0.0

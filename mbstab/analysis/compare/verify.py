@@ -333,7 +333,7 @@ class _Excited:
             if isinstance(run, str):
                 return run
             runs.append(run)
-        (q, u), (q_less, u_less) = (states(run.samples) for run in runs)
+        (q, u), (q_less, u_less) = (states(run.stretches) for run in runs)
         c = np.array(
             [
                 np.vdot(w, self.frame.components(t, x, v)) / (overlap * size)
@@ -383,7 +383,7 @@ class _Excited:
             if isinstance(run, str):
                 return run
             runs.append(run)
-        (q, u), (q_less, u_less) = (states(run.samples) for run in runs)
+        (q, u), (q_less, u_less) = (states(run.stretches) for run in runs)
         differences = zip(times.tolist(), 0.5 * (q - q_less), 0.5 * (u - u_less), strict=True)
         found = [frame.components(t, dq, du) / (size * self.weights) for t, dq, du in differences]
         return times - start, np.array(found)
@@ -417,6 +417,7 @@ class _Excited:
         self.evaluations += run.evaluations + equations.evaluations
         if run.interrupted:
             raise KeyboardInterrupt
+        follower.settle(run)
         return run if run.complete else f"the simulation ends early: {run.failure}".partition("\n")[0]
 
 

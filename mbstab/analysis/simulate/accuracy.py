@@ -77,7 +77,7 @@ class Work:
         if not before.complete:
             # Where a motion ends is told as exactly as it is asked for.
             return before if before.interrupted or local <= self.tol else self.once(max(self.tol, least))
-        started, speed = self.rate, fastest(before, float(np.max(sizes)))
+        started, speed = self.rate, fastest(before.track, float(np.max(sizes)))
         self.rate = max(speed, 1e-3 * self.rate, TOLERANCES.resting_speed * self.natural)
         fast = self.fast = max(speed, TOLERANCES.resting_speed * self.natural)
         if speed < fast:
@@ -124,8 +124,8 @@ class Work:
     def _estimated(self, known: list[tuple[float, Run]], fast: float) -> Estimate:
         """Return the error of the last of some runs, each with its tolerance per step."""
         *earlier, (tol, run) = known
-        sizes = self.follower.motion.sizes
-        found = [(tol / larger, difference(run, other, sizes, fast)) for larger, other in earlier]
+        sizes, states = self.follower.motion.sizes, self.follower.system.states[0]
+        found = [(tol / larger, difference(run.track, x.track, sizes, states, fast)) for larger, x in earlier]
         return estimated(found, self.method.power)
 
     def _next(self, last: float, likely: float) -> float:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -81,6 +82,11 @@ class Constrained:
         Rows without the redundant ones.
     evaluations : int
         Number of evaluations of the equations of motion or their derivatives.
+    rows : ndarray, shape (n_c, n_q)
+        Factors by which entries of J are scaled; `weights` (n_q, n_q) are those of M, `scale` and `row_scale` those of
+        coordinates and rows.
+    massless : ndarray of int
+        First-order states and balances, which have no mass.
     slowest : float (1/s)
         Speeds below this, in sizes of the scene, count as rest.
     least_energy : float (J)
@@ -112,10 +118,10 @@ class Constrained:
         self.slowest = TOLERANCES.resting_speed_of_forces * (natural or 1.0)
         self.least_energy = 0.5 * float(np.diag(motion.dynamics.M) @ (motion.sizes * self.slowest) ** 2)
         first_order = {name for x in system.scene.balances if x.first_order for name in x.direction}
-        self._massless = np.flatnonzero([is_state(name) or name in first_order for name in system.names])
+        self.massless = np.flatnonzero([is_state(name) or name in first_order for name in system.names])
         self.full = self.rank == self.n_c
-        self._weights = self.scale * self.scale[:, None]
-        self._rows = self.scale * self.row_scale[:, None]
+        self.weights = self.scale * self.scale[:, None]
+        self.rows = self.scale * self.row_scale[:, None]
         # What is singular, and which multipliers are the least ones, is told by the masses of the coordinates
         # themselves, unless they carry far heavier ones.
         self._told = np.minimum(spaces.scale, TOLERANCES.carried_most * self.scale)
@@ -124,7 +130,6 @@ class Constrained:
         self._holonomic, self._all = np.eye(self.n_h), np.eye(self.n_c)
         self._right = np.zeros(self.n + self.rank)
         self._least: float | None = None
-        self._span = np.zeros((self.n_c, self.rank))
         self.trouble: MbstabError | None = None
         self.refresh(motion.dynamics)
 
@@ -132,6 +137,11 @@ class Constrained:
     def independent(self) -> bool:
         """Whether the number of rows kept equals the rank."""
         return len(self.kept) == self.rank
+
+    @cached_property
+    def arrays(self) -> System:
+        """The system for many states at once."""
+        return self.system.in_arithmetic(replace(self.system.scene, arithmetic=array_arithmetic()))
 
     # --- the one place where the scene is evaluated -----------------------------------------------------------------
 
@@ -161,34 +171,6 @@ class Constrained:
         a, nu = self.solve(state, -state.F0, state.B)
         return a, nu, state
 
-    def together(self, times: Array, q: Array, u: Array) -> tuple[Array, Array, Dynamics, Array] | None:
-        """Return a, the multipliers ν, the matrices and the residuals at several states, each with an axis for them.
-
-        None where that is impossible, and each state has to be looked at by itself.
-
-        Parameters
-        ----------
-        times : ndarray, shape (n_t,)
-        q, u : ndarray, shape (n_t, n_q)
-        """
-        if not self.full:
-            return None
-        scene, n = self.system.scene, self.n
-        try:
-            state = self.system.in_arithmetic(replace(scene, arithmetic=array_arithmetic())).dynamics(q, u, times)
-            J = np.broadcast_to(state.J * self._rows, (len(q), self.n_c, n))
-            A, b = augmented_matrix(state.M * self._weights, J), np.empty((len(q), n + self.rank))
-            b[:, :n], b[:, n:] = -state.F0 * self.scale, -state.B * self.row_scale
-            found = np.linalg.solve(A, b[..., None])[..., 0]
-            fast = np.max(np.abs(u / self.sizes), axis=-1, initial=0.0)[:, None]
-            residuals = self._residuals(state, np.maximum(fast, self.slowest))
-        except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
-            return None
-        left = np.stack(np.broadcast_arrays(*residuals, fast[:, 0])[:2], axis=-1)
-        if not (np.isfinite(found).all() and np.isfinite(left).all()):
-            return None
-        return found[:, :n] * self.scale, found[:, n:] * self.row_scale, state, left
-
     def acceleration(self, t: float, q: Array, u: Array) -> Array:
         """Return a (n_q,) alone at a state, from the straight-line functions where there are some."""
         program = self._program or self._quick_program()
@@ -213,11 +195,11 @@ class Constrained:
     def solve(self, state: Dynamics, force: Array, bias: Array) -> tuple[Array, Array]:
         """Return x (n_q,) and ν (n_c,) with M x + Jᵀ ν = force and J x = −bias."""
         n, b = self.n, self._right
-        J = state.J * self._rows
+        J = state.J * self.rows
         bias = bias * self.row_scale
         if not self.full:
             J, bias = self._all.T @ J, self._all.T @ bias
-        self._matrix = augmented_matrix(state.M * self._weights, J)
+        self._matrix = augmented_matrix(state.M * self.weights, J)
         b[:n], b[n:] = force * self.scale, -bias
         found = self._solved(self._matrix, b)
         nu = found[n:] if self.full else self._all @ found[n:]
@@ -250,10 +232,11 @@ class Constrained:
         `fastest` is the largest speed of a coordinate in its size (1/s); where all are slow, residuals in velocity
         count relative to `slowest`.
         """
-        position, velocity = self._residuals(state, max(fastest, self.slowest))
+        position, velocity = self.relative(state, max(fastest, self.slowest))
         return float(position), float(velocity)
 
-    def _residuals(self, state: Dynamics, fastest: Any) -> tuple[Any, Any]:
+    def relative(self, state: Dynamics, fastest: Any) -> tuple[Any, Any]:
+        """Return the same of many states at speeds that are given, each of shape (…)."""
         reach = np.abs(state.J) @ self.sizes + 1e-300
         position = np.abs(state.E[..., : self.n_h]) / reach[..., : self.n_h]
         velocity = np.abs(state.V) / (reach * fastest)
@@ -347,7 +330,7 @@ class Constrained:
     def _least_change(self, state: Dynamics, residual: Array, rows: int, held: Flags | None) -> Array:
         """Return the least Δ in the metric of M with J Δ = −residual for the first rows."""
         P = self._holonomic if rows == self.n_h else self._all
-        J = P.T @ (state.J[:rows] * self._rows[:rows])
+        J = P.T @ (state.J[:rows] * self.rows[:rows])
         goal = -(P.T @ (residual * self.row_scale[:rows]))
         if held is not None:
             free = np.flatnonzero(~held)
@@ -356,10 +339,10 @@ class Constrained:
             if len(free):
                 moved[free] = least_squares(J[:, free], goal, rcond=1e-12)
             return moved * self.scale
-        A, b = augmented_matrix(state.M * self._weights, J), np.zeros(self.n + len(J))
+        A, b = augmented_matrix(state.M * self.weights, J), np.zeros(self.n + len(J))
         if rows == self.n_h:
             # First-order states and balances have no mass; only their rates follow the others.
-            A[self._massless, self._massless] = 1.0
+            A[self.massless, self.massless] = 1.0
         b[self.n :] = goal
         change = self._solved(A, b)[: self.n]
         return np.asarray(change * self.scale)
@@ -378,27 +361,33 @@ class Constrained:
             return Watch(np.zeros(0), np.zeros(self.n), np.inf)
         left, s, right = np.linalg.svd(state.J * self._told_rows, full_matrices=False)
         if not self.full:
-            self._holonomic, self._all = self._combinations(state.J * self._rows)
-            self._span = left[:, : self.rank]
+            self._all = self.combined(state.J * self.rows)
+            self._holonomic = self._all[: self.n_h, : self.rank_h]
         k = self.rank - 1
         if self._least is None:
             self._least = float(s[k])
         return Watch(left[:, k], right[k], float(s[k]))
 
-    def _combinations(self, J: Array) -> tuple[Array, Array]:
-        """Return independent combinations of the holonomic rows, and of all rows without mixing the two kinds."""
-        own, _, rest = np.linalg.svd(J[: self.n_h])
-        own, null = own[:, : self.rank_h], rest[self.rank_h :].T
-        others = np.linalg.svd(J[self.n_h :] @ null)[0][:, : self.rank - self.rank_h]
-        both = np.zeros((self.n_c, self.rank))
-        both[: self.n_h, : self.rank_h], both[self.n_h :, self.rank_h :] = own, others
-        return own, both
+    def combined(self, J: Array) -> Array:
+        """Return independent combinations of scaled rows, shape (…, n_c, rank), holonomic ones first.
 
-    def least(self, nu: Array) -> Array:
-        """Return the minimum-norm multipliers (n_c,) with the same effect, where rows are redundant."""
+        The two kinds are not mixed. J has the shape (…, n_c, n_q).
+        """
+        n_h, rank_h = self.n_h, self.rank_h
+        own, _, rest = np.linalg.svd(J[..., :n_h, :])
+        free = J[..., n_h:, :] @ np.swapaxes(rest[..., rank_h:, :], -1, -2)
+        both = np.zeros((*J.shape[:-1], self.rank))
+        both[..., :n_h, :rank_h] = own[..., :rank_h]
+        both[..., n_h:, rank_h:] = np.linalg.svd(free)[0][..., : self.rank - rank_h]
+        return both
+
+    def least(self, nu: Array, J: Array) -> Array:
+        """Return the minimum-norm multipliers (…, n_c) with the same effect, if rows J (…, n_c, n_q) are redundant."""
         if self.full or not self.rank:
             return nu
-        return np.asarray(self._span @ (self._span.T @ (nu / self._told_scale)) * self._told_scale)
+        span = np.linalg.svd(J * self._told_rows, full_matrices=False)[0][..., : self.rank]
+        parts = np.swapaxes(span, -1, -2) @ (nu / self._told_scale)[..., None]
+        return np.asarray((span @ parts)[..., 0] * self._told_scale)
 
     def multipliers(self, state: Dynamics, a: Array) -> Array:
         """Return the minimum-norm multipliers (n_c,) that balance given accelerations, also where rank is lost."""

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.multiplier_sizes import multiplier_sizes
+from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.many_states import FAILURES, found_at
 from mbstab.analysis.simulate.tolerances import TOLERANCES
-from mbstab.compiler.form import Form
 from mbstab.compiler.system import Array, System
 from mbstab.records import Answer, dataclass
 
@@ -19,8 +22,16 @@ from mbstab.records import Answer, dataclass
 @cache
 def quadrature(order: int) -> tuple[tuple[float, float], ...]:
     """Return nodes in −1 … 1 and weights for the power over a part of a step of a method of some order (Gauss)."""
-    nodes, weights = np.polynomial.legendre.leggauss(max(2, (order + 1) // 2))
+    nodes, weights = legendre.leggauss(max(2, (order + 1) // 2))
     return tuple(zip(nodes.tolist(), weights.tolist(), strict=True))
+
+
+@cache
+def antiderivative(count: int) -> tuple[Array, Array]:
+    """Return nodes in −1 … 1 (Gauss), and the matrix from values there to the Legendre series of their integral."""
+    nodes, _ = legendre.leggauss(count)
+    series = np.linalg.inv(legendre.legvander(nodes, count - 1))
+    return nodes, legendre.legint(series, lbnd=-1.0)
 
 
 @dataclass(frozen=True)
@@ -56,14 +67,32 @@ class Energy:
         """Whether nothing does work, so that the sum of kinetic and potential energy is constant."""
         return not (self.working or self.damped or self.driven)
 
-    def powers(self, parts: Mapping[str, Form | System], q: Array, u: Array, t: float) -> dict[str, float]:
-        """Return the power of each force without a potential and of each damper (W), by entry."""
-        zero = np.zeros(len(u))
-        found = {path: -float(parts[path].dynamics(q, u, t).F0 @ u) for path in self.working}
+    def powers(self, parts: Mapping[str, System], q: Array, u: Array, t: Any) -> dict[str, Any]:
+        """Return the power of each force without a potential and of each damper (W), by entry, of states (…, n_q)."""
+        found = {path: -np.sum(parts[path].dynamics(q, u, t).F0 * u, axis=-1) for path in self.working}
         for path in self.damped:
             part = parts[path]
-            found[path] = -float((part.dynamics(q, u, t).F0 - part.dynamics(q, zero, t).F0) @ u)
+            force = part.dynamics(q, u, t).F0 - part.dynamics(q, np.zeros_like(u), t).F0
+            found[path] = -np.sum(force * u, axis=-1)
         return found
+
+    def power(self, equations: Constrained, times: Array, q: Array, u: Array, a: Array | None = None) -> Array:
+        """Return the power of all without a potential, shape (n_t,) (W), at accelerations as in `found_at`."""
+        system = equations.arrays
+        parts = system.remember("parts", None, lambda: dict(system.parts()))
+        try:
+            with np.errstate(all="ignore"):
+                total = sum(self.powers(parts, q, u, times).values(), np.zeros(len(times)))
+            if not np.isfinite(total).all():
+                raise FloatingPointError
+        except FAILURES:
+            own = dict(equations.system.parts())
+            singly = [sum(self.powers(own, *state).values()) for state in zip(q, u, times.tolist(), strict=True)]
+            total = np.array(singly, dtype=float)
+        if not self.driven:
+            return total
+        found = found_at(equations, times, q, u, a)
+        return np.asarray(total - np.sum(found.nu * (found.J @ u[..., None])[..., 0], axis=-1))
 
 
 def may_work(system: System) -> set[str]:

@@ -1,20 +1,29 @@
-"""The samples of a run, and the quantities derived from them for all output times at once."""
+"""The output of a run: what its steps give at output times, and the quantities derived from them for all at once.
+
+During a run only the polynomials of its steps are evaluated, at output times and at nodes of a quadrature. What is left
+to do once a run is known to be the last, the projection onto the constraints and the sum of the work, runs over arrays.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import groupby
 
 import numpy as np
+from numpy.polynomial import legendre
 
+from mbstab.analysis.algebra.arrays import Index
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement, efforts, moving_joints, unwound
 from mbstab.analysis.reference.reactions import reactions
 from mbstab.analysis.simulate.balanced import check_balanced
 from mbstab.analysis.simulate.constrained import Constrained
+from mbstab.analysis.simulate.energy import Energy, antiderivative
+from mbstab.analysis.simulate.many_states import chunks, found_at, settled
+from mbstab.analysis.simulate.steppers.interface import Stepper
 from mbstab.analysis.simulate.tolerances import TOLERANCES
-from mbstab.compiler.system import Array, Dynamics, System
+from mbstab.compiler.system import Array, System
 from mbstab.records import dataclass
 
 
@@ -39,18 +48,159 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Sample:
-    """The motion at an output time (s): q and u on the constraints, in the angles of the frame; work (J).
+class Nodes:
+    """States at the nodes of a quadrature over successive steps, and where output times lie.
 
-    The accelerations are stored where the constraints do not determine them.
+    Attributes
+    ----------
+    times : ndarray, shape (n_s, n_p) (s)
+        n_p nodes in each of n_s steps.
+    q, u : ndarray, shape (n_s, n_p, n_q)
+    halves : ndarray, shape (n_s,) (s)
+        Half the lengths of the steps.
+    step : ndarray of int, shape (n_t,)
+        The step that contains an output time, and in `place` where: −1 … 1.
+    place : ndarray, shape (n_t,)
+    """
+
+    times: Array
+    q: Array
+    u: Array
+    halves: Array
+    step: Index
+    place: Array
+
+    def work(self, energy: Energy, equations: Constrained) -> tuple[Array, float]:
+        """Return the work since the first step at the output times, shape (n_t,), and that of all steps (J)."""
+        count, nodes = self.times.shape
+        times, q, u = self.times.ravel(), *(x.reshape(count * nodes, -1) for x in (self.q, self.u))
+        power = [energy.power(equations, times[k], q[k], u[k]) for k in chunks(equations.system, len(times))]
+        series = np.concatenate(power).reshape(count, nodes) @ antiderivative(nodes)[1].T * self.halves[:, None]
+        # Legendre polynomials are 1 at the end of a step.
+        ends = np.concatenate([[0.0], np.cumsum(np.sum(series, axis=1))])
+        within = np.sum(legendre.legvander(self.place, nodes) * series[self.step], axis=1)
+        return ends[self.step] + within, float(ends[-1])
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The motion at output times in one frame.
+
+    Attributes
+    ----------
+    times : ndarray, shape (n_t,) (s)
+    q, u : ndarray, shape (n_t, n_q)
+        In the angles of the frame.
+    work : ndarray, shape (n_t,) (J)
+        Since the start of the stretch; once it is settled, since the start of the run.
+    done : float (J)
+        Work in the whole stretch.
+    a : ndarray, shape (n_t, n_q), optional
+        Accelerations where the constraints do not determine them.
+    nodes : Nodes, optional
+        Tell the work later; until then it is 0.
+    settled : bool
+        Whether states are on the constraints.
     """
 
     frame: Frame
-    t: float
+    times: Array
     q: Array
     u: Array
-    work: float
+    work: Array
+    done: float = 0.0
     a: Array | None = None
+    nodes: Nodes | None = None
+    settled: bool = True
+
+    def with_work(self, energy: Energy) -> Stretch:
+        """Return the same with its work."""
+        if self.nodes is None:
+            return self
+        work, done = self.nodes.work(energy, self.frame.equations)
+        return replace(self, work=work, done=done, nodes=None)
+
+    def on_constraints(self, before: float) -> Iterator[Stretch]:
+        """Yield settled parts, after some work (J)."""
+        if self.settled:
+            yield replace(self, work=before + self.work)
+            return
+        start = 0
+        for times, q, u in settled(self.frame.equations, self.times, self.q, self.u):
+            stop = start + len(times)
+            yield Stretch(self.frame, times, q, u, before + self.work[start:stop])
+            start = stop
+
+
+class Recorder:
+    """Collects the output of a run, step by step.
+
+    Parameters
+    ----------
+    stretches : list of Stretch
+        Filled in the order of time.
+    energy : Energy
+    nodes : int
+        Number of nodes of the quadrature of the power over a step; 0 if there is no work.
+
+    Attributes
+    ----------
+    works : bool
+        Whether there is work.
+    """
+
+    def __init__(self, stretches: list[Stretch], energy: Energy, nodes: int) -> None:
+        self.stretches, self.energy = stretches, energy
+        self.frame: Frame | None = None
+        self.works, self._places = nodes > 0, antiderivative(nodes)[0] if nodes else np.zeros(0)
+        self._steps: list[tuple[int, float, float]] = []
+        self._states: list[tuple[Array, Array, Array]] = []
+        self._numbers = 0
+
+    def in_frame(self, frame: Frame) -> None:
+        """Continue in another frame."""
+        self.close()
+        self.frame = frame
+
+    def take(self, stepper: Stepper, start: float, inside: Array) -> None:
+        """Take what is needed of the last step of a stepper, which began at a time (s) and contains output times."""
+        half = 0.5 * (stepper.t - start)
+        times = np.concatenate([inside, start + half * (1.0 + self._places)])
+        if not len(times):
+            return
+        q, u = stepper.at(times)
+        self._steps.append((len(inside), start, half))
+        self._states.append((times, q, u))
+        self._numbers += 2 * q.size
+        if self._numbers > TOLERANCES.numbers_of_output and self.works:
+            self.close(summed=True)
+
+    def add(self, times: Array, q: Array, u: Array, work: Array, done: float, a: Array | None = None) -> None:
+        """Add states that are settled, and their work since the last ones."""
+        self.close()
+        assert self.frame is not None
+        self.stretches.append(Stretch(self.frame, times, q, u, work, done, a))
+
+    def close(self, summed: bool = False) -> None:
+        """End a stretch, and sum its work at once if it should be."""
+        if not self._steps:
+            return
+        assert self.frame is not None
+        counts, starts, halves = (np.array(x) for x in zip(*self._steps, strict=True))
+        whole = [np.concatenate(x) for x in zip(*self._states, strict=True)]
+        self._steps, self._states, self._numbers = [], [], 0
+        # The output times of a step stand before its nodes.
+        p = len(self._places)
+        step = np.repeat(np.arange(len(counts)), counts)
+        at_nodes = np.zeros(len(whole[0]), dtype=bool)
+        at_nodes[(np.cumsum(counts + p)[:, None] - np.arange(p, 0, -1)).ravel()] = True
+        times, q, u = (x[~at_nodes] for x in whole)
+        nodes = None
+        if p:
+            t, x, v = (x[at_nodes].reshape(len(counts), p, *x.shape[1:]) for x in whole)
+            nodes = Nodes(t, x, v, halves, step, (times - starts[step]) / halves[step] - 1.0)
+        found = Stretch(self.frame, times, q, u, np.zeros(len(times)), nodes=nodes, settled=False)
+        self.stretches.append(found.with_work(self.energy) if summed else found)
 
 
 @dataclass(frozen=True)
@@ -65,25 +215,28 @@ class Track:
         From body axes to ground axes; the identity for point masses.
     spins : ndarray, shape (n_t, n_b, 3)
         Angular velocities in ground axes (rad/s).
+    states : ndarray, shape (n_t, n_s)
+        First-order states.
     """
 
     positions: Array
     velocities: Array
     rotations: Array
     spins: Array
+    states: Array
 
     @classmethod
-    def of(cls, samples: Sequence[Sample]) -> Track:
-        """Return the track of at least one sample."""
+    def of(cls, stretches: Sequence[Stretch]) -> Track:
+        """Return the track of at least one stretch."""
         parts = []
-        for frame, group in _groups(samples):
-            system, attitudes = frame.system, frame.attitudes
-            q, u = (np.array([getattr(s, name) for s in group]) for name in "qu")
+        for stretch in stretches:
+            system, attitudes, q, u = stretch.frame.system, stretch.frame.attitudes, stretch.q, stretch.u
             d = system.scene.dimension
             places, speeds = (
                 np.stack([x[:, part.start : part.start + d] for part in system.body_slices], axis=1) for x in (q, u)
             )
-            parts.append((places, speeds, attitudes.orientations(system, q), attitudes.spins(system, q, u)))
+            turns, spins = attitudes.orientations(system, q), attitudes.spins(system, q, u)
+            parts.append((places, speeds, turns, spins, q[:, system.states[0]]))
         return cls(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
@@ -119,14 +272,15 @@ class Record:
     residuals: Array
 
     @classmethod
-    def of(cls, samples: Sequence[Sample]) -> Record:
-        """Return the record of at least one sample; if the user interrupts, that of the first ones."""
+    def of(cls, stretches: Sequence[Stretch]) -> Record:
+        """Return the record of at least one settled stretch; if the user interrupts, that of the first ones."""
         parts: list[Record] = []
-        begin = samples[0].frame.start
+        begin = stretches[0].frame.start
         try:
-            for frame, group in _groups(samples):
-                parts.append(cls._part(frame, group, begin))
-                begin = parts[-1].q[-1]
+            for stretch in stretches:
+                for k in chunks(stretch.frame.system, len(stretch.times)):
+                    parts.append(cls._part(stretch, k, begin))
+                    begin = parts[-1].q[-1]
         except KeyboardInterrupt:
             if not parts:
                 raise
@@ -136,20 +290,17 @@ class Record:
         driving = {x: np.concatenate([part.efforts[x] for part in parts]) for x in parts[0].efforts}
         names = [field.name for field in fields(cls) if field.name not in ("loads", "efforts")]
         whole = {x: np.concatenate([getattr(part, x) for part in parts]) for x in names}
-        scene, times = samples[0].frame.system.scene, np.array([s.t for s in samples[: len(whole["q"])]])
+        scene, times = stretches[0].frame.system.scene, np.concatenate([x.times for x in stretches])[: len(whole["q"])]
         for i, (motion, _) in enumerate(moving_joints(scene)):
             if motion == "angle" and scene.dimension == 3:
                 whole["motions"][:, i] = unwound(whole["motions"][:, i], whole["motion_rates"][:, i], times)
         return cls(loads=loads, efforts=driving, **whole)
 
     @classmethod
-    def _part(cls, frame: Frame, samples: Sequence[Sample], before: Array) -> Record:
-        equations, system = frame.equations, frame.system
-        q, u = (np.array([getattr(s, name) for s in samples]) for name in "qu")
-        times = np.array([s.t for s in samples])
-        given = any(sample.a is not None for sample in samples)
-        found = None if given or len(samples) < TOLERANCES.states_singly else equations.together(times, q, u)
-        a, nu, J, kinetic, residuals = cls._singly(equations, samples) if found is None else _summed(u, *found)
+    def _part(cls, stretch: Stretch, k: slice, before: Array) -> Record:
+        frame, system, times, q, u = stretch.frame, stretch.frame.system, stretch.times[k], stretch.q[k], stretch.u[k]
+        given = None if stretch.a is None else stretch.a[k]
+        a, nu, J, kinetic, residuals = found_at(frame.equations, times, q, u, given)
         check_balanced(system, times, q, u, a, nu)
         loads: dict[tuple[str, str, str], Array] = {}
         for r in reactions(system, q, u, J, nu):
@@ -166,64 +317,34 @@ class Record:
         q, u, a = frame.attitudes.in_file(system, q, u, a, shown)
         return cls(q, u, a, nu, loads, driving, motions, motion_rates, kinetic, potential, residuals)
 
-    @staticmethod
-    def _singly(equations: Constrained, samples: Sequence[Sample]) -> tuple[Array, ...]:
-        """Return a, ν, J, kinetic energies and residuals."""
-        system, count = equations.system, len(samples)
-        a, nu, J = (
-            np.empty((count, system.n_q)),
-            np.empty((count, system.n_c)),
-            np.empty((count, system.n_c, system.n_q)),
-        )
-        kinetic, residuals = np.empty(count), np.empty((count, 2))
-        for i, sample in enumerate(samples):
-            if sample.a is None:
-                a[i], multipliers, state = equations.accelerations(sample.t, sample.q, sample.u)
-                nu[i] = equations.least(multipliers)
-            else:
-                state, a[i] = equations.evaluate(sample.t, sample.q, sample.u), sample.a
-                nu[i] = equations.multipliers(state, a[i])
-            J[i] = state.J
-            kinetic[i] = 0.5 * float(sample.u @ state.M @ sample.u)
-            residuals[i] = equations.residuals(state, equations.fastest(sample.u))
-        return a, nu, J, kinetic, residuals
 
-
-def _summed(
-    u: Array, a: Array, nu: Array, state: Dynamics, residuals: Array
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Return a, ν, J, kinetic energies and residuals at several states."""
-    kinetic = 0.5 * (u[:, None, :] @ state.M @ u[:, :, None])[:, 0, 0]
-    return a, nu, np.broadcast_to(state.J, (len(u), *state.J.shape[1:])), kinetic, residuals
-
-
-def states(samples: Sequence[Sample]) -> tuple[Array, Array]:
-    """Return q and u of at least one sample in the angles of the file, each of shape (n_t, n_q)."""
-    begin, found = samples[0].frame.start, []
-    for frame, group in _groups(samples):
-        q, u = (np.array([getattr(s, name) for s in group]) for name in "qu")
-        shown = _continued(frame, q, begin)
-        found.append(frame.attitudes.in_file(frame.system, q, u, np.zeros_like(u), shown)[:2])
+def states(stretches: Sequence[Stretch]) -> tuple[Array, Array]:
+    """Return q and u of at least one stretch in the angles of the file, each of shape (n_t, n_q)."""
+    begin, found = stretches[0].frame.start, []
+    for x in stretches:
+        shown = _continued(x.frame, x.q, begin)
+        found.append(x.frame.attitudes.in_file(x.frame.system, x.q, x.u, np.zeros_like(x.u), shown)[:2])
         begin = shown[-1]
     q, u = (np.concatenate(part) for part in zip(*found, strict=True))
     return q, u
 
 
+def joined(stretches: Sequence[Stretch]) -> list[Stretch]:
+    """Return settled stretches, those of one frame that follow each other as one."""
+    found = []
+    for (_, given), group in groupby(stretches, lambda x: (id(x.frame), x.a is not None)):
+        parts = list(group)
+        times, q, u, work = (np.concatenate([getattr(x, name) for x in parts]) for name in ("times", "q", "u", "work"))
+        a = np.concatenate([x.a for x in parts if x.a is not None]) if given else None
+        found.append(Stretch(parts[0].frame, times, q, u, work, a=a))
+    return found
+
+
 def _continued(frame: Frame, q: Array, before: Array) -> Array:
     """Return coordinates in the angles of the file, each nearest to the previous ones."""
+    if frame.system is frame.attitudes.file:
+        return q
     shown = np.empty_like(q)
     for i in range(len(q)):
         before = shown[i] = frame.attitudes.coordinates_in_file(frame.system, q[i], before)
     return shown
-
-
-def _groups(samples: Sequence[Sample]) -> Iterator[tuple[Frame, list[Sample]]]:
-    """Yield samples in order, those of one frame together, in groups of limited size."""
-    for _, group in groupby(samples, lambda s: id(s.frame)):
-        found = list(group)
-        system = found[0].frame.system
-        count = min(
-            TOLERANCES.states_together, 1 + TOLERANCES.matrix_numbers_together // (1 + (system.n_c + system.n_q) ** 2)
-        )
-        for k in range(0, len(found), count):
-            yield found[0].frame, found[k : k + count]

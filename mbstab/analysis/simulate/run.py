@@ -1,23 +1,24 @@
 """One run of a method over a span of time: output, charts, monitoring of the rank, and work.
 
-A run gives samples at the requested times. If it ends early, by a failure or an interrupt, the
-samples so far are kept.
+A run gives the motion at the requested times from the polynomials of its steps; `Follower.settle` puts it onto the
+constraints. If a run ends early, by a failure or an interrupt, the part so far is kept.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import Index
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.simulate.constrained import BRANCH_HINT, LIMIT_HINT, Constrained, Watch
-from mbstab.analysis.simulate.energy import Energy, quadrature
-from mbstab.analysis.simulate.recording import Frame, Sample, Track
+from mbstab.analysis.simulate.energy import Energy
+from mbstab.analysis.simulate.recording import Frame, Recorder, Stretch, Track, joined
 from mbstab.analysis.simulate.singular_passage import NODES as NODES_OF_PASSAGE
 from mbstab.analysis.simulate.singular_passage import Passage, passage, predicted
 from mbstab.analysis.simulate.steppers.compiled import Marching
@@ -46,7 +47,8 @@ class Run:
 
     Attributes
     ----------
-    samples : list of Sample
+    stretches : list of Stretch
+        The motion at the output times.
     steps, rejected, evaluations, charts : int
         `charts` is the number of changes of Euler angles.
     reached : float (s)
@@ -63,7 +65,7 @@ class Run:
         Times at which singular configurations were passed (s), and the rows that depend on each other there.
     """
 
-    samples: list[Sample] = field(default_factory=list)
+    stretches: list[Stretch] = field(default_factory=list)
     steps: int = 0
     rejected: int = 0
     evaluations: int = 0
@@ -78,8 +80,8 @@ class Run:
 
     @cached_property
     def track(self) -> Track:
-        """Positions and velocities of the bodies at all samples, at least one, of a run that has ended."""
-        return Track.of(self.samples)
+        """The bodies at all output times, at least one, before they are settled, of a run that has ended."""
+        return Track.of(self.stretches)
 
     @property
     def complete(self) -> bool:
@@ -125,7 +127,6 @@ class Follower:
         self.attitudes = Attitudes.of(system)
         self.energy = Energy.of(system)
         self.form = form or Form(system)
-        self.parts = self.working_parts(system)
         self.note = ""
         self.tell: Callable[[str], object] = lambda text: None
         self.budget: Budget | None = None
@@ -137,19 +138,14 @@ class Follower:
             self._marching = Marching(equations, self.attitudes, self.energy, method, solver)
         return self._marching
 
-    def working_parts(self, system: System) -> dict[str, Form]:
-        """Return the forces without a potential, each alone, in the coordinates of `system`."""
-        wanted = {*self.energy.working, *self.energy.damped}
-        return {path: Form(part) for path, part in system.parts() if path in wanted} if wanted else {}
-
     def run(self, method: Method, options: Options, progress: Callable[[float], object]) -> Run:
         """Follow the motion; failures end the run and are recorded in it."""
         run = Run(reached=float(self.times[0]))
-        leg = _Leg(self, run)
+        leg = _Leg(self, run, method)
         pace = Pace(method, options, float(self.times[-1]), self.note, self.tell, self.budget)
         run.peak = leg.equations.least_energy
         try:
-            leg.sample(float(self.times[0]), self.motion.q, self.motion.u)
+            leg.begin()
             leg.follow(method, options, progress, pace)
         except KeyboardInterrupt:
             run.interrupted = True
@@ -160,6 +156,7 @@ class Follower:
             run.failure = leg.attributed(str(error))
         except MbstabError as error:
             run.failure = str(error)
+        leg.recorder.close()
         self.note = pace.note
         if options.step is not None and run.failure and "\nhint: " not in run.failure:
             run.failure += "\nhint: take a shorter step with --step"
@@ -169,6 +166,22 @@ class Follower:
             run.notes.append(_passed(run.passed))
         run.evaluations += leg.equations.evaluations
         return run
+
+    def settle(self, run: Run) -> None:
+        """Put the output of a run onto the constraints and sum its work; failures are recorded in it."""
+        done: list[Stretch] = []
+        before = 0.0
+        try:
+            for stretch in run.stretches:
+                worked = stretch.with_work(self.energy)
+                for part in worked.on_constraints(before):
+                    done.append(part)
+                before += worked.done
+        except KeyboardInterrupt:
+            run.interrupted = True
+        except NumericalError as error:
+            run.failure = run.failure or str(error)
+        run.stretches = joined(done)
 
 
 def _passed(found: list[tuple[float, str]]) -> str:
@@ -192,17 +205,16 @@ class _Singular(Exception):
 
 
 class _Leg:
-    """The state of a run: the present chart, the singular value watched, the work so far."""
+    """The state of a run: the present chart, the singular value watched, the output so far."""
 
-    def __init__(self, follower: Follower, run: Run) -> None:
+    def __init__(self, follower: Follower, run: Run, method: Method) -> None:
         self.follower, self.run = follower, run
         self.attitudes, self.energy = follower.attitudes, follower.energy
         self.system, self.motion = follower.system, follower.motion
         self.equations = Constrained(self.system, self.motion, follower.form)
         self.watch: Watch = self.equations.refresh(self.motion.dynamics)
-        self.frame: Frame | None = None
-        self.work = 0.0
-        self.parts = follower.parts
+        working = follower.work and not self.energy.conservative
+        self.recorder = Recorder(run.stretches, self.energy, method.order if working else 0)
         self.least, self.looked = 0.0, TOLERANCES.looked_steps
         self.done, self.shown = 1, 0.0
         self.fall, self.tried, self.given_up = 0.0, math.inf, 0
@@ -212,13 +224,19 @@ class _Leg:
         span = float(follower.times[-1] - follower.times[0])
         self.begun = max(self.equations.fastest(start.u), math.sqrt(pulled), 1.0 / span)
 
+    def begin(self) -> None:
+        """Take the first state."""
+        q, u, _ = self.equations.project(float(self.follower.times[0]), self.motion.q, self.motion.u)
+        self.recorder.in_frame(Frame(self.equations, self.attitudes, self.motion.q))
+        self.recorder.add(self.follower.times[:1], q[None], u[None], np.zeros(1), 0.0)
+
     def follow(  # noqa: PLR0915 (the loop of steps, with all that may end one)
         self, method: Method, options: Options, progress: Callable[[float], object], pace: Pace
     ) -> None:
         run, end = self.run, float(self.follower.times[-1])
         t, q, u = float(self.follower.times[0]), self.motion.q, self.motion.u
         steeper, limit = options.rate, end
-        self.rate, self.nodes = options.rate, quadrature(method.order)
+        self.rate = options.rate
         q, u = self._change_chart(q, q, u, t)
         while t < end:
             if options.compiled and self.equations.independent:
@@ -285,11 +303,14 @@ class _Leg:
         self.last = (stepper.t, stepper.u)
         run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
         run.drift = max(run.drift, *self.equations.residuals(stepper.state, self.equations.fastest(stepper.u)))
-        inside = []
-        while self.done < len(times) and times[self.done] <= stepper.t:
-            inside.append(float(times[self.done]))
-            self.done += 1
-        self._cover(stepper, t, inside)
+        first, self.done = self.done, int(np.searchsorted(times, stepper.t, "right"))
+        inside = times[first : self.done]
+        if isinstance(stepper, Passage):
+            q, u = stepper.at(inside)
+            work, done = stepper.work(inside, self._power) if self.recorder.works else (np.zeros(len(inside)), 0.0)
+            self.recorder.add(inside, q, u, work, done, stepper.acceleration(inside))
+        else:
+            self.recorder.take(stepper, t, inside)
         self._reached(stepper.t, progress)
 
     def _reached(self, t: float, progress: Callable[[float], object]) -> None:
@@ -313,17 +334,17 @@ class _Leg:
     ) -> tuple[float, Array, Array, Array, Options]:
         """Take compiled steps as far as possible; return the state there, q before the last step, and the options."""
         run, n = self.run, len(q)
-        marching, base, covered = self.follower.marching(self.equations, method, options.solver), self.work, 0
+        marching, covered, worked = self.follower.marching(self.equations, method, options.solver), 0, 0.0
         times, steps = self.follower.times[self.done :], run.steps
         near = TOLERANCES.passage_tried_from if self.follower.through else TOLERANCES.singular_failure
         marching.start(self.system, t, q, u, times, limit, options, self.least, near)
         state = marching.state
         while True:
             reason = marching.go()
-            for time, found in zip(times[covered : state.done], state.found[covered : state.done], strict=True):
-                self.work = base + float(found[2 * n])
-                self.sample(float(time), found[:n], found[n : 2 * n], settled=True)
-            covered = state.done
+            found = state.found[covered : state.done]
+            work = found[:, 2 * n] - worked
+            self.recorder.add(times[covered : state.done], found[:, :n], found[:, n : 2 * n], work, state.work - worked)
+            covered, worked = state.done, state.work
             run.steps = steps + state.steps
             self._reached(state.t, progress)
             if reason != "more":
@@ -331,7 +352,7 @@ class _Leg:
             pace.look(run.steps, state, self.equations, options)
         if reason != "chart":
             self.watch = self.equations.refresh(self.equations.evaluate(state.t, state.q, state.u))
-        self.least, self.work, self.last = state.least, base + state.work, (state.t, state.u)
+        self.least, self.last = state.least, (state.t, state.u)
         self.looked = TOLERANCES.looked_steps if state.steps else min(2 * self.looked, TOLERANCES.looked_steps_most)
         self.done += covered
         run.rejected += state.rejected
@@ -352,7 +373,7 @@ class _Leg:
         self.equations = Constrained(self.system, replace(self.motion, dynamics=state))
         self.equations.start_from(old)
         self.watch = self.equations.refresh(state)
-        self.parts = self.follower.working_parts(self.system)
+        self.recorder.in_frame(Frame(self.equations, self.attitudes, self.motion.q))
         return q, u
 
     # --- rank -------------------------------------------------------------------------------------------------------
@@ -493,82 +514,33 @@ class _Leg:
         self.watch = self.equations.refresh(self.equations.evaluate(t, q, u))
         return limit
 
-    # --- output -----------------------------------------------------------------------------------------------------
-
-    def _cover(self, stepper: Stepper, t: float, inside: list[float]) -> None:
-        """Take the samples within the last step, and sum the work."""
-        passed = stepper if isinstance(stepper, Passage) else None
-        for time in inside:
-            self._add_work(stepper, t, time)
-            t = time
-            self.sample(time, *(stepper.at(time) if time != stepper.t else (stepper.q, stepper.u)), passed)
-        self._add_work(stepper, t, stepper.t)
-
-    def _add_work(self, stepper: Stepper, start: float, stop: float) -> None:
-        if not self.follower.work or self.energy.conservative or stop <= start:
-            return
-        if isinstance(stepper, Passage):
-            self.work += stepper.work(start, stop, self._power)
-            return
-        half = 0.5 * (stop - start)
-        for node, weight in self.nodes:
-            t = start + half * (1.0 + node)
-            self.work += half * weight * self._power(t, *stepper.at(t))
-
-    def _power(self, t: float, q: Array, u: Array, a: Array | None = None) -> float:
-        """Return the power of all without a potential (W), at given accelerations if constraints leave them open."""
-        total, equations = sum(self.energy.powers(self.parts, q, u, t).values()), self.equations
-        if not self.energy.driven:
-            return total
-        if a is None:
-            _, nu, state = equations.accelerations(t, q, u)
-        else:
-            state = equations.evaluate(t, q, u)
-            nu = equations.multipliers(state, a)
-        return total - float(nu @ (state.J @ u))
-
-    def sample(self, t: float, q: Array, u: Array, passed: Passage | None = None, settled: bool = False) -> None:
-        """Record the motion at a time, projected onto the constraints if needed; on a passage from its polynomial."""
-        if not (passed or settled):
-            q, u, _ = self.equations.project(t, q, u)
-        if self.frame is None or self.frame.equations is not self.equations:
-            self.frame = Frame(self.equations, self.attitudes, self.motion.q)
-        a = passed.acceleration(t) if passed else None
-        self.run.samples.append(Sample(self.frame, t, q, u, self.work, a))
+    def _power(self, times: Array, q: Array, u: Array, a: Array) -> Array:
+        return self.energy.power(self.equations, times, q, u, a)
 
 
-def difference(one: Run, other: Run, sizes: Array, fast: float | None = None) -> float:
+def difference(one: Track, other: Track, sizes: Array, states: Index, fast: float | None = None) -> float:
     """Return the largest difference of positions, orientations, speeds and first-order states of two runs.
 
     They are taken at common times. Lengths are in sizes of the scene, orientations are entries of rotation matrices,
     speeds and angular velocities are relative to the largest, or to `fast` (1/s), and states to their largest value
-    or their size, whichever is larger.
+    or their size in `sizes`, which `states` picks, whichever is larger.
     """
-    count = min(len(one.samples), len(other.samples))
+    count = min(len(one.positions), len(other.positions))
     length = float(np.max(sizes))
     fast = fastest(other, length) if fast is None else fast
-    a, b = one.track, other.track
-    worst = max(
-        _largest(a.positions[:count] - b.positions[:count]) / length,
-        _largest(a.rotations[:count] - b.rotations[:count]),
-        _largest(a.velocities[:count] - b.velocities[:count]) / (length * fast),
-        _largest(a.spins[:count] - b.spins[:count]) / fast,
-        _difference_of_states(one.samples[:count], other.samples[:count], sizes),
+    a, b = (
+        [getattr(x, name)[:count] for name in ("positions", "rotations", "velocities", "spins")] for x in (one, other)
     )
+    units = (length, 1.0, length * fast, fast)
+    worst = max(_largest(x - y) / unit for x, y, unit in zip(a, b, units, strict=True))
+    first, second = one.states[:count], other.states[:count]
+    most = np.max(np.abs([first, second]), axis=(0, 1))
+    worst = max(worst, _largest((first - second) / np.maximum(most, sizes[states])))
     return worst if math.isfinite(worst) else math.inf
 
 
-def _difference_of_states(one: Sequence[Sample], other: Sequence[Sample], sizes: Array) -> float:
-    columns = one[0].frame.system.states[0]
-    if not len(columns):
-        return 0.0
-    first, second = (np.array([sample.q[columns] for sample in samples]) for samples in (one, other))
-    return _largest((first - second) / np.maximum(np.max(np.abs([first, second]), axis=(0, 1)), sizes[columns]))
-
-
-def fastest(run: Run, length: float) -> float:
+def fastest(track: Track, length: float) -> float:
     """Return the largest speed over the size of the scene, or the largest angular velocity (1/s)."""
-    track = run.track
     return max(_largest(np.linalg.norm(track.velocities, axis=-1)) / length, _largest(track.spins)) or 1.0
 
 

@@ -82,7 +82,8 @@ def simulate(
             f"{1.0 / work.natural:.1e} s\nhint: an earlier end, and a start nearer to 0 with --from"
         )
     run = work.once(tol) if step is not None or settings.once else work.refined()
-    if not run.samples:
+    follower.settle(run)
+    if not run.stretches:
         raise SimulationError(run.failure or "stopped before anything was found", None)
     result = _result(begin, follower, work, run, settings)
     if not run.complete:
@@ -115,35 +116,35 @@ def _check_memory(system: System, points: int) -> None:
 
 def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: SimulationSettings) -> Simulation:
     """Return the simulation of a run."""
-    system, record = follower.system, Record.of(run.samples)
-    samples = run.samples[: len(record.q)]
-    run.interrupted = run.interrupted or len(samples) < len(run.samples)
-    track, labels, driving = Track.of(samples), tuple(record.loads), tuple(record.efforts)
-    moving, times = moving_joints(system.scene), np.array([s.t for s in samples])
+    system, record, track = follower.system, Record.of(run.stretches), Track.of(run.stretches)
+    times, work_done = (np.concatenate([getattr(x, name) for x in run.stretches]) for name in ("times", "work"))
+    count = len(record.q)
+    run.interrupted = run.interrupted or count < len(times)
+    labels, driving, moving = tuple(record.loads), tuple(record.efforts), moving_joints(system.scene)
     return Simulation(
         names=tuple(system.names),
         units=system.units,
         bodies=tuple(body.name for body in system.scene.bodies),
         rows=tuple(str(row) for row in system.rows),
-        times=times,
+        times=times[:count],
         q=record.q,
         u=record.u,
         a=record.a,
         nu=record.nu,
-        positions=track.positions,
-        rotations=track.rotations,
-        velocities=track.velocities,
-        spins=track.spins,
-        loads=np.array([record.loads[x] for x in labels]).reshape(len(labels), len(samples)).T,
+        positions=track.positions[:count],
+        rotations=track.rotations[:count],
+        velocities=track.velocities[:count],
+        spins=track.spins[:count],
+        loads=np.array([record.loads[x] for x in labels]).reshape(len(labels), count).T,
         load_names=labels,
-        efforts=np.array([record.efforts[x] for x in driving]).reshape(len(driving), len(samples)).T,
+        efforts=np.array([record.efforts[x] for x in driving]).reshape(len(driving), count).T,
         effort_names=driving,
         motions=record.motions,
         motion_rates=record.motion_rates,
         motion_names=tuple((motion_name(kind, item.name), MOTION_UNITS[kind]) for kind, item in moving),
         kinetic=record.kinetic,
         potential=record.potential,
-        work=np.array([s.work for s in samples]),
+        work=work_done[:count],
         residuals=record.residuals,
         method=settings.method,
         solver=settings.solver,
@@ -162,8 +163,8 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: Si
             *begin.warnings,
             *work.warnings,
             *work.notes,
-            *bumps(system, times, record.q, record.u, work.step or work.longest),
-            *beyond_half_turn(system.scene, times, record.motions),
+            *bumps(system, times[:count], record.q, record.u, work.step or work.longest),
+            *beyond_half_turn(system.scene, times[:count], record.motions),
         ),
         complete=run.complete,
         failure=run.failure,

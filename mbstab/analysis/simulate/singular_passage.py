@@ -55,32 +55,33 @@ class Passage:
         self.start, self.t, self.taken = start, end, end - start
         self._q, self._u, self._a = coefficients
         self.singular, self.owners = math.nan, ""
-        self._power: Array | None = None
         self.q, self.u, self.state = equations.project(end, *self.at(end))
 
     def advance(self) -> None:
         """Do nothing: the step is already taken."""
 
-    def _x(self, t: float) -> float:
+    def _x(self, t: Any) -> Any:
         return 2.0 * (t - self.start) / self.taken - 1.0
 
-    def at(self, t: float) -> tuple[Array, Array]:
-        """Return q and u at a time within the step."""
+    def at(self, t: Any) -> tuple[Array, Array]:
+        """Return q and u, shape (…, n_q), at times within the step."""
         x = self._x(t)
-        return np.asarray(legendre.legval(x, self._q)), np.asarray(legendre.legval(x, self._u))
+        return legendre.legval(x, self._q).T, legendre.legval(x, self._u).T
 
-    def acceleration(self, t: float) -> Array:
-        """Return the accelerations at a time within the step."""
-        return np.asarray(legendre.legval(self._x(t), self._a))
+    def acceleration(self, t: Any) -> Array:
+        """Return the accelerations, shape (…, n_q), at times within the step."""
+        return np.asarray(legendre.legval(self._x(t), self._a).T)
 
-    def work(self, start: float, stop: float, power: Any) -> float:
-        """Return the work between two times within the step (J); ``power(t, q, u, a)`` is evaluated at the nodes."""
-        if self._power is None:
-            times = (self.start + 0.5 * self.taken * (1.0 + POINTS)).tolist()
-            values = np.array([power(t, *self.at(t), self.acceleration(t)) for t in times])
-            self._power = _integral(_fitted(values), np.zeros(()), 0.5 * self.taken)
-        done = legendre.legval(np.array([self._x(start), self._x(stop)]), self._power)
-        return float(done[1] - done[0])
+    def work(self, times: Array, power: Any) -> tuple[Array, float]:
+        """Return the work since the start at times within the step, and in all of it (J).
+
+        ``power(t, q, u, a)`` is evaluated at the nodes, for all at once.
+        """
+        nodes = self.start + 0.5 * self.taken * (1.0 + POINTS)
+        series = _integral(
+            _fitted(power(nodes, *self.at(nodes), self.acceleration(nodes))), np.zeros(()), 0.5 * self.taken
+        )
+        return np.asarray(legendre.legval(self._x(times), series)), float(legendre.legval(1.0, series))
 
     def locate(self, watch: Watch) -> bool:
         """Find when the constraints lose rank; return whether the smallest singular value changes its sign.

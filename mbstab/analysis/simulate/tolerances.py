@@ -192,6 +192,8 @@ class Tolerances:
     """Maximum number of states that are processed together …"""
     matrix_numbers_together: Final = 4_000_000
     """… and of numbers in their constraint matrices."""
+    numbers_of_output: Final = 2_000_000
+    """Work is summed at the end of a run, or as soon as so many numbers at nodes of the quadrature wait for it."""
     states_singly: Final = 8
     """Fewer states are looked at one by one."""
     progress_shown: Final = 0.002

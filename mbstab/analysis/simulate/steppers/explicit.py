@@ -84,12 +84,12 @@ class Projected:
                 solver.f = np.concatenate([u, a])
         self._dense = None
 
-    def at(self, t: float) -> tuple[Array, Array]:
-        """Return q and u at a time within the last step, from the integrator's own interpolation."""
+    def at(self, t: Any) -> tuple[Array, Array]:
+        """Return q and u, shape (…, n_q), at times within the last step, from the integrator's own interpolation."""
         if self._dense is None:
             self._dense = self._solver.dense_output()
-        y = self._dense(t)
-        return y[: self.n], y[self.n :]
+        y = self._dense(t).T
+        return y[..., : self.n], y[..., self.n :]
 
 
 def explicit(equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> Stepper:

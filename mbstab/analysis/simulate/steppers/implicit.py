@@ -141,11 +141,11 @@ class _Implicit:
             if not 1.0 <= factor <= 1.3 and not last:
                 self.h = h * factor
 
-    def at(self, t: float) -> tuple[Array, Array]:
+    def at(self, t: Any) -> tuple[Array, Array]:
         """Return the quintic polynomial through positions, speeds and accelerations at both ends, and its slope."""
         t0, q0, u0, a0 = self._before
         h = self.t - t0
-        x = (t - t0) / h
+        x = np.asarray((t - t0) / h)[..., None]
         rest = self.q - q0 - h * u0 - 0.5 * h * h * a0
         slope = h * (self.u - u0) - h * h * a0
         bend = h * h * (self.a - a0)

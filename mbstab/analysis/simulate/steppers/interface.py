@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -81,8 +81,8 @@ class Stepper(Protocol):
     def advance(self) -> None:
         """Take one step, or raise a `NumericalError`."""
 
-    def at(self, t: float) -> tuple[Array, Array]:
-        """Return q and u at a time within the last step."""
+    def at(self, t: Any) -> tuple[Array, Array]:
+        """Return q and u, shape (…, n_q), at times within the last step."""
 
 
 Start = Callable[[Constrained, float, Array, Array, float, Options], Stepper]
