@@ -5,6 +5,7 @@ import math
 
 import pytest
 from click.testing import CliRunner
+from symmetric_plants import Plant
 
 from mbstab import load, loads
 from mbstab.cli import main
@@ -41,6 +42,41 @@ def test_along_the_ridge_where_eigenvalues_meet():
     assert found.best == pytest.approx(3.0, rel=1e-6)
     assert found.values == pytest.approx({"c": 6.0, "k": 9.0}, rel=1e-6)
     assert found.bounds == {"k": "last"}
+
+
+TWINS = """
+mbstab: 1
+parameters: {c: 0.5, k: 4.0, e: 0.0}
+bodies: {a: {type: planar_point, mass: 1}}
+forces: {f: {type: expression, on: {a.x: -k*a.x - c*rate(a.x), a.y: -(k + e)*a.y - c*rate(a.y)}}}
+reference: {coordinates: {a: {x: 0, y: 0}}}
+"""
+
+
+def test_equal_eigenvalues_move_with_their_mean():
+    """Two equal oscillators, at whose optimum four eigenvalues meet: critical damping."""
+    found = loads(TWINS).design({"c": (0.1, 10.0)}, "decay")
+    assert found.best == pytest.approx(2.0, rel=1e-6)
+    ridge = loads(TWINS).design({"c": (0.1, 10.0), "k": (1.0, 9.0)}, "decay")
+    assert ridge.best == pytest.approx(3.0, rel=1e-5)
+
+
+def test_equal_eigenvalues_that_part_in_every_direction():
+    """At e = 0 both pairs are equal; the rates are p and 1 − 2p + r/10: best at r = 1, p = 1.1/3."""
+    text = TWINS.replace("c: 0.5, k: 4.0, e: 0.0", "p: 0.3333333333333333, r: 0.0")
+    text = text.replace("-k*a.x - c*rate(a.x)", "-4*a.x - 2*p*rate(a.x)")
+    text = text.replace("-(k + e)*a.y - c*rate(a.y)", "-4*a.y - 2*(1 - 2*p + 0.1*r)*rate(a.y)")
+    found = loads(text).design({"p": (0.0, 1.0), "r": (0.0, 1.0)}, "decay")
+    assert found.best == pytest.approx(1.1 / 3, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", [pytest.param(i, marks=[pytest.mark.long] if i > 3 else []) for i in range(200)])
+def test_an_optimum_is_as_good_as_a_grid(seed):
+    """Of plants with equal and crossing eigenvalues; the oracle computes those of its own matrices."""
+    plant = Plant(seed)
+    best, ended = plant.designed(loads)
+    grid = plant.best_of_grid()
+    assert best >= grid - 0.01 * abs(grid), ended
 
 
 ABSORBER = """

@@ -2,19 +2,23 @@
 
 A margin is the smallest of the decay rates, or of the damping ratios, of all eigenvalues at all places of a box. A
 range ends where a first real part becomes positive. Both are smallest or largest values of smooth functions, one for
-each eigenvalue and place: near a point x each gives a linear inequality. Where two eigenvalues λ± = m ± √d meet, their
-derivatives grow without bound, but m and d are smooth: on the side Re √d = 0 the inequality is that of m
-(Burke, Lewis and Overton 2006, on the spectral abscissa, which is not Lipschitz there).
+each eigenvalue and place: near a point x each gives a linear inequality. Of equal eigenvalues it is that of their mean.
+Where two eigenvalues λ± = m ± √d meet, their derivatives grow without bound, but m and d are smooth: on the side
+Re √d = 0 the inequality is that of m (Burke, Lewis and Overton 2006, on the spectral abscissa, which is not Lipschitz
+there). Where eigenvalues cross, what each becomes depends on the direction: inequalities at points nearby, of the
+matrix that moves to first order, bound all of them (its generalized gradient; Burke, Lewis and Overton 2005, SIAM J.
+Optim. 15, who sample gradients).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.design.moving import Moving
 from mbstab.analysis.design.plant import Local, Plant
 from mbstab.analysis.design.rows import Rows
 from mbstab.analysis.design.tolerances import TOLERANCES
@@ -22,8 +26,8 @@ from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
 Ends = tuple[float, float]
-Variant = Callable[[float], Rows]
-"""Inequalities for a reach of the next step."""
+Variant = Callable[[float], Array | None]
+"""A point to be tried within a reach, if there is one."""
 
 
 @dataclass(frozen=True)
@@ -54,16 +58,19 @@ class Goal(Protocol):
         Bounds of the unknowns of the inequalities.
     rounding : float
         Values that differ by less are equal.
+    scattered : int
+        Number of points over all ranges that are tried where no model leads on.
     """
 
     limits: Array
     rounding: float
+    scattered: int
 
     def values(self, x: Array) -> Array:
         """Return its values at points of the unit cube, shape (points,); -inf where there is none."""
 
     def model(self, x: Array) -> tuple[Rows, list[Variant]]:
-        """Return the inequalities of all eigenvalues near a point, and those to be tried besides."""
+        """Return the inequalities of all eigenvalues near a point, and what is to be tried besides."""
 
 
 class Cube:
@@ -108,7 +115,7 @@ def _known_to(kind: str, local: Local) -> float:
     if not len(local.values):
         return 0.0
     i = int(np.argmin(measure(kind, local.values)))
-    if np.isnan(local.slopes[i]).any() or not np.isfinite(local.errors[i]):
+    if local.is_multiple(i):
         return 0.0  # where eigenvalues meet, their bounds say little about how they move
     return float(local.errors[i] / (1.0 if kind == "decay" else max(abs(local.values[i]), 1e-300)))
 
@@ -124,6 +131,7 @@ class Margin:
             TOLERANCES.rounding * (plant.size if kind == "decay" else 1.0), _known_to(kind, plant.start)
         )
         self.box, self.sides = Cube(over) if over else None, len(over)
+        self.scattered = TOLERANCES.scattered_in_boxes if over else TOLERANCES.scattered
         few = self.sides <= len(TOLERANCES.grid)
         self.count = TOLERANCES.grid[self.sides - 1] if few else TOLERANCES.grid_of_many
         self.checked = TOLERANCES.grid_checked[self.sides - 1] if few else TOLERANCES.grid_of_many
@@ -218,48 +226,63 @@ class Margin:
                 yield place, local
 
     def model(self, x: Array) -> tuple[Rows, list[Variant]]:
-        """Return the inequalities near a point, plain and on the smooth side of meetings."""
-        found = [local for _, local in self._locals(x)]
-        plain = [self._rows(local, i, x) for local in found for i in local.upper]
-        if not plain:
+        """Return the inequalities near a point, and what is tried besides: smooth sides of meetings, and crossings."""
+        found = [local.moving for _, local in self._locals(x) if local.moving is not None]
+        plain = self._rows(found, x)
+        if plain is None:
             return Rows(np.zeros((0, len(x))), np.zeros((0, 1)), np.zeros(0), np.zeros(0)), []
 
         def smooth(part: float) -> Variant:
-            def rows(reach: float) -> Rows:
+            def point(reach: float) -> Array | None:
                 shift = part * reach**2
-                return Rows.joined([r for local in found for i in local.upper for r in self._apart(local, i, x, shift)])
+                rows = [r for moving in found for group in moving.upper for r in self._apart(moving, group, x, shift)]
+                return Rows.joined(rows).best(x, reach, self.limits)
 
-            return rows
+            return point
 
-        return Rows.joined(plain), [smooth(0.0), smooth(1.0)]
+        return plain, [smooth(0.0), smooth(1.0), lambda reach: self._crossing(found, plain, x, reach)]
 
-    def _rows(self, local: Local, i: int, x: Array) -> Rows:
-        """Return the inequality of an eigenvalue."""
-        return self._below(local.values[i], local.slopes[i], x)
+    def _rows(self, found: Sequence[Moving], x: Array) -> Rows | None:
+        """Return the inequalities of all eigenvalues, those of equal ones together."""
+        rows = [self._below(*moving.sums(group)[:2], x) for moving in found for group in moving.upper]
+        return Rows.joined(rows) if rows else None
+
+    def _crossing(self, found: Sequence[Moving], plain: Rows, x: Array, reach: float) -> Array | None:
+        """Return the best point for matrices that move to first order, by cutting planes (Kelley 1960, J. SIAM 8)."""
+        rows, best, most = [plain], None, -np.inf
+        for _ in range(TOLERANCES.cutting_planes):
+            point = Rows.joined(rows).best(x, reach, self.limits)
+            if point is None:
+                break
+            moved = [moving.at((point - x) * self.cube.size) for moving in found]
+            value = min(float(np.min(measure(self.kind, moving.values))) for moving in moved)
+            if value > most:
+                best, most = point, value
+            more = self._rows(moved, point)
+            rows += [] if more is None else [more]
+        return best
 
     def _below(self, s: complex, slopes: Complex, x: Array) -> Rows:
         """Return that a margin t is at most that of a number s that moves."""
-        slope = _measure_slope(self.kind, complex(s), slopes) * self.cube.size
+        slope = _measure_slope(self.kind, s, slopes) * self.cube.size
         return Rows.of(-slope, np.ones(1), measure(self.kind, np.array([s])), x)
 
-    def _apart(self, local: Local, i: int, x: Array, shift: float) -> list[Rows]:
-        """Return the inequalities of an eigenvalue: those of a pair that may meet on the side where it does not."""
-        j = local.partner(i) if len(local.values) > 1 else i
-        s, other = local.values[i], local.values[j]
-        size = max(abs(s), abs(other))
-        if i == j or abs(s - other) > TOLERANCES.near_partner * size or np.isnan(local.slopes[j]).any():
-            return [self._rows(local, i, x)]
-        ds, dother = local.slopes[i], local.slopes[j]
-        half = 0.5 * (s - other)
-        d, slope = (half / size) ** 2, half * (ds - dother) * self.cube.size / size**2
-        plain = abs((s + other).imag) <= TOLERANCES.on_a_line * size  # both real, or a pair
-        rows = [(1.0, d.real, slope.real, shift)]
-        if not plain:
-            rows = [(sign, d.imag, slope.imag, 0.0) for sign in (1.0, -1.0)] + [(1.0, d.real, slope.real, 0.0)]
-            rows += [(-1.0, d.real, slope.real, 0.0)] if self.kind == "damping" else []
-        found = [self._below(0.5 * (s + other), 0.5 * (ds + dother), x)]
-        for sign, value, along, room in rows:
-            own = Rows.of(sign * along, np.zeros(1), np.array([-sign * value - room]), x)
+    def _apart(self, moving: Moving, group: Sequence[int], x: Array, shift: float) -> list[Rows]:
+        """Return the inequalities of an eigenvalue: those of some that may meet on the side where they do not."""
+        near = moving.nearest(group)
+        mean, slopes, square, along = moving.sums(near)
+        found = [self._below(mean, slopes, x)]
+        if len(near) == 1:
+            return found
+        size = float(np.max(np.abs(moving.values[near]))) or 1.0
+        square, along = square / size**2, along * self.cube.size / size**2
+        rows = [(1.0, square.real, along.real, shift)]
+        if abs(mean.imag) > TOLERANCES.on_a_line * size:  # neither real, nor a pair
+            rows = [(sign, square.imag, along.imag, 0.0) for sign in (1.0, -1.0)]
+            rows += [(1.0, square.real, along.real, 0.0)]
+            rows += [(-1.0, square.real, along.real, 0.0)] if self.kind == "damping" else []
+        for sign, value, slope, room in rows:
+            own = Rows.of(sign * slope, np.zeros(1), np.array([-sign * value - room]), x)
             found.append(Rows(own.A, own.B, own.b, np.ones(1)))
         return found
 
@@ -299,6 +322,7 @@ class Range:
         self.plant, self.cube, self.parameter, self.window = plant, cube, parameter, window
         self.rounding = TOLERANCES.rounding * (window[1] - window[0])
         self.limits = np.array([window, (-window[1], -window[0])])
+        self.scattered = TOLERANCES.scattered_in_boxes
 
     def values(self, x: Array) -> Array:
         """Return the widths at points of the unit cube; -inf where no value in the window is stable."""
@@ -371,9 +395,11 @@ class Range:
         names, found = (*self.cube.names, self.parameter), []
         for v, side in self._places(x)[0]:
             local = self.plant.known(self.cube.at(x) | {self.parameter: v}, names)
-            for i in [] if local is None else local.upper.tolist():
-                assert local is not None
-                slopes, growth = local.slopes[i].real, local.values[i].real
+            if local is None or local.moving is None:
+                continue
+            for group in local.moving.upper:
+                mean, moved = local.moving.sums(group)[:2]
+                slopes, growth = moved.real, mean.real
                 B = slopes[-1] * np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 0.0]][side])
                 b = np.array([-growth + (slopes[-1] * v if side < 2 else 0.0)])
                 found.append(Rows.of(slopes[:-1] * self.cube.size, B, b, x))

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, Index
-from mbstab.analysis.spectrum.sensitivity import sensitivities
+from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.design.moving import Moving
+from mbstab.analysis.spectrum.sensitivity import moved_matrix
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError, UsageError
@@ -26,15 +27,15 @@ class Local:
     ----------
     values : ndarray of complex, shape (r,)
         All that are not neutral, pairs with both of their members (1/s).
-    slopes : ndarray of complex, shape (r, parameters)
-        Their derivatives in 1/s per SI unit; nan for those that are not known to be simple.
     errors : ndarray, shape (r,)
         Their error bounds (1/s).
+    moving : Moving or None
+        The matrix of which they are the eigenvalues; None where it has no derivatives.
     """
 
     values: Complex
-    slopes: Complex
     errors: Array
+    moving: Moving | None
 
     def partner(self, i: int) -> int:
         """Return the eigenvalue next to another one."""
@@ -42,10 +43,10 @@ class Local:
         gaps[i] = np.inf
         return int(np.argmin(gaps))
 
-    @property
-    def upper(self) -> Index:
-        """Numbers of the eigenvalues with derivatives, of pairs one member."""
-        return np.flatnonzero((self.values.imag >= 0.0) & ~np.isnan(self.slopes).any(axis=1))
+    def is_multiple(self, i: int) -> bool:
+        """Return whether an eigenvalue is not known to be a simple one."""
+        near = np.abs(self.values - self.values[i]) <= self.errors + self.errors[i]
+        return bool(np.sum(near) > 1 or not np.isfinite(self.errors[i]))
 
 
 class Plant:
@@ -97,23 +98,17 @@ class Plant:
         UsageError
             If the reference cannot move with one of them.
         MbstabError
-            As `mbstab.analysis.spectrum.sensitivity.sensitivities`.
+            As `mbstab.analysis.spectrum.sensitivity.moved_matrix`.
         """
-        found = sensitivities(bound(self.model, settings_in_si(place)))
+        found = moved_matrix(bound(self.model, settings_in_si(place)))
         for name in names:
             if name in found.missing:
                 raise UsageError(f"{name} cannot be varied: {found.missing[name]}")
+        judged = [e for e in found.result.eigenvalues if not e.exact]
         columns = [found.parameters.index(name) for name in names]
-        values, slopes, errors = [], [], []
-        for item in found.derivatives:
-            own, slope = found.eigenvalue(item), item.slopes[columns]
-            value, error = own.value, own.error_bound
-            values += [value, value.conjugate()] if value.imag else [value]
-            slopes += [slope, slope.conj()] if value.imag else [slope]
-            errors += [error, error] if value.imag else [error]
-        return Local(
-            np.array(values, dtype=complex), np.array(slopes).reshape(len(values), len(columns)), np.array(errors)
-        )
+        moving = None if found.slopes is None else Moving(found.A, found.slopes[columns])
+        values, errors = [e.value for e in judged], [e.error_bound for e in judged]
+        return Local(np.array(values, dtype=complex), np.array(errors), moving)
 
     def known(self, place: Place, names: Sequence[str]) -> Local | None:
         """Return the eigenvalues at a place and their derivatives, or None if there are none."""

@@ -29,6 +29,18 @@ class Tolerances:
     """Points whose values differ by less than this fraction are equally good."""
     cuts: Final = 4
     """Former steps whose inequalities are tried again."""
+    equal: Final = 1e-10
+    """Eigenvalues whose distance is below this fraction of the largest are equal: they move with their mean."""
+    cutting_planes: Final = 6
+    """Points at which the matrix that moves to first order is bounded again, where eigenvalues may cross."""
+    scattered: Final = 256
+    """Points over all ranges that are tried where no model leads on …"""
+    scattered_in_boxes: Final = 64
+    """… where each of them takes a box or a range …"""
+    scattered_near: Final = 8
+    """… and in each smaller region."""
+    rounds_of_root: Final = 60
+    """Steps to the root by which such points are spread."""
     near_partner: Final = 0.5
     """Eigenvalues nearer to each other than this fraction of their size may meet."""
     meets: Final = 1e-2

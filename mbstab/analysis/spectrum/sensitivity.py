@@ -101,6 +101,30 @@ class Sensitivities(Answer):
         return sorted(known, key=lambda k: (-change[k], not self.values[k], -abs(item.slopes[k])))
 
 
+@dataclass(frozen=True)
+class MovedMatrix:
+    """The matrix left to judge, and how it moves.
+
+    Attributes
+    ----------
+    result : EigenResult
+    parameters : tuple of str
+        In the order of the file.
+    missing : dict
+        Why there are no derivatives by some of the parameters.
+    A : ndarray, shape (r, r)
+        Its eigenvalues are those of `result` that are not neutral.
+    slopes : ndarray, shape (parameters, r, r), or None
+        Its derivatives, as far as eigenvalues depend on it; None where the motion has none.
+    """
+
+    result: EigenResult
+    parameters: tuple[str, ...]
+    missing: dict[str, str]
+    A: Array
+    slopes: Array | None
+
+
 def sensitivities(model: Model, frozen: bool = False, digits: ManyDigits | None = None) -> Sensitivities:
     """Return the derivatives of all eigenvalues of a model by all of its parameters.
 
@@ -119,6 +143,38 @@ def sensitivities(model: Model, frozen: bool = False, digits: ManyDigits | None 
     MbstabError
         As `mbstab.analysis.reference.requested.reference_motion`.
     """
+    start, values, missing, slopes, turn = _differentiated_matrix(model, frozen, digits)
+    found = _differentiated(start.plain, _Vectors(start.grounds, turn), slopes, _kink(start))
+    names = tuple(model.parameters)
+    lost = [name in missing for name in names]
+    for item in found:
+        item.slopes[lost], item.errors[lost] = math.nan, math.nan
+    return Sensitivities(start.plain, names, values, missing, found)
+
+
+def moved_matrix(model: Model) -> MovedMatrix:
+    """Return the matrix left to judge and its derivatives; it has them where eigenvalues meet, too.
+
+    Raises
+    ------
+    MbstabError
+        As `sensitivities`.
+    """
+    start, _, missing, slopes, turn = _differentiated_matrix(model, False, None)
+    vectors = _Vectors(start.grounds, turn)
+    moved = None if _kink(start) else vectors.moved(slopes)
+    return MovedMatrix(start.plain, tuple(model.parameters), missing, vectors.A, moved)
+
+
+def _kink(start: Start) -> str:
+    """Return what has no derivative at the reference; empty: all have."""
+    return kinks(start.linear.system, start.motion.q, start.motion.u, start.motion.time)
+
+
+def _differentiated_matrix(
+    model: Model, frozen: bool, digits: ManyDigits | None
+) -> tuple[Start, Array, dict[str, str], Array, Array]:
+    """Return the answer, the values of the parameters, which ones have no derivatives, and those of S in a basis."""
     if not model.parameters:
         raise UsageError(
             f"{model.name} has no parameters by which to differentiate\n"
@@ -147,14 +203,7 @@ def sensitivities(model: Model, frozen: bool = False, digits: ManyDigits | None 
             f"{ALGEBRA.slope_rounding:.0e})\nhint: look for numbers of extreme size in the file"
         ) from None
     values = np.array([float(system.scene.parameters[name]) for name in names])
-    missing = {**_unfollowed(start, system, point, f, values), **kinked}
-    motion = start.motion
-    kink = kinks(start.linear.system, motion.q, motion.u, motion.time)
-    found = _differentiated(start.plain, _Vectors(start.grounds, turn), slopes, kink)
-    lost = [name in missing for name in names]
-    for item in found:
-        item.slopes[lost], item.errors[lost] = math.nan, math.nan
-    return Sensitivities(start.plain, names, values, missing, found)
+    return start, values, {**_unfollowed(start, system, point, f, values), **kinked}, slopes, turn
 
 
 def _kinked(names: Sequence[str], differentiated: Callable[[Sequence[str]], object]) -> dict[str, str]:
@@ -280,6 +329,25 @@ class _Vectors:
         self.A = separated.A
         self.turned, self.size = turn.T @ self.S @ turn, float(np.linalg.norm(self.S, 2))
         self.inner, self.along, self.across = T.T @ self.S @ T, T.T @ self.S @ B, B.T @ self.S @ L.T
+
+    def moved(self, slopes: Array) -> Array | None:
+        """Return Yᵀ (dS/dp) X, shape (parameters, r, r), where S X = X A, Yᵀ S = A Yᵀ and Yᵀ X = 1.
+
+        It is None where A shares an eigenvalue with what is neutral, so that there are no such bases.
+        """
+        from scipy.linalg import solve_sylvester
+
+        separated = self.separated
+        X, Y = separated.B, separated.B
+        try:
+            if separated.T.shape[1]:
+                X = X + separated.T @ solve_sylvester(-self.inner, self.A, self.along)
+            if len(separated.L):
+                Y = Y + separated.L.T @ np.linalg.solve(self.A, self.across).T
+        except np.linalg.LinAlgError:
+            return None
+        moved: Array = (self.turn.T @ Y).T @ slopes @ (self.turn.T @ X)
+        return moved
 
     def derivative(self, e: Eigenvalue, slopes: Array) -> tuple[Complex, Array]:
         """Return dλ/dp and an estimate of its error, shape (parameters,)."""
