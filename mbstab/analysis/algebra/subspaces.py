@@ -218,8 +218,8 @@ def along_coordinates(spaces: Subspaces) -> tuple[Subspaces, Array]:
     """
     if not isinstance(spaces.C, Rank):
         return spaces, np.eye(spaces.N.shape[1] + spaces.Z.shape[1])
-    N, Q = _aligned(spaces.N)
-    Z, Q_z = _aligned(Q.T @ spaces.Z)
+    N, Q = aligned(spaces.N)
+    Z, Q_z = aligned(Q.T @ spaces.Z)
     V = np.zeros((len(Q) + len(Q_z), len(Q) + len(Q_z)))
     V[: len(Q), : len(Q)], V[len(Q) :, len(Q) :] = Q, Q_z
     C = replace(spaces.C, null=N)
@@ -227,7 +227,7 @@ def along_coordinates(spaces: Subspaces) -> tuple[Subspaces, Array]:
     return replace(spaces, C=C, W=W), V
 
 
-def _aligned(basis: Array) -> tuple[Array, Array]:
+def aligned(basis: Array) -> tuple[Array, Array]:
     """Return an orthonormal basis times a rotation, triangular in the rows that are largest, and the rotation."""
     from scipy.linalg import qr
 

@@ -175,18 +175,18 @@ class _Roundings:
         J = dense(motion.dynamics.J[:n_h]) * sizes
         lengths = norms(J)
         G = J[:, columns] / lengths[:, None]
-        steps = self._solved(G, _misfits(E[:n_h]) / lengths, columns, sizes[columns])
+        steps = self._solved(inverse_of_part(G), _misfits(E[:n_h]) / lengths, columns, sizes[columns])
         result = dq.copy()
         result[columns] = steps * sizes[columns] + UNIT * np.abs(motion.q[columns])
         return result
 
-    def _solved(self, G: Array, misfit: Array, columns: Any, sizes: Array) -> Array:
-        """Return the error bound of the solution of G x = r, |r| ≤ misfit; large joint changes are kept separately.
+    def _solved(self, inverse: Array, misfit: Array, columns: Any, sizes: Array) -> Array:
+        """Return the error bound of unknowns by their inverse, |r| ≤ misfit; large joint changes are kept separately.
 
         The error of one equation changes all unknowns in a fixed ratio: changes that cancel in a stiff force
         must not be taken entry by entry.
         """
-        moves = inverse_of_part(G) * misfit
+        moves = inverse * misfit
         result: Array = np.sum(np.abs(moves), axis=1)
         n, relative = len(columns), sizes / self.motion.sizes[columns]
         own = moves[:n] * relative[:, None]
@@ -222,7 +222,7 @@ class _Roundings:
         """Return the error bounds of the speeds of a declared steady motion."""
         motion, plain = self.motion, self.plain
         family, known = declared_family(plain)
-        c, basis = _coefficients(family, steady), family.basis(motion.q)
+        c, basis = family.coefficients_of(steady), family.basis(motion.q)
         given = self._given_rates()
         dc = np.array([given.get(k, 0.0) for k in range(family.size)])
         free = [k for k in range(family.size) if k not in known]
@@ -290,12 +290,19 @@ class _Roundings:
         family, known = declared_family(plain)
         if len(known) < family.size and not np.any(steady.spins[list(family.columns)]):
             family = replace(family, columns=())
+        if motion.sharpened:
+            dq = np.where(self.missing, UNIT * np.abs(motion.q), dq)
+            c, basis = family.coefficients_of(steady), family.basis(motion.q)
+            given = self._given_rates()
+            dc = np.array([given.get(k, UNIT * abs(x)) for k, x in enumerate(c)])
+            self.rate_error = _relative(dc, c)
+            return dq, self._field(steady, basis, dq, dc)
         balance = Balance(plain, motion.sizes, family, known, ~self.missing)
         # Forces and speeds in units of the scene.
         balance.energy = float(np.max(np.abs(self.linear.K * motion.sizes * motion.sizes[:, None]), initial=0.0)) or 1.0
         balance.speed = float(np.max(np.abs(motion.u) / motion.sizes, initial=0.0)) or 1.0
         balance.row_speeds = np.full(plain.n_c, balance.speed)
-        c, basis = _coefficients(family, steady), family.basis(motion.q)
+        c, basis = family.coefficients_of(steady), family.basis(motion.q)
         at = balance.state(motion.q, c)
         given = self._given_rates()
         dc = np.array([given.get(k, 0.0) for k in range(family.size)])
@@ -312,13 +319,8 @@ class _Roundings:
         if balance.with_speeds:
             rates = (self._off(balance.given) + du[balance.given]) / motion.sizes[balance.given]
             misfit += [_misfits(state.V) / (lengths * balance.speed), rates / balance.speed]
-        G = balance.jacobian(at)
-        # Rows and columns are scaled to one size, except those that are rounding.
-        rows = _inverse_sizes(np.linalg.norm(G, axis=1))
-        columns = _inverse_sizes(np.linalg.norm(G * rows[:, None], axis=0))
         sizes, count = motion.sizes[balance.open], len(balance.open)
-        residual = np.concatenate(misfit) * rows
-        steps = columns * self._solved(G * rows[:, None] * columns, residual, balance.open, sizes * columns[:count])
+        steps = self._solved(balance.equations(at).inverse, np.concatenate(misfit), balance.open, sizes)
         dq = dq.copy()
         dq[balance.open] = steps[:count] * sizes + UNIT * np.abs(motion.q[balance.open])
         if not family.size:
@@ -370,19 +372,6 @@ class _Roundings:
         value, error = self._force(state, M, J, da, motion.nu)
         result: Array = np.abs(motion.balancing(value)) + motion.balancing_sizes(error) + UNIT * np.abs(motion.nu)
         return result
-
-
-def _inverse_sizes(sizes: Array) -> Array:
-    """Return 1/size, and 0 where sizes are rounding: such rows and columns determine nothing."""
-    counts = sizes > TOLERANCES.row_rounding * float(np.max(sizes, initial=0.0))
-    result: Array = np.where(counts, 1.0 / np.where(counts, sizes, 1.0), 0.0)
-    return result
-
-
-def _coefficients(family: Any, steady: Generator) -> Array:
-    """Return the rates of a steady motion as coefficients of its family."""
-    c = [steady.rate] if family.axis is not None else []
-    return np.array([*c, *(family.directions @ steady.velocity), *steady.spins[list(family.columns)]], dtype=float)
 
 
 def _relative(error: Array, c: Array) -> float:

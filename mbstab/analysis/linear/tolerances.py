@@ -23,8 +23,6 @@ class Tolerances:
     """Unknowns whose error may exceed this are changed jointly along one direction …"""
     loose_directions: Final = 8
     """… of which this many are kept separately."""
-    row_rounding: Final = 1e-9
-    """Rows and columns smaller than this fraction of the others are rounding."""
     angle_difference: Final = 1e-6
     """Step of finite differences of the frame by angles (rad)."""
 

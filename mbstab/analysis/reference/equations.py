@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,8 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Index, norms, others
 from mbstab.analysis.algebra.augmented import least_multipliers
 from mbstab.analysis.algebra.deflation import in_frame
+from mbstab.analysis.algebra.rank import rank_of
+from mbstab.analysis.algebra.subspaces import aligned
 from mbstab.analysis.reference.steady import Family, Generator, declared_family
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
@@ -51,6 +54,74 @@ class State:
     def size(self) -> float:
         """Norm of the residuals."""
         return float(np.linalg.norm(self.residual))
+
+
+class LinearBalance:
+    """The linear equations of a small change of the motion: the rows, and the forces along what these allow.
+
+    Multipliers come last. Taken together with the forces, rows that nearly repeat others would be lost in the
+    rounding of large multipliers, and soft motions beside stiff ones.
+
+    Parameters
+    ----------
+    G : ndarray, shape (m, n)
+        The derivative of the residuals, scaled.
+    n_q : int
+        Number of forces, the first rows.
+    moving : int
+        Number of unknowns but multipliers, the first columns.
+    least : float
+        Motions count as undetermined if rows and forces change by less along them.
+    """
+
+    def __init__(self, G: Array, n_q: int, moving: int, least: float = TOLERANCES.newton_left_out) -> None:
+        self.least, self.forces = least, G[:n_q, :moving]
+        self.rows = rank_of(G[n_q:, :moving], least)
+        self.allowed = aligned(self.rows.null)[0]
+        self.lengths = norms(G[:n_q, moving:].T)
+        self.carried = rank_of(G[:n_q, moving:].T / self.lengths[:, None])
+        self.free = aligned(self.carried.null)[0]
+
+    @cached_property
+    def _decided(self) -> tuple[Array, Array, Array, Array]:
+        """Return the inverse of the forces along what is allowed, and what they leave open on either side."""
+        inner = self.free.T @ self.forces @ self.allowed
+        terms = np.abs(self.free.T) @ np.abs(self.forces) @ np.abs(self.allowed)
+        rows = np.maximum(np.max(terms, axis=1, initial=0.0), 1.0)
+        scaled = rank_of(inner / rows[:, None], self.least)
+        return scaled.pseudo_inverse / rows, scaled.null, scaled.left_null, rows
+
+    @property
+    def loose(self) -> Array:
+        """Orthonormal changes of coordinates and rates that keep the balance, as columns."""
+        return self.allowed @ self._decided[1]
+
+    @property
+    def unmoved(self) -> Array:
+        """Combinations of forces that no change brings into balance, as columns."""
+        _, _, left, rows = self._decided
+        found: Array = self.free @ (left / rows[:, None])
+        return found / np.maximum(np.linalg.norm(found, axis=0), 1e-300)
+
+    @cached_property
+    def inverse(self) -> Array:
+        """The change of minimum norm that takes residuals away is minus this times them, shape (moving, m)."""
+        along = self.allowed @ self._decided[0] @ self.free.T
+        return np.hstack([along, self.rows.pseudo_inverse - along @ self.forces @ self.rows.pseudo_inverse])
+
+    @property
+    def inverse_of_all(self) -> Array:
+        """The same for the multipliers as well, shape (n, m)."""
+        return -np.stack([self.step(row) for row in np.eye(self.inverse.shape[1])], axis=1)
+
+    def step(self, residual: Array) -> Array:
+        """Return the change of all unknowns that takes residuals away, as far as one does; nan if there is none."""
+        n = len(self.forces)
+        first = -self.rows.pseudo_inverse @ residual[n:]
+        along = self.free.T @ (residual[:n] + self.forces @ first)
+        moved = first - self.allowed @ (self._decided[0] @ along)
+        nu = -self.carried.pseudo_inverse.T @ (residual[:n] + self.forces @ moved)
+        return np.concatenate([moved, nu / self.lengths])
 
 
 class Balance:
@@ -279,6 +350,10 @@ class Balance:
             count = len(self.given)
             blocks.append(joined([follow, X[..., self.given, :] * self.speed / rows, np.zeros((count, n_c))], 2))
         return joined(blocks, 2, axis=-2)
+
+    def equations(self, at: State, least: float = TOLERANCES.newton_left_out) -> LinearBalance:
+        """Return the linear equations of a small change."""
+        return LinearBalance(self.jacobian(at), self.system.n_q, self.moving, least)
 
     def moved(self, at: State, step: Array) -> tuple[Array, Array]:
         """Return coordinates and coefficients after a scaled step."""

@@ -19,7 +19,6 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, least_squares
 from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.efforts import Acted, Placement, efforts
@@ -32,6 +31,7 @@ from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.newton import Search, Stalled, newton_step
 from mbstab.analysis.reference.reactions import Reaction, reactions
 from mbstab.analysis.reference.rotation import orientation
+from mbstab.analysis.reference.sharpening import exactly_rounded
 from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected
 from mbstab.analysis.reference.symmetries import symmetries
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -101,7 +101,12 @@ def found_motion(system: System, massless: bool = False) -> Motion:
         If none is found; the message says where the search stalled, and what to try.
     """
     problem = Problem(system, massless)
-    return problem.solved(problem.start)[0]
+    motion, search, at, _ = problem.solved(problem.start)
+    if not search.balance.equations(at, TOLERANCES.isolated_singular_value).loose.size:
+        return motion
+    found = _open_directions(search, at, symmetries(system, motion))
+    said = [f"the {'equilibrium' if motion.at_rest else 'steady motion'} is not isolated: {text}" for text in found]
+    return replace(motion, warnings=(*motion.warnings, *said))
 
 
 def find_equilibria(
@@ -236,7 +241,10 @@ class Problem:
                 at, strategy = search.solve(start, c, allowed)
         except Stalled as stalled:
             raise Failure(self, search).error(stalled.state) from None
-        at = _tidied(search, at)
+        at, sharpened = _tidied(search, at), None
+        if search.magnified > TOLERANCES.sharpened_from:
+            sharpened = exactly_rounded(balance, at)
+            at = at if sharpened is None else search.state(*sharpened)
         finder = Finder(self.system, self.massless)
         finder.solved = [name for name, held in zip(self.system.names, self.held, strict=True) if not held]
         small = np.all(np.abs(at.residual) <= TOLERANCES.residual) and np.all(excess(search, at) <= 1.0)
@@ -245,6 +253,7 @@ class Problem:
         self._require_rates(search, at)
         try:
             motion = finder.motion(at.q, at.u, steady=at.steady, declared=self.scene.steady is not None)
+            motion = replace(motion, sharpened=sharpened is not None)
         except ModelFileError as error:
             raise Failure(self, search).error(at, error) from None
         if not at.steady.turns and np.any(at.u):
@@ -310,7 +319,7 @@ class Problem:
         balance = search.balance
         if not balance.free:
             return
-        null = _loose(balance, at)
+        null = balance.equations(at, TOLERANCES.isolated_singular_value).loose
         known = np.linalg.svd(balance.family.basis(at.q)[:, balance.free] / search.sizes[:, None])
         same = known[2][int(np.sum(known[1] > 1e-9 * max(float(known[1][0]), 1e-300))) :].T
         n = len(balance.open)
@@ -409,7 +418,7 @@ def _open_directions(search: Search, at: State, known: list[Symmetry]) -> list[s
     balance = search.balance
     if not balance.moving:
         return []
-    null = _loose(balance, at)[: len(balance.open)]
+    null = balance.equations(at, TOLERANCES.isolated_singular_value).loose[: len(balance.open)]
     if known:
         shifts = (
             np.array([s.direction for s in known])[:, search.balance.open].T / search.sizes[search.balance.open, None]
@@ -425,46 +434,6 @@ def _open_directions(search: Search, at: State, known: list[Symmetry]) -> list[s
         kind = "a continuum" if _continues(search, at, vector) else "a critical position"
         found.append(f"{kind} along {', '.join(parts[:4])}")
     return found
-
-
-def _loose(balance: Balance, at: State) -> Array:
-    """Return the directions of [Δq; Δc], as orthonormal columns, that keep the balance to first order."""
-    reduced, basis = _reduced(balance, at)
-    _, s, right = np.linalg.svd(reduced)
-    rank = int(np.sum(s > TOLERANCES.isolated_singular_value * max(float(s[0]), 1e-300))) if len(s) else 0
-    null: Array = np.linalg.qr(basis @ right[rank:].T)[0]
-    return null
-
-
-def _reduced(balance: Balance, at: State) -> tuple[Array, Array]:
-    """Return the derivative of the residuals along a basis of [Δq; Δc], without the directions of multipliers, and it.
-
-    First-order states that settle follow the other coordinates; others keep a column with a largest entry of 1.
-    """
-    G, moving = balance.jacobian(at), balance.moving
-    basis = np.eye(moving)
-    columns, rows = balance.system.states
-    states = np.flatnonzero(np.isin(balance.open, columns))
-    if len(states) and balance.with_speeds:
-        own = balance.system.n_q + balance.n_h + np.flatnonzero(np.isin(balance.rows, rows))
-        largest = np.max(np.abs(G[own]), axis=1, initial=0.0)
-        G[own] /= np.maximum(largest, 1e-300)[:, None]
-        sizes = np.max(np.abs(G[:, states]), axis=0)
-        basis[states, states] = 1.0 / np.maximum(sizes, 1e-300)
-        Z, others = G[np.ix_(own, states)], np.delete(np.arange(moving), states)
-        if Z.shape[0] == Z.shape[1] and rank_of(Z / np.maximum(np.max(np.abs(Z), axis=0), 1e-300)).rank == len(states):
-            basis[np.ix_(states, others)] = -np.linalg.solve(Z, G[np.ix_(own, others)])
-            basis = basis[:, others]
-    along = G[:, :moving] @ basis
-    if len(states):
-        rows_of_forces = np.maximum(np.max(np.abs(along), axis=1, initial=0.0), 1.0)[:, None]
-        along, G = along / rows_of_forces, G / rows_of_forces
-    forces = G[:, moving:]
-    if not forces.size:
-        return along, basis
-    size = max(float(np.max(np.abs(forces))), 1e-300)
-    result: Array = rank_of(forces.T / size).null.T @ along
-    return result, basis
 
 
 def _continues(search: Search, at: State, vector: Array) -> bool:

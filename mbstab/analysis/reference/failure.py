@@ -56,24 +56,20 @@ def undetermined(search: Search, at: State) -> tuple[Array, float]:
         The imbalance along it.
     """
     system, energy, sizes, n = search.system, search.balance.energy, search.sizes, search.system.n_q
-    G = search.balance.jacobian(at)
-    left, values, _ = np.linalg.svd(G)
-    values = np.append(values, np.zeros(left.shape[0] - len(values)))
-    loose = left[:, values <= TOLERANCES.newton_left_out * values[0]]
+    loose = search.balance.equations(at).unmoved
     if not loose.size:
         return np.zeros(n), 0.0
-    forces, rows = np.abs(loose[:n]).T, np.abs(loose[n:]).T
-    work = (loose[:n].T @ at.residual[:n]) * energy
+    work = (loose.T @ at.residual[:n]) * energy
     transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
     loads = TOLERANCES.residual * (system.loads(at.q, at.u, at.a) + transmitted) * sizes + 1e-14 * energy
     K, R, _ = system.linearize(at.q, at.u, at.a, at.nu)
-    change = np.abs((loose[:n].T * sizes) @ K) @ sizes + np.abs((loose[:n].T * sizes) @ R) @ np.abs(at.u)
-    allowed = forces @ loads + rows @ np.abs(at.residual[n:]) * energy + TOLERANCES.coordinate_rounding * change
+    change = np.abs((loose.T * sizes) @ K) @ sizes + np.abs((loose.T * sizes) @ R) @ np.abs(at.u)
+    allowed = np.abs(loose.T) @ loads + TOLERANCES.coordinate_rounding * change
     beyond = np.abs(work) - allowed
     if not np.any(beyond > 0.0):
         return np.zeros(n), 0.0
     worst = int(np.argmax(beyond))
-    return loose[:n, worst], float(work[worst])
+    return loose[:, worst], float(work[worst])
 
 
 class Asked(Protocol):
@@ -179,9 +175,12 @@ class Failure:
         }
         stiffest = max(slopes, key=lambda path: slopes[path])
         along = [self.system.names[i] for i in np.argsort(-np.abs(motion))[:4]]
+        worst = int(np.argmax(np.abs(motion)))
+        unit = "N" if self.finder.is_length[worst] else "N*m"
+        force = f"{abs(work * motion[worst]) / sizes[worst]:.4g} {unit} on {self.system.names[worst]}"
         said = (
             f"the stiffness of {stiffest} ({slopes[stiffest]:.3g} J over the size of the scene) leaves no digits for "
-            f"softer motions: forces are out of balance by {abs(work):.4g} J along {', '.join(along)}"
+            f"softer motions: {force}, is out of balance along {', '.join(along)} ({abs(work):.4g} J over the scene)"
         )
         return said, "put a joint in place of what is that stiff, or give it a stiffness nearer to the others"
 

@@ -75,6 +75,8 @@ class Motion:
     massless : ndarray, shape (n_q, k), or None
         Orthonormal motions in scaled coordinates that the constraints allow and that carry no mass; None: there are
         none. Their accelerations are not known: zero.
+    sharpened : bool
+        Whether coordinates and rates that were solved for are right to their rounding.
     """
 
     q: Array
@@ -92,6 +94,7 @@ class Motion:
     generators: tuple[Generator, ...] = ()
     declared: bool = False
     massless: Array | None = None
+    sharpened: bool = False
 
     @property
     def at_rest(self) -> bool:

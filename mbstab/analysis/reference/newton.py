@@ -9,7 +9,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.reference.equations import Balance, State
+from mbstab.analysis.reference.equations import Balance, LinearBalance, State
 from mbstab.analysis.reference.imbalance import force_change
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.refusals import inertias_too_far_apart
@@ -34,6 +34,8 @@ class Search:
         Steps so far, until the residuals were small.
     best : State or None
         The state nearest to balance so far.
+    magnified : float
+        By how much residuals at the solution are magnified in coordinates and rates.
     """
 
     def __init__(self, balance: Balance, finder: Finder, start: Array) -> None:
@@ -42,6 +44,7 @@ class Search:
         balance.use(balance.independent_rows(start))
         self.iterations = 0
         self.best: State | None = None
+        self.magnified = 0.0
 
     def state(self, q: Array, c: Array) -> State:
         """Return a trial state.
@@ -85,7 +88,10 @@ class Search:
             G, moving = self.balance.jacobian(at), self.balance.moving
             accepted = None
             while accepted is None:
-                step = newton_step(G, at.residual, moving, damping)
+                if damping or not np.all(np.isfinite(G)):
+                    step = newton_step(G, at.residual, moving, damping)
+                else:
+                    step = LinearBalance(G, self.system.n_q, moving).step(at.residual)
                 longest = float(np.max(np.abs(step[:moving]), initial=0.0))
                 bounded = _bounded(step, moving, reach)
                 trial = self.tried(at, bounded)
@@ -113,6 +119,26 @@ class Search:
         if at.size < TOLERANCES.newton_residual_polished and longest <= TOLERANCES.newton_step_settled:
             return at
         raise Stalled(at)
+
+    def settled(self, at: State) -> State:
+        """Return a solution to rounding: steps are taken until they no longer become shorter.
+
+        Where a stiffness is large, residuals are rounding before the position is.
+        """
+        best, shortest = at, math.inf
+        for _ in range(TOLERANCES.newton_steps_onto_constraints):
+            equations = self.balance.equations(at)
+            step = equations.step(at.residual)
+            self.magnified = float(np.max(np.abs(equations.inverse), initial=0.0))
+            longest = float(np.max(np.abs(step[: self.balance.moving]), initial=0.0))
+            if not longest < 0.5 * shortest:
+                return at if at.size < best.size else best
+            best, shortest = at, longest
+            trial = self.tried(at, step) if longest > TOLERANCES.coordinate_rounding else None
+            if trial is None:
+                break
+            at = trial
+        return best
 
     def relaxed(self, at: State) -> State:
         """Return the solution at which a heavily damped motion comes to rest."""
@@ -187,7 +213,7 @@ class Search:
             if name not in allowed:
                 continue
             try:
-                return strategy(), name
+                return self.settled(strategy()), name
             except Stalled:
                 pass
             except FAILURES:

@@ -253,6 +253,13 @@ class Family:
         rate: Any = (number(c[0]) if c.ndim == 1 else c[..., 0]) if turns else 0.0
         return Generator(self.system, axis, self.point, rate, c[..., turns:k] @ self.directions, spins)
 
+    def coefficients_of(self, steady: Generator) -> Array:
+        """Return the rates of one of these motions, shape (size,)."""
+        turning = [steady.rate] if self.axis is not None else []
+        return np.array(
+            [*turning, *(self.directions @ steady.velocity), *steady.spins[list(self.columns)]], dtype=float
+        )
+
     def units(self) -> list[Generator]:
         """Return the basis of the family: all other generators are combinations of these."""
         return [self.generator(row) for row in np.eye(self.size)]

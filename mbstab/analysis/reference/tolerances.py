@@ -108,6 +108,12 @@ class Tolerances:
     """Curves are read at another speed than that of the body if the two differ by more than this part."""
     gap_of_constraints: Final = 1e-6
     """Constraints with residuals above this fraction of the size of the scene are not satisfied."""
+    sharpened_coordinate: Final = 1e-6
+    """Coordinates that move by less than this in all directions that gain no digits are determined."""
+    sharpened_from: Final = 1e6
+    """Solutions are found with more digits where rounding is magnified by more than this, in scaled coordinates …"""
+    sharpened_digits: Final = 34
+    """… and with so many."""
     isolated_singular_value: Final = 1e-7
     """A solution is not isolated if a singular value of the equations is below this, relative to the largest."""
 

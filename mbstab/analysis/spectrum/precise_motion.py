@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from mpmath import mp
 
-from mbstab.analysis.algebra.arrays import norms, others
+from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.digits import misfits
 from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.refining import Matrix, Refining, Stalled
@@ -24,14 +24,15 @@ from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.rotation import rate_matrix
+from mbstab.analysis.reference.sharpening import family_in, sharpened
 from mbstab.analysis.reference.steady import Family, Generator, centered, declared_family
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.spectrum.eigenvalues import judged
-from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.neutral import orthonormal
-from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.errors import ConstraintError, EquilibriumError, MbstabError, NumericalError, UsageError
+from mbstab.compiler.system import Dynamics, System
+from mbstab.errors import ConstraintError, MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
@@ -95,8 +96,7 @@ class Start:
         motion, names = self.motion, self.system.names
         if self.balance is not None and self.at is not None:
             open_ = self.balance.open.tolist()
-            _, s, right = np.linalg.svd(self.balance.jacobian(self.at))
-            null = right[int(np.sum(s > TOLERANCES.sharpened_slope * np.max(s, initial=0.0))) :, : len(open_)].T
+            null = self.balance.equations(self.at).loose[: len(open_)]
         else:
             open_ = [i for i, name in enumerate(names) if name not in self.system.scene.coordinates]
             J = (motion.dynamics.J[: self.system.n_h] * motion.sizes)[:, open_]
@@ -104,7 +104,7 @@ class Start:
             null = rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null
         shifts = [item.direction[open_] / motion.sizes[open_] for item in self.grounds.invariance.symmetries]
         basis = orthonormal([x for x in shifts if np.any(x)], len(open_))
-        free = np.linalg.norm(null - basis @ (basis.T @ null), axis=1) > TOLERANCES.sharpened_coordinate
+        free = np.linalg.norm(null - basis @ (basis.T @ null), axis=1) > REFERENCE.sharpened_coordinate
         return tuple(names[i] for i, loose in zip(open_, free, strict=True) if loose)
 
 
@@ -150,7 +150,7 @@ def reference_point(start: Start, system: System, f: Refining) -> Point:
     motion, scene = start.motion, system.scene
     steady: Generator | None = None
     if start.balance is not None and start.at is not None:
-        q, steady = _balanced(f, start.balance, start.at, system)
+        q, steady = sharpened(f, start.balance, start.at, system)
         u = f.exact(steady.field(q))
     else:
         q = _assembled(f, start, system)
@@ -160,7 +160,7 @@ def reference_point(start: Start, system: System, f: Refining) -> Point:
         else:
             u = _rates(f, start, system, q)
             if motion.at_rest:
-                steady = _family(f, system, Family(system, None, np.zeros(3), np.zeros((0, 3)), ()))[0].generator(
+                steady = family_in(f, system, Family(system, None, np.zeros(3), np.zeros((0, 3)), ()))[0].generator(
                     f.zeros(0)
                 )
     state = system.dynamics(q, u, scene.time)
@@ -173,96 +173,6 @@ def reference_point(start: Start, system: System, f: Refining) -> Point:
     turning = steady if (generator is not None and generator.turns) or (steady is not None and steady.starts) else None
     rates = tuple(u) if turning is None else (turning.rate, *turning.spins)
     return Point(q, u, a, nu, state, turning, tuple(abs(x) for x in rates), excess)
-
-
-def _family(f: Refining, system: System, family: Family) -> tuple[Family, dict[int, Any]]:
-    """Return a family of steady motions in such numbers, and its given coefficients."""
-    steady, d = system.scene.steady, system.scene.dimension
-    point, directions, axis = f.zeros(3), f.zeros(len(family.directions), 3), None
-    known: list[Any] = []
-    if steady is not None:
-        point[:d] = steady.point
-        if steady.axis is not None:
-            axis = f.exact(steady.axis)
-            known.append(steady.rate)
-        if steady.direction is not None:
-            directions[0, :d] = steady.direction
-            known.append(steady.speed)
-    given = {k: x + f.zero for k, x in enumerate(known) if x is not None}
-    return Family(system, axis, point, directions, family.columns), given
-
-
-def _balanced(f: Refining, balance: Balance, at: State, system: System) -> tuple[Matrix, Generator]:
-    """Return coordinates and generator of an equilibrium or a steady motion, refined with `Balance`."""
-    family, known = _family(f, system, balance.family)
-    names, scene, sizes = system.names, system.scene, balance.sizes
-    lengths = norms(at.J * sizes)
-    open_, free, rows, n_h, moving = balance.open, balance.free, balance.rows, balance.n_h, balance.moving
-    fixed = f.exact(at.q)
-    for i in others(system.n_q, open_):
-        fixed[i] = scene.coordinates[names[i]] + f.zero
-    rates = f.exact([scene.rates[names[i]] for i in balance.given])
-    jacobian = balance.jacobian(at)
-    moved = others(jacobian.shape[1], _held(jacobian, len(open_)))
-    inverse = np.linalg.pinv(jacobian[:, moved], rcond=TOLERANCES.sharpened_slope)
-
-    def unpacked(x: Matrix) -> tuple[Matrix, Generator]:
-        q, c = fixed.copy(), f.exact(at.c)
-        q[open_] = x[: len(open_)] * sizes[open_]
-        for k, value in known.items():
-            c[k] = value
-        c[free] = x[len(open_) : moving] * balance.speed
-        return q, family.generator(c)
-
-    def residual(x: Matrix) -> Matrix:
-        q, steady = unpacked(x)
-        u, a = f.exact(steady.field(q)), f.exact(steady.acceleration(q))
-        state = system.dynamics(q, u)
-        J, E, V = f.exact(state.J)[rows], f.exact(state.E)[rows], f.exact(state.V)[rows]
-        force = (f.times(f.exact(state.M), a) + state.F0) * sizes / balance.energy
-        force = force + f.times((J * sizes / lengths[:, None]).T, x[moving:])
-        parts = [force, E[:n_h] / lengths[:n_h]]
-        if balance.with_speeds:
-            parts += [
-                V / (lengths * balance.row_speeds[rows]),
-                (u[balance.given] - rates) / (sizes[balance.given] * balance.speed),
-            ]
-        return f.exact(np.concatenate(parts))
-
-    nu = at.nu[rows] * lengths / balance.energy
-    first = f.exact(np.concatenate([at.q[open_] / sizes[open_], at.c[free] / balance.speed, nu]))
-
-    def placed(y: Matrix) -> Matrix:
-        x = first.copy()
-        x[moved] = y
-        return x
-
-    try:
-        x = placed(f.polished(first[moved], lambda y: -f.applied(inverse, residual(placed(y))), 1.0))
-    except Stalled as stalled:
-        raise EquilibriumError(
-            f"{scene.model.reference.location}: reference: Newton's method does not sharpen the solution of double "
-            f"precision (steps of {stalled.reached:.1e})\n"
-            "hint: at a critical position the solution is a multiple one; move a parameter away from it"
-        ) from None
-    return unpacked(x)
-
-
-def _held(jacobian: Array, count: int) -> list[int]:
-    """Return coordinates, among the first `count` unknowns, that equations with a singular slope do not determine.
-
-    They keep their values, so that the others come out with all digits: at a critical position the equations may hold
-    exactly, and only then their residuals vanish.
-    """
-    _, s, right = np.linalg.svd(jacobian)
-    null = right[int(np.sum(s > TOLERANCES.sharpened_slope * np.max(s, initial=0.0))) :, :count]
-    if not null.size:
-        return []
-    from scipy.linalg import qr
-
-    _, R, order = qr(null, mode="economic", pivoting=True)
-    sizes = np.abs(np.diag(R))
-    return [int(k) for k, size in zip(order, sizes, strict=False) if size > TOLERANCES.sharpened_coordinate]
 
 
 def _assembled(f: Refining, start: Start, system: System) -> Matrix:
@@ -332,7 +242,7 @@ def _declared(f: Refining, start: Start, system: System, q: Matrix) -> Generator
     """Return the generator of a declared steady motion whose position is given."""
     motion, scene = start.motion, system.scene
     rough, rough_known = declared_family(start.system)
-    family, known = _family(f, system, rough)
+    family, known = family_in(f, system, rough)
     found = motion.generators[0]
     c = [*([found.rate] if rough.axis is not None else []), *(rough.directions @ found.velocity)]
     plain = np.array([*c, *found.spins[list(rough.columns)]], dtype=float)

@@ -110,8 +110,6 @@ class Tolerances:
     """Eigenvalues this many error bounds apart are different."""
     sharpened_slope: Final = 1e-11
     """Digits are gained along directions in which the relative slope of the equations exceeds this."""
-    sharpened_coordinate: Final = 1e-6
-    """Coordinates that move by less than this in all directions that gain no digits are determined."""
 
     # Neutral directions
     slope_of_residual: Final = 1e-7

@@ -1,0 +1,99 @@
+"""Equilibria and steady motions that are found: to rounding, with an error that the eigenvalues include."""
+
+import math
+
+import pytest
+
+import mbstab
+
+G = 9.81
+
+PARALLELOGRAM = """
+mbstab: 1
+parameters: {a: 0.25, d: 0.3, ma: 0.6, mc: 0.4, k: 60, angle: 1e-5, r: angle - (ma + mc)*9.81*a*cos(angle)/k}
+gravity: [0, -9.81]
+ground: {points: {L: [0, 0], R: [d, 0]}}
+bodies:
+  c1: {type: planar, mass: ma, shape: {type: rod, length: a}, points: {o: [-a/2, 0], e: [a/2, 0]}}
+  c2: {type: planar, mass: ma, shape: {type: rod, length: a}, points: {o: [-a/2, 0], e: [a/2, 0]}}
+  co: {type: planar, mass: mc, shape: {type: rod, length: d}, points: {o: [-d/2, 0], e: [d/2, 0]}}
+joints:
+  m1: {type: revolute, between: [c1.o, ground.L]}
+  m2: {type: revolute, between: [c2.o, ground.R]}
+  e1: {type: revolute, between: [co.o, c1.e]}
+  e2: {type: revolute, between: [co.e, c2.e]}
+forces:
+  pd1: {type: joint_spring, joint: m1, stiffness: k, rest: -r}
+reference: {find: equilibrium, guess: {c1: {theta: angle}, c2: {theta: angle}}}
+"""
+
+
+@pytest.mark.parametrize("angle", [1e-2, -1e-3, 1e-4, -3e-5, 1e-5])
+def test_beside_a_change_point_the_bound_holds_the_frequency(angle):
+    # Levers that stay parallel are a pendulum with a torsion spring; the rest of the spring makes `angle` its rest.
+    text = PARALLELOGRAM.replace("rest: -r", "rest: 2*angle - r")
+    (first, _) = mbstab.loads(text).eig(angle=angle).eigenvalues
+    k, a, ma, mc = 60.0, 0.25, 0.6, 0.4
+    exact = math.sqrt((k - (ma + mc) * a * G * math.sin(angle)) / (2.0 * ma * a**2 / 3.0 + mc * a**2))
+    assert abs(first.value.imag - exact) <= first.error_bound < 1e-5
+
+
+def test_digits_are_gained_beside_a_change_point():
+    text = PARALLELOGRAM.replace("rest: -r", "rest: 2*angle - r")
+    (first, _) = mbstab.loads(text).eig_precise(20).eigenvalues
+    assert first.imag.startswith("34.6410090716")
+
+
+SAG = """
+mbstab: 1
+parameters: {n: {value: 100, unit: rad/s}, ka: {value: 1e8, unit: N/m}, s: 1, g: 9.81}
+gravity: [0, -g, 0]
+bodies:
+  hub: {type: spatial, mass: 3, inertia: [0.02, 0.02, 0.03], points: {R: [0, 0, 0.2]}}
+  disc: {type: spatial, mass: 16, inertia: [0.25, 0.25, 0.45], points: {L: [0, 0, -0.2]}}
+joints: {thrust: {type: point_on_plane, between: [ground, hub], axis: z}}
+drives: {hold: {type: coordinate, coordinate: hub.psi, position: n*t}}
+forces:
+  shaft:
+    type: bushing
+    between: [disc.L, hub.R]
+    stiffness: [1.5e6*s, 1.5e6*s, ka*s]
+    damping: [300, 300, 1000]
+    torsional_stiffness: [2e4*s, 2e4*s, 1e5*s]
+    torsional_damping: [4, 4, 1]
+  mount: {type: bushing, between: [hub, ground], stiffness: [1e6*s, 2e6*s, 0], damping: [300, 300, 0]}
+  tilt: {type: expression, on: {hub.phi: -5e4*s*hub.phi, hub.theta: -5e4*s*hub.theta}}
+reference:
+  find: steady
+  steady: {axis: z, rate: 0}
+  guess: {disc: {z: 0.4}}
+  rates: {hub: {psi: n}, disc: {psi: n}}
+"""
+
+
+@pytest.mark.parametrize("s", [1.0, 1e3, 1e6])
+@pytest.mark.parametrize("g", [0.0, G])
+def test_no_sagging_shaft_is_refused_for_rounding(s, g):
+    model = mbstab.loads(SAG)
+    (found,) = model.equilibria(s=s, g=g)
+    place = dict(zip(model.model.coordinates(), found.motion.q, strict=True))
+    # Weight bends a cantilever of two bushings and of a mount at its end: deflections add up, to first order.
+    hub = 19.0 * g / (2e6 * s)
+    tilt = 16.0 * g * 0.4 / (5e4 * s)
+    bent = 16.0 * g * 0.2 / (2e4 * s)
+    exact = -(hub + 0.4 * tilt + 16.0 * g / (1.5e6 * s) + 0.2 * bent)
+    assert place["hub.y"] == pytest.approx(-hub, rel=1e-2, abs=1e-18)
+    assert place["disc.y"] == pytest.approx(exact, rel=1e-2, abs=1e-18)
+    assert found.isolated
+
+
+def test_every_command_says_that_an_equilibrium_is_not_isolated():
+    text = """
+mbstab: 1
+bodies: {b: {type: planar_point, mass: 1}}
+joints: {line: {type: point_on_line, between: [ground, b], axis: x}}
+forces: {quartic: {type: expression, on: {b.x: -b.x**3}}}
+reference: {find: equilibrium, guess: {b: {x: 0}}}
+"""
+    said = "the equilibrium is not isolated: a critical position along b.x"
+    assert said in mbstab.loads(text).eig().warnings
