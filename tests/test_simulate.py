@@ -127,7 +127,9 @@ def test_the_estimate_holds_where_errors_of_two_runs_agree_by_chance(degrees, to
 )
 def test_many_outputs_cost_no_evaluations_and_are_as_accurate_as_few(options):
     tol = 1e-5 if options else 1e-9
-    text = SOURCE.replace("expect:", "forces:\n  d: {type: joint_spring, joint: pivot, stiffness: 0, damping: 0.01}\nexpect:")
+    text = SOURCE.replace(
+        "expect:", "forces:\n  d: {type: joint_spring, joint: pivot, stiffness: 0, damping: 0.01}\nexpect:"
+    )
     model = mbstab.loads(text)
     few, many = (model.simulate(2.0, perturb=RELEASED, tol=tol, points=n, once=True, **options) for n in (21, 2001))
     exact = model.simulate(2.0, perturb=RELEASED, tol=1e-13, points=21, once=True)

@@ -287,7 +287,9 @@ def test_every_point_of_a_locus_is_on_the_true_one(discs, points, last):
 )
 @pytest.mark.parametrize("points", [4, 12, 31])
 def test_loci_are_mirrored_at_the_real_axis(name, parameter, ends, points):
-    figure = root_locus(mbstab.load(f"{name}.yaml").sweep(parameter, np.linspace(*ends, points), detail=True), parameter, "")
+    figure = root_locus(
+        mbstab.load(f"{name}.yaml").sweep(parameter, np.linspace(*ends, points), detail=True), parameter, ""
+    )
     lines = [(line.get_color(), line.get_linewidth(), line.get_xydata()) for line in curves(figure.axes[0])]
     mirrored = sorted((c, w, np.nan_to_num(xy * [1, -1]).tolist()) for c, w, xy in lines)
     own = sorted((c, w, np.nan_to_num(xy * [1, 1]).tolist()) for c, w, xy in lines)
@@ -299,7 +301,8 @@ def test_loci_are_mirrored_at_the_real_axis(name, parameter, ends, points):
 @pytest.mark.parametrize("points", [3, 8])
 def test_coarse_maps_show_what_fine_ones_show(discs, points):
     coarse, fine = (
-        stability_map(discs.sweep("P", np.linspace(10.0, 20000.0, n), detail=True), "P", "").axes[0] for n in (points, 1001)
+        stability_map(discs.sweep("P", np.linspace(10.0, 20000.0, n), detail=True), "P", "").axes[0]
+        for n in (points, 1001)
     )
     assert coarse.get_ylim() == pytest.approx(fine.get_ylim(), rel=0.02)
 

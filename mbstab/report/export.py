@@ -165,8 +165,8 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     (one for each value), ``neutral``, ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0,
     ``frequency`` in rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``,
     ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none, and ``enclosure``, see below),
-    ``meetings`` (if asked for: ``value``, ``kind``, ``pairs``: how many of branches do so), ``problems`` (``point`` counting from
-    0, ``reason``),
+    ``meetings`` (if asked for: ``value``, ``kind``, ``pairs``: how many of branches do so), ``problems`` (``point``
+    counting from 0, ``reason``),
     ``warnings``, ``names`` (of the branches, null for those without), ``start`` (from where equilibria were followed,
     null if they are given), ``orders``, ``crossings`` (of frequencies with these: ``value``, ``order``,
     ``frequency`` in rad/s, ``branch``, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches, with orders:

@@ -113,8 +113,8 @@ class Branches:
             else f", {far}"
         )
         return (
-            f"the refinement between points ended after {self.spent + self.linked} of them{self._where()}: branches may "
-            f"be mistaken for each other{missing}; more points, a smaller range or --log help",
+            f"the refinement between points ended after {self.spent + self.linked} of them{self._where()}: branches "
+            f"may be mistaken for each other{missing}; more points, a smaller range or --log help",
         )
 
     def _where(self) -> str:

@@ -17,7 +17,6 @@ from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.stacks import beside, transposed, under
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import follow, uncertain
-from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
 

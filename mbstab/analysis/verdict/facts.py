@@ -178,8 +178,8 @@ class Grounds:
         if drift := self._drifting():
             return drift
         return (
-            f"the motion is not known to be steady: that of now and that of later ({followed[0][0]}) are not the same by "
-            f"a symmetry of the scene; {ADVICE}"
+            f"the motion is not known to be steady: that of now and that of later ({followed[0][0]}) are not the same "
+            f"by a symmetry of the scene; {ADVICE}"
         )
 
     def _drifting(self) -> str:
