@@ -254,6 +254,7 @@ MOTIONS = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", MOTIONS)
 def test_compiled_steps_are_the_same_steps(name):
     perturb, parameters = MOTIONS[name]
@@ -275,6 +276,7 @@ def test_compiled_steps_are_the_same_steps(name):
 IMPLICIT = [name for name, solvers in METHODS.items() if any(x.compiled == name for x in solvers.values())]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", IMPLICIT)
 @pytest.mark.parametrize("name", sample(MOTIONS, 6))
 @pytest.mark.parametrize("accuracy", [{"tol": 1e-5, "once": True}, {"step": 0.01}], ids=["tolerance", "step"])
@@ -317,6 +319,7 @@ reference: {coordinates: {p: {x: 0, y: 0, z: 0}}}
     assert other.steps <= one.steps + 2 < 300  # an explicit method takes more than 10 000
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", IMPLICIT)
 def test_the_work_of_a_drive_is_that_of_compiled_implicit_steps(method):
     model = mbstab.loads("""
@@ -369,6 +372,7 @@ reference: {coordinates: {body: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}, r
 TOLERANCES = {"projection": (1e-4, 1e-7, 1e-10), "alpha": (1e-3, 1e-5), "radau": (1e-4, 1e-7, 1e-10)}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_the_tolerance_holds_for_compiled_steps(method):
     model = mbstab.load("pendulum.yaml")
@@ -379,6 +383,7 @@ def test_the_tolerance_holds_for_compiled_steps(method):
         assert sim.error_estimate <= tol
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_a_singular_configuration_is_found_between_compiled_steps(method):
     options = {"method": method, "once": method != "projection", "tol": 1e-8 if method == "projection" else 1e-5}
@@ -418,6 +423,7 @@ reference: {{rates: {{a: {{psi: {"0" if "forces" in LAWS[law] else "0.6" if law 
     assert other.energy_drift < 1e-7
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_a_force_that_loses_its_value_ends_the_motion_with_the_same_words(method):
     text = """

@@ -474,6 +474,7 @@ reference: {find: equilibrium}
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("first", [0.0, -1.0])
 def test_a_sweep_names_the_integral_that_has_no_value_at_a_gain_of_zero(first):
     result = mbstab.loads(INTEGRAL).sweep("I", np.linspace(first, 3.0, 13))

@@ -40,6 +40,7 @@ BESIDE = [
 ]  # fmt: skip
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["divergence", "flutter"])
 @pytest.mark.parametrize("beside", BESIDE)
 def test_a_window_between_two_points_is_found_beside_other_eigenvalues(kind, beside):
@@ -62,6 +63,7 @@ def test_a_window_between_two_points_is_found_beside_other_eigenvalues(kind, bes
         assert [c.unstable for c in found.critical] == [(others, others + more), (others + more, others)]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("place", sample([0.161327041997346, 0.45, 0.7123], 2))
 @pytest.mark.parametrize("beside", [("1", "1"), ("4e-5", "0.5"), ("4e-6*(1 + p)", "0.5"), ("1e-3*p**2", "0.5")])
 def test_a_change_through_infinity_is_told_beside_slow_eigenvalues(place, beside):
@@ -73,6 +75,7 @@ def test_a_change_through_infinity_is_told_beside_slow_eigenvalues(place, beside
     np.testing.assert_allclose([infinite.value, zero.value], [place, 0.9], rtol=1e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", sample(range(40), 10))
 def test_a_window_that_begins_or_ends_on_a_point_of_the_sweep_is_found(seed):
     """An eigenvalue exactly on the axis at a point is beyond it on one side of the point."""
@@ -92,6 +95,7 @@ def test_a_window_that_begins_or_ends_on_a_point_of_the_sweep_is_found(seed):
         assert {c.kind for c in found.critical} == {"divergence" if more == 1 else "flutter"}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", sample(range(40), 10))
 def test_eigenvalues_that_pass_in_opposite_directions_at_nearly_one_value_are_both_told(seed):
     """What a passing eigenvalue adds or takes must fit the direction in which it passes."""
@@ -186,6 +190,7 @@ FORCES = ["-u + k*x**3", "-u - k*x**3", "-x + k*u**3", "-x - k*u**3", "-x + k*u*
 COEFFICIENTS = [WINDOW, f"-{WINDOW}", "abs(q-1)+q-1", "(q-1)**2"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("k", "force"), sample(product(COEFFICIENTS, FORCES), 18))
 def test_a_term_that_is_zero_elsewhere_counts(k, force):
     model = mbstab.loads(rail(force, k))
@@ -204,6 +209,7 @@ def test_growth_between_damped_ranges_is_found():
     assert "unstable" not in {NAME[word] for word in swept.words[~inside]}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("order", [("q", "b"), ("b", "q")])
 def test_a_triangle_of_a_chart_is_not_taken_for_the_rest(order):
     model = mbstab.loads(rail("-u + k*x**3", "abs(b-q)+b-q"))

@@ -131,6 +131,7 @@ TIP = [
 ]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("forces", TIP)
 def test_all_commands_agree_on_a_pendulum_with_drag(forces):
     pendulum = mbstab.loads(PENDULUM.replace("FORCES", forces))
@@ -221,6 +222,7 @@ reference: {coordinates: {r1: {x: 1, y: 0, theta: 0}, r2: {x: 2, y: 0, theta: 0}
 """
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("law", ["-c*{}**3", "-c*{}*abs({})"])
 @pytest.mark.parametrize("joint", "ab")
 def test_a_load_that_follows_the_body_has_no_potential_beside_drag(joint, law):
@@ -287,6 +289,7 @@ def laws(number):
     return [random_law(rng) for _ in range(number)]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("part", sample(range(10), 5))
 def test_no_random_law_that_feeds_a_motion_is_called_stable(part):
     stable = 0

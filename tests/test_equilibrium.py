@@ -908,6 +908,7 @@ reference: {find: equilibrium, guess: {cart: {x: 0.5, y: 0}}}
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("values", [np.linspace(1e-4, 1.0, 9), np.geomspace(1e-4, 1.0, 9), np.linspace(1.0, 1e-4, 9)])
 def test_a_cart_on_an_ever_softer_spring_is_followed(values):
     # x = 1/k
@@ -916,6 +917,7 @@ def test_a_cart_on_an_ever_softer_spring_is_followed(values):
     assert (result.critical, result.problems, result.moved) == ((), {}, "")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("values", [np.linspace(1e-9, 1.0, 9), np.linspace(1.0, 1e-9, 9)])
 def test_where_a_cart_runs_off_no_fold_is_invented(values):
     result = mbstab.loads(CART.replace("LAW", "1 - k*cart.x - 0.5*rate(cart.x)")).sweep("k", values)

@@ -106,6 +106,7 @@ def test_a_polynomial_says_what_the_path_that_is_followed_says(monkeypatch):
         assert optimal(left, right) < 1e-13 * np.max(np.abs(left))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "parameter", "ends", "kind"),
     [
@@ -495,6 +496,7 @@ def equilibrium(power, e, up, q):
     return float(real[1]) if q > 3.0 * (0.5 * abs(e)) ** (2.0 / 3.0) else None
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("size", "power", "up", "sign"), sample(product(SIZES, [2, 3], BOTH, BOTH), 7))
 def test_an_imperfect_bifurcation_is_followed_on_one_branch(size, power, up, sign):
     e = sign * size
@@ -553,6 +555,7 @@ def test_two_eigenvalues_that_change_sign_together_are_no_way_to_another_path(pa
 IMPERFECT = [(3, 1e-3, 1.0), (3, 1e-8, 1.0), (3, 1e-4, -1.0), (2, 1e-3, 1.0), (2, -1e-4, 1.0)]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("imperfect", "points"), sample(product(IMPERFECT, [15, 41, 401]), 4))
 def test_a_sweep_past_an_imperfect_bifurcation_answers_for_one_branch(imperfect, points):
     power, e, up = imperfect
@@ -629,6 +632,7 @@ reference: {find: steady, steady: {direction: x, speed: 7}, guess: {b: {y: 0}}}
 """
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("text", "last", "end", "why"),
     [

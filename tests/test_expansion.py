@@ -199,6 +199,7 @@ def test_one_fault_in_many_repetitions_is_told_once():
     assert str(caught.value).count("unknown key 'mas'") == 1
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "loops", ["{i: [1, 100000], j: [1, 100000]}", "{i: [1, 200000]}, bodies: {b<i>: {type: planar_point, mass: 1}}"]
 )

@@ -66,6 +66,7 @@ def test_so_does_one_with_other_sizes_of_masses_and_forces():
     assert mbstab.loads(ROTOR).eig(**settings).verdict == ASYMPTOTIC_UP_TO
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("e", [1e-3, 1e-9, -1e-9])
 @pytest.mark.parametrize("speed", [1.0, 8.0])
 def test_where_a_weak_push_changes_the_speed_nothing_is_claimed(e, speed):
@@ -188,6 +189,7 @@ reference: {{coordinates: {{b: {{x: 0, y: 0}}}}}}
     assert mbstab.loads(text).eig().verdict in (verdict, "undecided")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("length", "mass"), [(1, 1), (1e3, 1e-3), (1e6, 1), (1, 1e9)])
 def test_a_family_in_which_states_change_is_found_in_all_units(length, mass):
     """A cart at constant speed needs another integral and another effort, in units of their own."""

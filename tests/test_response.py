@@ -493,6 +493,7 @@ def test_frequencies_may_be_given_from_either_end():
     assert "1 " in one
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_hidden_eigenvalues_that_grow_do_not_spoil_responses_over_time(seed):
     """States z, beside an oscillator, which the output does not see, or which the input does not reach."""
@@ -550,6 +551,7 @@ def test_a_state_that_is_not_at_rest_is_told_wherever_a_linear_model_is_used(tmp
     assert mbstab.loads(found).response().warnings == ()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["dc_motor_arm", "whipple_bicycle", "levitation"])
 def test_phases_in_tables_are_within_half_a_turn(name):
     """Also where the curve without jumps goes on to -355 degrees; -180 is written 180."""

@@ -320,6 +320,7 @@ def test_a_rotor_on_bearings_whose_coefficients_depend_on_the_speed(turning, fun
     assert found.verdict == "asymptotically stable up to symmetry"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("function", BETWEEN)
 def test_the_speed_is_swept_from_end_to_end_and_what_is_outside_has_no_answer(turning, function):
     mechanism = mbstab.load(turning(function=function))

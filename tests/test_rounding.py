@@ -71,6 +71,7 @@ def test_eig_says_no_more_than_the_exact_coefficient_allows(seed, kind):
             assert scene(coefficient, kind, named).eig().verdict in allowed(exact), coefficient
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_sweep_and_chart_say_no_more_than_the_exact_coefficient_allows(seed, kind):
@@ -82,6 +83,7 @@ def test_sweep_and_chart_say_no_more_than_the_exact_coefficient_allows(seed, kin
             assert {word for row in found.verdicts for word in row} <= allowed(exact), coefficient
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_sweep_through_a_cancellation_is_certain_beside_it_only(seed):
     """What is certain at the ends of a sweep is not at a point between them, where the terms cancel."""
@@ -94,6 +96,7 @@ def test_a_sweep_through_a_cancellation_is_certain_beside_it_only(seed):
             assert set(found.verdicts[11:]) == {"unstable"}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_periodic_motion_is_called_no_more_than_the_exact_coefficient_allows(seed, kind):
@@ -102,6 +105,7 @@ def test_a_periodic_motion_is_called_no_more_than_the_exact_coefficient_allows(s
             assert scene(coefficient, kind, named, period=1).eig().verdict in allowed(exact), coefficient
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_design_moves_nothing_for_the_sake_of_rounding(seed):
     """A design moves no parameter for the sake of rounding, and does not call a growing motion good."""
@@ -114,6 +118,7 @@ def test_a_design_moves_nothing_for_the_sake_of_rounding(seed):
         assert found.result.verdict in allowed(exact)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("exact", [-1e-7, 1e-7])
 def test_small_coefficients_are_decided(exact, kind):
@@ -253,6 +258,7 @@ reference: {{coordinates: {{p: {{x: 0, y: -1}}}}}}
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("damping", [0, 1])
 def test_a_few_eigenvalues_of_numbers_that_cancel_do_not_contradict_the_decimals(scene, damping):
@@ -264,6 +270,7 @@ def test_a_few_eigenvalues_of_numbers_that_cancel_do_not_contradict_the_decimals
     assert told > 5
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("damping", [0, 1])
 def test_a_few_eigenvalues_far_from_the_origin_do_not_contradict_the_decimals(damping):
     """Across a spring of stiffness c, length r and free length L the stiffness is c (1 − L/r)."""

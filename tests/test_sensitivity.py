@@ -62,6 +62,7 @@ def test_the_whipple_bicycle():
     assert slopes(found, "v", castering) == pytest.approx(-1.96740590634654969, rel=1e-12)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("model", "names"),
     [

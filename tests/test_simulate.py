@@ -102,6 +102,7 @@ def test_the_tolerance_is_the_global_error_to_the_factor_that_is_documented(tol,
     assert error <= SIMULATE.error_factor * tol
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("degrees", "to"), sample([(165, 10), (165, 20), (170, 10), (172, 10), (172, 20), (175, 10)], 3)
 )
@@ -183,6 +184,7 @@ def test_the_energy_of_a_pendulum_stays_over_a_thousand_periods(periods):
     assert np.max(np.abs(sim.q[:, 2] - 1.5 * math.pi - angle)) <= 1e-7
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("model", "perturb"),
     [
@@ -252,6 +254,7 @@ def exact_end():
     return found
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("name", "solver"), sample(product(ORDERS, ["DOP853", "RK45", "alpha", "radau"]), 7))
 def test_the_observed_order_is_that_of_theory(name, solver, exact_end):
     perturb, (end, counts) = ORDERS[name][0], ORDERS[name][1][solver]
@@ -405,6 +408,7 @@ def test_the_initial_block_is_read_like_the_reference():
     assert "rates" in shown.stdout
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", sample(sorted(path.stem for path in installed_models()), 2))
 def test_every_example_moves_from_its_reference(name):
     model = mbstab.load(f"{name}.yaml")
@@ -513,6 +517,7 @@ def test_inconsistent_values_near_a_state_are_moved_and_said(tmp_path):
     assert moved == pytest.approx((0.2 / math.hypot(0.12, 0.17) - 1.0) * np.array([0.12, -0.17]), rel=0.3)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("name", "number", "parameters"),
     [("top", 1, {"omega": 10}), ("rolling_disk", -1, {}), ("whipple_bicycle", 2, {"v": 5}), ("governor", 1, {})],
@@ -733,6 +738,7 @@ reference: {coordinates: {p: {x: 0, y: 0}}, rates: {p: {x: 20, y: 0}}}
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "options", sample([{}, {"compiled": True}, {"method": "radau"}, {"solver": "Radau"}], 2), ids=str
 )

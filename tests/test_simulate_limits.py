@@ -123,6 +123,7 @@ OTHERS = [
 ]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("which", "options"), sample(product([("four-bar", "law"), ("spatial links", "rate")], OTHERS), 5), ids=str
 )
@@ -213,6 +214,7 @@ def test_a_fast_motion_that_is_seen_is_not_stiff():
 # --- long simulations -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("text", "to", "options", "said"),
     [
@@ -338,6 +340,7 @@ reference:
 """
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("bound", "options"),
     [(True, {}), (True, {"compiled": True}), (False, {}), (False, {"compiled": True}), (False, {"method": "radau"})],
@@ -397,6 +400,7 @@ def twisted(dimension, rate):
     return mbstab.loads(text).simulate(4.0, points=41, tol=1e-6)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("rate", "told"), [(0.9, []), (1.7, ["belt"]), (8.0, ["belt", "spring"])])
 def test_springs_in_space_that_a_motion_takes_beyond_half_a_turn_are_told(rate, told):
     """In the plane, where angles count turns, they hold; in space the motion is the same until what is told."""

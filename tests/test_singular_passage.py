@@ -102,6 +102,7 @@ def test_every_method_goes_through_and_keeps_its_tolerance(options):
     assert len(sim.warnings) == 1
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("method", "step", "order"), [("radau", 0.04, 5), ("alpha", 0.01, 2), ("projection", 0.1, 8)])
 def test_fixed_steps_keep_their_order_through_singular_configurations(method, step, order):
     errors = []

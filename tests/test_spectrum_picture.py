@@ -266,6 +266,7 @@ def off(z, J, last):
     return np.min(np.abs(np.roots(law) - z))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("points", [3, 5, 21])
 @pytest.mark.parametrize("last", [2500.0, 20000.0])
 def test_every_point_of_a_locus_is_on_the_true_one(discs, points, last):
@@ -282,6 +283,7 @@ def test_every_point_of_a_locus_is_on_the_true_one(discs, points, last):
         assert np.min(np.abs(z - 1j * frequency)) < 0.01 * size
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "parameter", "ends"), [("whipple_bicycle", "v", (0.1, 10)), ("top", "omega", (0, 10))]
 )
@@ -298,6 +300,7 @@ def test_loci_are_mirrored_at_the_real_axis(name, parameter, ends, points):
     assert [x for x in own if np.any(np.array(x[2])[:, 1])] == [x for x in mirrored if np.any(np.array(x[2])[:, 1])]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("points", [3, 8])
 def test_coarse_maps_show_what_fine_ones_show(discs, points):
     coarse, fine = (

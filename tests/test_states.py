@@ -200,6 +200,7 @@ def test_the_nonlinear_motion_confirms_the_eigenvalues():
     assert checked.verdict == "confirmed"
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     "settings", [{}, {"method": "radau", "once": True}, {"method": "alpha", "tol": 1e-4}, {"compiled": True}]
 )

@@ -555,6 +555,7 @@ reference:
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("c", "inner"), [(0, 0), (0.1, 0), (0, 0.1), (0.1, 0.3), (-0.05, 0)])
 def test_damping_in_either_frame_decides_about_a_ball_on_the_axis_of_a_turning_bowl(c, inner):
     model = mbstab.loads(BOWL).at(c=c, inner=inner)

@@ -132,6 +132,7 @@ def test_critical_values_on_any_grid(case, points):
     assert result.verdicts == words
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", sample(CASES, 3))
 def test_a_descending_range_gives_the_same_from_the_other_end(case):
     name, parameter, ends, settings, expected = CASES[case]
@@ -143,6 +144,7 @@ def test_a_descending_range_gives_the_same_from_the_other_end(case):
     assert np.array_equal(down.unstable, up.unstable[::-1])
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("case", "number"), sample([(case, i) for case in CASES for i in range(len(CASES[case][-1]))], 2)
 )
@@ -165,6 +167,7 @@ def ranges_that_end_at_a_critical_value():
             yield case, (value, ends[1])
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("case", "ends"), sample(ranges_that_end_at_a_critical_value(), 5))
 def test_a_critical_value_at_an_end_is_exact_or_not_there(case, ends):
     name, parameter, _, settings, expected = CASES[case]
@@ -214,6 +217,7 @@ def test_both_branches_of_a_collision_are_named(points):
 GALLERY = [(f"{name}.yaml", parameter) for name, data in documents().items() for parameter in data.get("sweep", ())]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "parameter"), sample(GALLERY, 6))
 def test_branches_are_what_eig_says_at_the_same_point(name, parameter):
     mechanism = mbstab.load(name)
@@ -421,6 +425,7 @@ def squares_of_truss(load, start, a=1.0, h=0.5, k=100.0):
     return np.array([-slope, -2 * k * (1 - rest * y**2 / math.hypot(a, y) ** 3)], dtype=complex)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("points", "sign"), sample(product([12, 101], [1.0, -1.0]), 3))
 def test_a_truss_is_followed_through_both_of_its_folds(points, sign):
     # From the one end it stands, falls back past the flat position, and hangs; from the other end the other way round.
@@ -475,6 +480,7 @@ reference:
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("first", sample([1.0, 6.0, -6.0], 2))
 def test_a_path_that_closes_after_a_whole_turn_is_followed_once(first):
     # T = m g L sin(theta): stable below the pivot, unstable above it, and then the same again.
@@ -535,6 +541,7 @@ def test_the_other_path_through_a_pitchfork_is_followed(start, stop, points):
     assert result.unanswered == []
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("x0", "points"), sample([(2.0, 5), (2.0, 23), (-2.0, 22), (-2.0, 101)], 2))
 def test_an_exchange_of_stability_along_a_path_is_found(x0, points):
     # x = 0 and x**2 - 0.3*x - mu = 0 cross at mu = 0; the second folds at mu = -0.0225.
