@@ -23,6 +23,8 @@ class Tolerances:
     """Unknowns whose error may exceed this are changed jointly along one direction …"""
     loose_directions: Final = 8
     """… of which this many are kept separately."""
+    row_rounding: Final = 1e-9
+    """Rows smaller than this fraction of the others are rounding."""
     angle_difference: Final = 1e-6
     """Step of finite differences of the frame by angles (rad)."""
 
