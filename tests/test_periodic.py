@@ -901,3 +901,14 @@ def test_a_pulse_of_an_angle_that_a_motor_turns_is_one_of_the_time(w, on, angle)
     found, exact = (sorted((e.multiplier for e in x.eigenvalues), key=abs) for x in (result, expected))
     assert found == pytest.approx(exact, rel=1e-8)
     assert result.verdict == expected.verdict
+def test_a_motion_that_drives_prescribe_whole_has_nothing_to_judge():
+    text = """\
+mbstab: 1
+bodies: {rod: {type: planar, mass: 1, inertia: 1, points: {O: [-1, 0]}}}
+joints: {p: {type: revolute, between: [rod.O, ground]}}
+drives: {s: {type: joint, joint: p, position: "0.1*sin(t)"}}
+reference: {coordinates: {rod: {theta: 0}}, period: 2*pi}
+"""
+    result = mbstab.loads(text).eig()
+    assert result.eigenvalues == []
+    assert result.reasons == ("constraints and drives leave no motion free whose stability could be judged",)

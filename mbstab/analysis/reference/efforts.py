@@ -69,11 +69,19 @@ class Placement:
         """Angular velocities, shape (…, n_b, 3) (rad/s)."""
         return self.attitudes.spins(self.system, self.q, self.u)
 
-    def motion(self, kind: str, item: Item, near: float = 0.0) -> Any:
+    def motion(self, kind: str, item: Item, near: float = 0.0) -> Array:
         """Return the ``distance``, ``angle`` or ``displacement`` of the points of an entry, shape (…) (m, rad).
 
         In space angles are those within half a turn of `near` (rad).
         """
+        # What does not move is the same in all states.
+        return np.array(np.broadcast_to(self._motion(kind, item, near), self.q.shape[:-1]))
+
+    def rate(self, kind: str, item: Item) -> Array:
+        """Return the rate of such a motion, shape (…) (m/s, rad/s)."""
+        return np.array(np.broadcast_to(self._rate(kind, item), self.q.shape[:-1]))
+
+    def _motion(self, kind: str, item: Item, near: float) -> Any:
         first, second = item.markers("between")
         if kind == "angle" and self.system.scene.dimension == 2:
             return self._angle(self.q, first) - self._angle(self.q, second)
@@ -88,8 +96,7 @@ class Placement:
             return np.linalg.norm(gap, axis=-1)
         return np.sum(self._direction(second, item.triads("axis", "zero")[1].v1) * gap, axis=-1)
 
-    def rate(self, kind: str, item: Item) -> Any:
-        """Return the rate of such a motion, shape (…) (m/s, rad/s)."""
+    def _rate(self, kind: str, item: Item) -> Any:
         first, second = item.markers("between")
         if kind == "angle" and self.system.scene.dimension == 2:
             return self._angle(self.u, first) - self._angle(self.u, second)

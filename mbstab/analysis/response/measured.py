@@ -66,7 +66,7 @@ class Meter:
         }
         rates = {name: self._value(Measurement.of(name, rate=True)) for name in expression.rates()}
         found = expression.evaluate(names, dual_arithmetic(FLOAT), rates)
-        return np.asarray(found.slope) if isinstance(found, Dual) else np.zeros(self.size)
+        return np.array(np.broadcast_to(found.slope if isinstance(found, Dual) else 0.0, self.size))
 
     def _vector(self, *parts: tuple[int, Array]) -> Array:
         """Return a slope with the given parts, by their numbers in the order of the module's text."""

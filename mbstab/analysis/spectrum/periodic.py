@@ -299,7 +299,9 @@ class Cycle:
         """Return independent differentials that vanish on T, as orthonormal rows, and what their values distinguish."""
         flow, candidates = self.flow, self._conserved()
         n = len(T)
-        rows = np.array([x.dq @ flow.to_coordinates + x.du @ flow.to_rates for x in candidates]).reshape(-1, n)
+        rows = np.array([x.dq @ flow.to_coordinates + x.du @ flow.to_rates for x in candidates]).reshape(
+            len(candidates), n
+        )
         rows = rows / norms(rows)[:, None]
         left = rows
         if len(rows) and T.shape[1]:
