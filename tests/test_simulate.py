@@ -507,6 +507,37 @@ def test_a_value_on_the_other_side_of_a_symmetric_reference_is_found():
     assert math.sin(motion.q[2]) == pytest.approx(1.0)
 
 
+def test_of_values_that_contradict_each_other_those_that_differ_from_the_reference_stay():
+    text = Path(mbstab.load("rolling_disk.yaml").model.document.name).read_text(encoding="utf-8").partition("sweep:")[0]
+    initial = "initial:\n  rates: {disk: {x: -R*omega, y: 0, z: 0, phi: 0.1, theta: 0, psi: omega}}\n"
+    begin = start_of(mbstab.loads(text + initial).at(omega=-3.8).system())
+    rate = dict(zip(begin.system.names, begin.motion.u, strict=True))
+    # A disk that leans over at 0.1 rad/s moves its centre, 0.3 m above the ground, sideways.
+    assert rate["disk.phi"] == pytest.approx(0.1, abs=1e-15)
+    assert rate["disk.y"] == pytest.approx(-0.03, abs=1e-14)
+    assert rate["disk.x"] == pytest.approx(0.3 * 3.8, abs=1e-14)
+    (warning,) = begin.warnings
+    assert warning.endswith("moved onto them: rate(disk.y) by -0.03 m/s")
+    with pytest.raises(ModelFileError, match=r"rate\(disk.y\)"):
+        start_of(mbstab.loads(text + initial).system(), strict=True)
+
+
+def test_initial_values_are_enough_where_there_is_no_reference():
+    text = """\
+mbstab: 1
+gravity: [0, -9.81]
+bodies: {rod: {type: planar, mass: 1, inertia: 0.1, points: {O: [-1, 0]}}}
+joints: {pivot: {type: revolute, between: [rod.O, ground]}}
+forces: {push: {type: torque, body: rod, value: 100}}
+reference: {find: equilibrium, guess: {rod: {x: 1, y: 0, theta: 0}}}
+"""
+    with pytest.raises(MbstabError, match="no equilibrium found"):
+        start_of(mbstab.loads(text).system())
+    begin = start_of(mbstab.loads(text + "initial: {coordinates: {rod: {theta: 0.5}}}\n").system())
+    assert begin.motion.q == pytest.approx([math.cos(0.5), math.sin(0.5), 0.5], abs=1e-14)
+    assert any("no equilibrium found" in x for x in begin.warnings)
+
+
 def test_inconsistent_values_near_a_state_are_moved_and_said(tmp_path):
     begin = started("{coordinates: {rod: {x: 0.12, y: -0.17}}}")
     (text,) = begin.warnings
@@ -968,6 +999,56 @@ def test_csv_and_npz_hold_the_same_columns(tmp_path):
     assert data["q"].tolist() == [[float(x) for x in row[1:4]] for row in rows]
     assert data["rotations"].shape == (11, 1, 2, 2)
     assert data["coordinates"].tolist() == ["rod.x", "rod.y", "rod.theta"]
+
+
+OUTPUTS = """\
+outputs:
+  height: y(rod) + L
+  speed: vy(rod)
+  swing: angle(pivot)
+  load: force(pivot.y)
+  gone: 1/rod.x
+"""
+
+
+def test_outputs_of_the_file_stand_in_every_answer_about_a_motion(tmp_path):
+    model = mbstab.loads(SOURCE + OUTPUTS)
+    sim = model.simulate(1.0, perturb=RELEASED, points=101)
+    found = dict(zip([name for name, _ in sim.output_names], sim.outputs.T, strict=True))
+    assert sim.output_names == (("height", "m"), ("speed", "m/s"), ("swing", "rad"), ("load", "N"), ("gone", ""))
+    angle, rate = exact_pendulum(sim.times)
+    assert found["height"] == pytest.approx(0.2 * (1.0 - np.cos(angle)), abs=1e-8)
+    assert found["speed"] == pytest.approx(0.2 * rate, abs=1e-7)
+    assert found["swing"] == pytest.approx(1.5 * math.pi + angle, abs=1e-7)
+    column = sim.load_names.index(("joint 'pivot'", "rod", "force y"))
+    assert found["load"] == pytest.approx(sim.loads[:, column], abs=1e-12)
+    assert sim.end_state["outputs"]["height"] == found["height"][-1]
+    path = tmp_path / "outputs.yaml"
+    path.write_text(SOURCE + OUTPUTS, encoding="utf-8")
+    table = tmp_path / "a.csv"
+    result = run(str(path), "--to", "0.1", "--points", "3", "--plot", "height", "-o", str(table))
+    assert result.exit_code == 0
+    # Nothing divides by the rod's x at rest.
+    assert "outputs.gone has no value at t = 0 s" in result.stderr
+    assert "height (m)" in table.read_text(encoding="utf-8").partition("\n")[0]
+    assert (tmp_path / "a-height.png").exists()
+    rest = CliRunner().invoke(main, ["equilibrium", str(path), "--format", "json"])
+    (solution,) = json.loads(rest.stdout)["equilibria"]
+    assert solution["outputs"]["load"] == pytest.approx(9.81, abs=1e-12)
+    assert solution["outputs"]["gone"] is None
+
+
+def test_a_point_that_a_joint_holds_has_a_motion_at_every_time():
+    pinned = SOURCE.replace(
+        "joints:\n", "joints:\n  still: {type: revolute, between: [pin, {body: ground, point: [1, 0]}]}\n"
+    )
+    pinned = pinned.replace("bodies:\n", "bodies:\n  pin: {type: planar_point, mass: 1}\n")
+    pinned = pinned.replace("  coordinates:\n", "  coordinates:\n    pin: {x: 1, y: 0}\n")
+    model = mbstab.loads(pinned + "outputs: {still: angle(still)}\n")
+    sim = model.simulate(0.1, points=11)
+    assert sim.motions.shape == (11, 2)
+    assert not sim.outputs.any()
+    assert not model.state_space().C.any()
 
 
 def test_the_reaction_of_a_hanging_rod_carries_its_weight():

@@ -81,7 +81,7 @@ def quantities(context: click.Context, parameter: click.Parameter, incomplete: s
         joints, forces = model.entries.get("joints", {}), model.entries.get("forces", {})
         acting = (*forces.items(), *model.entries.get("drives", {}).items())
         motions = [motion_name(motion, name) for name, joint in joints.items() for motion in joint.kind.motions]
-        known += [*motions, *(f"rate({name})" for name in motions)]
+        known += [*model.outputs, *motions, *(f"rate({name})" for name in motions)]
         known += [f"{what}({name})" for name in joints for what in ("force", "torque")]
         known += [f"effort({name})" for name, entry in acting if entry.has_effort]
     return [_item(word) for word in known if word.startswith(incomplete)]

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from mbstab.errors import Location, alternatives
 from mbstab.mechanics.catalogue import Kind
 from mbstab.mechanics.measures import MEASURES, is_measure, parts
-from mbstab.model.expressions import DERIVED, Expression, ExpressionError
+from mbstab.model.expressions import DERIVED, Expression, ExpressionError, Name, Rate
 from mbstab.model.schema import (
     Components,
     Entry,
@@ -51,6 +51,17 @@ def unit_of_expression(model: Model, expression: Expression) -> str:
     except ExpressionError:
         return ""
     return "" if isinstance(whole, str) else show(whole.dimension if isinstance(whole, Moving) else whole)
+
+
+def unit_of_output(model: Model, expression: Expression) -> str:
+    """Return the SI unit of an output; an empty text if what the file declares does not decide it."""
+    match expression.root:
+        case Rate(name):
+            return Measurement.of(name, rate=True).unit_in(model)
+        case Name(name) if "." in name or "(" in name or name in model.states:
+            return Measurement.of(name).unit_in(model)
+        case _:
+            return unit_of_expression(model, expression)
 
 
 @dataclass(frozen=True)

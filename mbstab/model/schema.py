@@ -45,7 +45,7 @@ SECTIONS: dict[str, str] = {
     "inputs": "signals that act on the linearized motion, by name; none of them changes the reference motion",
     "constraints": "constraints written as expressions, by name: {holonomic: …} or {nonholonomic: …}",
     "states": "first-order states (filters, lags, integrals, currents), by name: {rate: expression}",
-    "outputs": "what is measured of the linearized motion, by name: expressions of coordinates, measures, "
+    "outputs": "what is measured of the motion, by name: expressions of coordinates, measures, "
     "their rate(...) and acceleration(...), and force(joint.x), torque(joint.z), effort(name)",
     "reference": "the motion whose stability is asked for: coordinates and rates by body",
     "initial": "where mbstab simulate starts: coordinates and rates by body; the others are those of the reference",

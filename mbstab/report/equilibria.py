@@ -7,6 +7,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from mbstab.errors import counted
+from mbstab.model.measures import unit_of_output
 from mbstab.model.schema import Model
 from mbstab.report import width
 from mbstab.report.tables import number, table
@@ -23,7 +24,16 @@ def equilibrium_text(found: Sequence[Equilibrium], model: Model) -> str:
     for place, item in enumerate(found, 1):
         kind = "Equilibrium" if str(item.steady) == "rest" else f"Steady motion ({item.steady})"
         lines += wrap(kind + (f" {place} of {len(found)}" if len(found) > 1 else ""), width=width())
-        lines += [text for text in (_state_table(item, model), _reaction_table(item), _effort_table(item)) if text]
+        lines += [
+            text
+            for text in (
+                _state_table(item, model),
+                _reaction_table(item),
+                _effort_table(item),
+                _output_table(item, model),
+            )
+            if text
+        ]
         lines += wrap(
             f"found by {item.strategy} in {counted(item.iterations, 'step')}; largest imbalance {item.residual:.1e} of "
             f"what balances ({item.unbalanced[0]:.1e} N, {item.unbalanced[1]:.1e} N*m)",
@@ -76,3 +86,8 @@ def _effort_table(item: Equilibrium) -> str:
     values = (float(e.values) if abs(e.values) > least else 0.0 for e in item.efforts)
     rows = [[e.owner, e.along, number(x, 5), e.unit] for e, x in zip(item.efforts, values, strict=True)]
     return table(["effort of", "along", "value", ""], rows, left=(0, 1, 3)) if rows else ""
+
+
+def _output_table(item: Equilibrium, model: Model) -> str:
+    rows = [[name, number(x, 10), unit_of_output(model, model.outputs[name])] for name, x in item.outputs.items()]
+    return table(["output", "value", ""], rows, left=(0, 2)) if rows else ""

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from io import BytesIO, StringIO
 from typing import TYPE_CHECKING, Any
 
+from mbstab.model.measures import unit_of_output
 from mbstab.model.schema import Model
 from mbstab.model.words import UNDECIDED
 from mbstab.report.tables import decimals
@@ -99,7 +100,7 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
     """Return the JSON object of ``mbstab equilibrium``.
 
     Keys: ``model``, ``title``, ``equilibria`` (``coordinates`` in m and rad and ``rates`` by
-    name, ``steady`` in words, ``reactions``, ``efforts``, ``residual``, ``unbalanced_force`` in N,
+    name, ``steady`` in words, ``reactions``, ``efforts``, ``outputs`` by name, ``residual``, ``unbalanced_force`` in N,
     ``unbalanced_torque`` in N·m, ``iterations``, ``strategy``, ``isolated``, ``open``, ``time`` in s,
     ``depends_on_time``,
     ``symmetries``, ``redundant``, ``warnings``). A reaction has ``of``, ``on`` (a body),
@@ -122,6 +123,7 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
                 "efforts": [
                     {"of": e.owner, "along": e.along, "value": float(e.values), "unit": e.unit} for e in item.efforts
                 ],
+                "outputs": item.outputs,
                 "residual": item.residual,
                 "unbalanced_force": item.unbalanced[0],
                 "unbalanced_torque": item.unbalanced[1],
@@ -141,7 +143,7 @@ def equilibrium_data(found: Sequence[Equilibrium], names: Sequence[str], model: 
 
 
 def equilibrium_csv(found: Sequence[Equilibrium], model: Model) -> str:
-    """Return coordinates, reactions and efforts of all solutions as CSV, one number per line."""
+    """Return coordinates, reactions, efforts and outputs of all solutions as CSV, one number per line."""
     rows: list[list[Any]] = []
     for number, item in enumerate(found, 1):
         for name, q, u in zip(model.coordinates(), item.motion.q, item.motion.u, strict=True):
@@ -153,6 +155,9 @@ def equilibrium_csv(found: Sequence[Equilibrium], model: Model) -> str:
                 for letter, x in zip(letters, vector, strict=False):
                     rows.append([number, f"{what} {letter}", f"{r.owner} on {r.body}", float(x), unit])
         rows += [[number, "effort", e.owner, float(e.values), e.unit] for e in item.efforts]
+        rows += [
+            [number, "output", name, x, unit_of_output(model, model.outputs[name])] for name, x in item.outputs.items()
+        ]
     return to_csv(["solution", "quantity", "of", "value", "unit"], rows)
 
 

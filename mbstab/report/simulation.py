@@ -54,6 +54,10 @@ def _effort_heads(sim: Simulation) -> list[str]:
     return [f"effort of {owner} ({unit})" for owner, unit in sim.effort_names]
 
 
+def _with_units(names: tuple[tuple[str, str], ...]) -> list[str]:
+    return [f"{name} ({unit})" if unit else name for name, unit in names]
+
+
 def _motion_heads(sim: Simulation, form: str, per: str = "") -> list[str]:
     return [f"{form.format(name)} ({unit}{per})" for name, unit in sim.motion_names]
 
@@ -67,6 +71,7 @@ OUTPUTS = (
     Output("efforts", _effort_heads, lambda sim: sim.efforts),
     Output("motions", lambda sim: _motion_heads(sim, "{}"), lambda sim: sim.motions),
     Output("motion_rates", lambda sim: _motion_heads(sim, "rate({})", "/s"), lambda sim: sim.motion_rates),
+    Output("outputs", lambda sim: _with_units(sim.output_names), lambda sim: sim.outputs),
     Output("kinetic", lambda sim: ["kinetic energy (J)"], lambda sim: sim.kinetic),
     Output("potential", lambda sim: ["potential energy (J)"], lambda sim: sim.potential),
     Output("work", lambda sim: ["work (J)"], lambda sim: sim.work),
@@ -128,9 +133,9 @@ def simulation_json(sim: Simulation, model: str, title: str, full: bool) -> str:
     ``error_estimate`` (of the global error: positions relative to the size of the scene, entries of rotation matrices,
     speeds relative to the largest one, or to a part of the natural rate of the scene where nothing moves),
     ``complete``, ``failure``, ``start`` and ``end`` (s), ``end_state``
-    (``coordinates`` in m and rad and ``rates``, by name), ``max_constraint_residual``, ``energy_drift`` (relative),
-    ``conservative``, ``steps``, ``rejected``, ``evaluations``, ``runs``, ``charts``, ``warnings``; in a
-    file also ``columns`` (names with units) and ``rows`` (a list for each output time).
+    (``coordinates`` in m and rad, ``rates`` and ``outputs``, by name), ``max_constraint_residual``,
+    ``energy_drift`` (relative), ``conservative``, ``steps``, ``rejected``, ``evaluations``, ``runs``, ``charts``,
+    ``warnings``; in a file also ``columns`` (names with units) and ``rows`` (a list for each output time).
     """
     data: dict[str, Any] = {"model": model, "title": title, **_summary(sim)}
     if full:
@@ -162,11 +167,15 @@ def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
         rate = max(float(np.max(np.abs(u))), size / float(sim.times[-1] - sim.times[0] or 1.0))
         values = [_shown(x, size) for x in (q[0], q[-1], q.min(), q.max())] + [_shown(u[-1], rate)]
         rows.append([name, unit, *values])
+    rows = rows if full else rows[:MOST]
+    hidden = len(sim.names) - len(rows)
+    for (name, unit), y in zip(sim.output_names, sim.outputs.T, strict=True):
+        size = float(np.max(np.abs(y)))
+        rows.append([name, unit, *(_shown(x, size) for x in (y[0], y[-1], y.min(), y.max())), ""])
     heads = ["coordinate", "unit", "at first", "at last", "least", "largest", "last rate\n(unit/s)"]
-    shown = rows if full else rows[:MOST]
-    lines.append(table(heads, shown, left=(0, 1)))
-    if len(rows) > len(shown):
-        lines += [f"{len(rows) - len(shown)} more coordinates; --full shows all", ""]
+    lines.append(table(heads, rows, left=(0, 1)))
+    if hidden:
+        lines += [f"{hidden} more coordinates; --full shows all", ""]
     what = f"{sim.method}{f' ({sim.solver})' if sim.solver else ''}"
     steps = counted(sim.steps, "step") + (f", {sim.rejected} rejected" if sim.rejected else "")
     control = f"fixed step {sim.step:g} s" if sim.step is not None else f"tolerance {sim.tol:g}"

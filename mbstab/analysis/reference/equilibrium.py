@@ -29,7 +29,8 @@ from mbstab.analysis.reference.guard import coefficients, require_steady
 from mbstab.analysis.reference.imbalance import carrying, state_rounding
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.newton import Search, Stalled, newton_step
-from mbstab.analysis.reference.reactions import Reaction, reactions
+from mbstab.analysis.reference.outputs import Outputs
+from mbstab.analysis.reference.reactions import Reaction, components, reactions
 from mbstab.analysis.reference.rotation import orientation
 from mbstab.analysis.reference.sharpening import exactly_rounded
 from mbstab.analysis.reference.steady import Family, Generator, declared_family, detected
@@ -53,6 +54,8 @@ class Equilibrium(Answer):
     reactions : list of Reaction
         What each joint, contact and drive transmits.
     efforts : list of Acted
+    outputs : dict of float
+        The outputs of the file by name; nan where one has no value.
         Of all that acts along one motion.
     residual : float
         Largest remaining imbalance, relative to the forces that balance.
@@ -73,6 +76,7 @@ class Equilibrium(Answer):
     steady: Generator
     reactions: list[Reaction]
     efforts: list[Acted]
+    outputs: dict[str, float]
     residual: float
     unbalanced: tuple[float, float]
     iterations: int
@@ -272,12 +276,21 @@ class Problem:
         ]
         loads = reactions(self.system, motion.q, motion.u, motion.dynamics.J, motion.nu)
         placement = Placement(Attitudes.of(self.system), self.system, motion.q, motion.u)
+        acting = efforts(placement, motion.nu, motion.time)
         return Equilibrium(
-            motion, at.steady, loads, efforts(placement, motion.nu, motion.time), float(np.max(np.abs(at.residual))),
+            motion, at.steady, loads, acting, self._outputs(motion, loads, acting), float(np.max(np.abs(at.residual))),
             (unbalanced[0], unbalanced[1]), search.iterations, strategy, tuple(s.name for s in known),
             tuple(_open_directions(search, at, known)),
             not np.any(at.u) and self.scene.timed,
         )  # fmt: skip
+
+    def _outputs(self, motion: Motion, loads: list[Reaction], acting: list[Acted]) -> dict[str, float]:
+        outputs, state = Outputs(self.system), (motion.q, motion.u, motion.a)
+        values = outputs.values(outputs.measured(self.system, *state), *state, components(loads), acting)
+        return {
+            name: x if math.isfinite(x) else math.nan
+            for (name, _), x in zip(outputs.names, values.tolist(), strict=True)
+        }
 
     def _require_steady(self, motion: Motion, at: State) -> None:
         """Refuse rates of a file that no steady motion has; forces may balance at an instant.

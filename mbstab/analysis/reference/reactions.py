@@ -6,6 +6,7 @@ angles of a body that is Gᵀτ, with the torque τ about its reference point.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,16 @@ def reactions(system: System, q: Array, u: Array, J: Array, nu: Array) -> list[R
             # What is the same in all states comes once.
             found += _reactions(system, q, item, np.broadcast_to(-parts[item.entry.path].dynamics(q, u).F0, q.shape))
     return found
+
+
+def components(found: Iterable[Reaction]) -> dict[tuple[str, str, str], Array]:
+    """Return the components of reactions by owner, body acted on and component such as ``force x``."""
+    loads: dict[tuple[str, str, str], Array] = {}
+    for r in found:
+        turning = "xyz" if r.torque.shape[-1] == 3 else "z"
+        for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
+            loads |= {(r.owner, r.body, f"{what} {x}"): v for x, v in zip(letters, vector.T, strict=False)}
+    return loads
 
 
 def _reactions(system: System, q: Array, item: ItemValues, load: Array) -> list[Reaction]:

@@ -26,9 +26,9 @@ from mbstab.analysis.response.signals import Signals, State
 from mbstab.analysis.response.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import Location, ModelFileError, NumericalError, Problem, UsageError
-from mbstab.model.expressions import ExpressionError, Name, Rate
-from mbstab.model.measures import Measurement
-from mbstab.model.schema import Model, Quantity
+from mbstab.model.expressions import ExpressionError
+from mbstab.model.measures import unit_of_output
+from mbstab.model.schema import Quantity
 from mbstab.model.sections.outputs import measured_expression
 from mbstab.records import Answer, dataclass
 
@@ -395,17 +395,6 @@ def split_states(text: str) -> list[str]:
     return [part.strip() for part in re.split(r",(?![^()]*\))", text) if part.strip()]
 
 
-def _unit(model: Model, expression: Quantity) -> str:
-    """Return the unit of an expression that is one measured thing, else nothing."""
-    match expression.root:
-        case Rate(name):
-            return Measurement.of(name, rate=True).unit_in(model)
-        case Name(name) if "." in name or "(" in name or name in model.states:
-            return Measurement.of(name).unit_in(model)
-        case _:
-            return ""
-
-
 def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlModel:
     """Return A, B, C, D about a reference motion, for the inputs and outputs of the file.
 
@@ -455,12 +444,12 @@ def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlM
         C,
         _columns(D, used),
         tuple(texts),
-        tuple(_unit(model, x) for x in expressions),
+        tuple(unit_of_output(model, x) for x in expressions),
         tuple((inputs[i], f"rate({inputs[i]})", f"acceleration({inputs[i]})")[k] for i, k in used),
         inputs,
         tuple(ports.signals.units),
         tuple(model.outputs),
-        tuple(_unit(model, x) for x in model.outputs.values()),
+        tuple(unit_of_output(model, x) for x in model.outputs.values()),
         tuple(used),
         *_maps(ports, S, inverse, error),
         _descriptor(ports, used),

@@ -15,8 +15,9 @@ from numpy.polynomial import legendre
 
 from mbstab.analysis.algebra.arrays import Index
 from mbstab.analysis.reference.attitude import Attitudes
-from mbstab.analysis.reference.efforts import Placement, efforts, moving_joints, unwound
-from mbstab.analysis.reference.reactions import reactions
+from mbstab.analysis.reference.efforts import Acted, Placement, efforts, motion_name, moving_joints, unwound
+from mbstab.analysis.reference.outputs import Outputs
+from mbstab.analysis.reference.reactions import components, reactions
 from mbstab.analysis.simulate.balanced import check_balanced
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy, antiderivative
@@ -252,6 +253,9 @@ class Record:
         Reactions (N, N·m) by owner, body acted on, and component such as ``force x``.
     efforts : dict of ndarray, shape (n_t,)
         Efforts of what acts along one motion, by owner and unit (N, N·m).
+    measured : dict of ndarray, shape (n_t,)
+        Measures in outputs, as of `mbstab.analysis.reference.outputs.Outputs.measured`.
+    outputs : ndarray, shape (n_t, n_o)
     motions, motion_rates : ndarray, shape (n_t, n_m)
         Motions of joints, as `mbstab.analysis.reference.efforts.moving_joints` lists them (m, rad).
     kinetic, potential : ndarray, shape (n_t,) (J)
@@ -265,6 +269,8 @@ class Record:
     nu: Array
     loads: dict[tuple[str, str, str], Array]
     efforts: dict[tuple[str, str], Array]
+    measured: dict[str, Array]
+    outputs: Array
     motions: Array
     motion_rates: Array
     kinetic: Array
@@ -288,13 +294,20 @@ class Record:
         labels = dict.fromkeys(label for part in parts for label in part.loads)
         loads = {x: np.concatenate([part.loads.get(x, np.zeros(len(part.q))) for part in parts]) for x in labels}
         driving = {x: np.concatenate([part.efforts[x] for part in parts]) for x in parts[0].efforts}
-        names = [field.name for field in fields(cls) if field.name not in ("loads", "efforts")]
+        measured = {x: np.concatenate([part.measured[x] for part in parts]) for x in parts[0].measured}
+        names = [field.name for field in fields(cls) if field.name not in ("loads", "efforts", "measured", "outputs")]
         whole = {x: np.concatenate([getattr(part, x) for part in parts]) for x in names}
         scene, times = stretches[0].frame.system.scene, np.concatenate([x.times for x in stretches])[: len(whole["q"])]
         for i, (motion, _) in enumerate(moving_joints(scene)):
             if motion == "angle" and scene.dimension == 3:
                 whole["motions"][:, i] = unwound(whole["motions"][:, i], whole["motion_rates"][:, i], times)
-        return cls(loads=loads, efforts=driving, **whole)
+        for i, (motion, joint) in enumerate(moving_joints(scene)):
+            if (name := motion_name(motion, joint.name)) in measured:
+                measured[name] = whole["motions"][:, i]
+        acted = [Acted(owner, "", unit, x) for (owner, unit), x in driving.items()]
+        attitudes = stretches[0].frame.attitudes
+        outputs = Outputs(attitudes.file).values(measured, whole["q"], whole["u"], whole["a"], loads, acted)
+        return cls(loads=loads, efforts=driving, measured=measured, outputs=outputs, **whole)
 
     @classmethod
     def _part(cls, stretch: Stretch, k: slice, before: Array) -> Record:
@@ -302,20 +315,18 @@ class Record:
         given = None if stretch.a is None else stretch.a[k]
         a, nu, J, kinetic, residuals = found_at(frame.equations, times, q, u, given)
         check_balanced(system, times, q, u, a, nu)
-        loads: dict[tuple[str, str, str], Array] = {}
-        for r in reactions(system, q, u, J, nu):
-            turning = "xyz" if r.torque.shape[-1] == 3 else "z"
-            for what, letters, vector in (("force", "xyz", r.force), ("torque", turning, r.torque)):
-                loads |= {(r.owner, r.body, f"{what} {x}"): v for x, v in zip(letters, vector.T, strict=False)}
+        loads = components(reactions(system, q, u, J, nu))
         at = Placement(frame.attitudes, system, q, u)
         driving = {(acted.owner, acted.unit): acted.values for acted in efforts(at, nu, times)}
         moving = moving_joints(system.scene)
         motions = np.array([at.motion(*x) for x in moving]).reshape(len(moving), len(q)).T
         motion_rates = np.array([at.rate(*x) for x in moving]).reshape(len(moving), len(q)).T
+        measured = Outputs(frame.attitudes.file).measured(system, q, u, a)
         shown = _continued(frame, q, before)
         potential = system.potential(q)
         q, u, a = frame.attitudes.in_file(system, q, u, a, shown)
-        return cls(q, u, a, nu, loads, driving, motions, motion_rates, kinetic, potential, residuals)
+        outputs = np.zeros((len(q), 0))
+        return cls(q, u, a, nu, loads, driving, measured, outputs, motions, motion_rates, kinetic, potential, residuals)
 
 
 def states(stretches: Sequence[Stretch]) -> tuple[Array, Array]:
@@ -336,7 +347,8 @@ def joined(stretches: Sequence[Stretch]) -> list[Stretch]:
         parts = list(group)
         times, q, u, work = (np.concatenate([getattr(x, name) for x in parts]) for name in ("times", "q", "u", "work"))
         a = np.concatenate([x.a for x in parts if x.a is not None]) if given else None
-        found.append(Stretch(parts[0].frame, times, q, u, work, a=a))
+        if len(times):
+            found.append(Stretch(parts[0].frame, times, q, u, work, a=a))
     return found
 
 

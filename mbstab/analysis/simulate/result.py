@@ -42,6 +42,10 @@ class Simulation(Answer):
         Angles and displacements of joints (rad, m), and their rates.
     motion_names : tuple of (str, str)
         Such as ``angle(pivot)``, and unit.
+    outputs : ndarray, shape (n_t, n_o)
+        The outputs of the file; not finite where one has no value.
+    output_names : tuple of (str, str)
+        Name and unit.
     kinetic, potential : ndarray, shape (n_t,)
         Kinetic energy, and potential energy of gravity and springs (J).
     work : ndarray, shape (n_t,)
@@ -95,6 +99,8 @@ class Simulation(Answer):
     motions: Array
     motion_rates: Array
     motion_names: tuple[tuple[str, str], ...]
+    outputs: Array
+    output_names: tuple[tuple[str, str], ...]
     kinetic: Array
     potential: Array
     work: Array
@@ -126,9 +132,13 @@ class Simulation(Answer):
 
     @property
     def end_state(self) -> dict[str, dict[str, float]]:
-        """Coordinates and rates by name at the last time."""
+        """Coordinates, rates and outputs by name at the last time."""
         q, u = (dict(zip(self.names, x[-1].tolist(), strict=True)) for x in (self.q, self.u))
-        return {"coordinates": q, "rates": u}
+        return {
+            "coordinates": q,
+            "rates": u,
+            "outputs": {name: x for (name, _), x in zip(self.output_names, self.outputs[-1].tolist(), strict=True)},
+        }
 
     @property
     def max_constraint_residual(self) -> float:

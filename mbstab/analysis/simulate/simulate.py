@@ -15,12 +15,13 @@ The true error may exceed the estimate by the factor `TOLERANCES.error_factor`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name, moving_joints
+from mbstab.analysis.reference.outputs import Outputs
 from mbstab.analysis.simulate.accuracy import Work, bumps
 from mbstab.analysis.simulate.half_turns import beyond_half_turn
 from mbstab.analysis.simulate.recording import Record, Track
@@ -31,7 +32,7 @@ from mbstab.analysis.simulate.start import Start, start_of
 from mbstab.analysis.simulate.steppers.compiled import machine_code
 from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.analysis.simulate.tolerances import TOLERANCES
-from mbstab.compiler.system import System
+from mbstab.compiler.system import Array, System
 from mbstab.errors import SimulationError, UsageError
 
 
@@ -99,11 +100,30 @@ def _reason(run: Run, result: Simulation, last: float) -> str:
     return f"{reason}\nthe part until t = {result.times[-1]:.9g} s is kept" if len(result.times) else reason
 
 
+def without_value(times: Array, values: Array, names: Sequence[tuple[str, str]]) -> list[str]:
+    """Return a warning for each output that has no value at some time."""
+    missing = ~np.isfinite(values)
+    return [
+        f"outputs.{name} has no value at t = {times[int(np.argmax(missing[:, i]))]:.6g} s"
+        + (f" and {int(np.sum(missing[:, i])) - 1} other output times" if np.sum(missing[:, i]) > 1 else "")
+        for i, (name, _) in enumerate(names)
+        if np.any(missing[:, i])
+    ]
+
+
 def _check_memory(system: System, points: int) -> None:
     """Refuse output times that take more memory than the limit."""
     d, bodies = system.scene.dimension, len(system.scene.bodies)
     moving = len(moving_joints(system.scene))
-    results = 3 * system.n_q + system.n_c + bodies * (2 * d + d * d + 3) + 6 * len(system.scene.items) + 2 * moving + 6
+    results = (
+        3 * system.n_q
+        + system.n_c
+        + bodies * (2 * d + d * d + 3)
+        + 6 * len(system.scene.items)
+        + 2 * moving
+        + 6
+        + len(system.scene.model.outputs)
+    )
     columns = results + TOLERANCES.runs_least * (2 * system.n_q + TOLERANCES.memory_of_state)
     size = 8.0 * points * columns
     if size > ALGEBRA.estimated_memory:
@@ -120,6 +140,7 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: Si
     times, work_done = (np.concatenate([getattr(x, name) for x in run.stretches]) for name in ("times", "work"))
     count = len(record.q)
     run.interrupted = run.interrupted or count < len(times)
+    outputs = Outputs(system).names
     labels, driving, moving = tuple(record.loads), tuple(record.efforts), moving_joints(system.scene)
     return Simulation(
         names=tuple(system.names),
@@ -142,6 +163,8 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: Si
         motions=record.motions,
         motion_rates=record.motion_rates,
         motion_names=tuple((motion_name(kind, item.name), MOTION_UNITS[kind]) for kind, item in moving),
+        outputs=record.outputs,
+        output_names=outputs,
         kinetic=record.kinetic,
         potential=record.potential,
         work=work_done[:count],
@@ -163,6 +186,7 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: Si
             *begin.warnings,
             *work.warnings,
             *work.notes,
+            *without_value(times[:count], record.outputs, outputs),
             *bumps(system, times[:count], record.q, record.u, work.step or work.longest),
             *beyond_half_turn(system.scene, times[:count], record.motions),
         ),

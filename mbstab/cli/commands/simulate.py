@@ -101,7 +101,8 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     metavar="WHAT",
     multiple=True,
     shell_complete=completion.quantities,
-    help="Draw over time: rod.theta, rate(rod.theta), acceleration(…), angle(pivot) or displacement(…) of a joint, "
+    help="Draw over time: rod.theta, an output of the file, rate(rod.theta), acceleration(…), angle(pivot) or "
+    "displacement(…) of a joint, "
     "rate(angle(pivot)), force(pivot), torque(pivot.z), effort(spring), kinetic, …, several separated by commas; "
     "energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
 )

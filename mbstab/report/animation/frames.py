@@ -12,7 +12,7 @@ from mbstab.analysis.simulate.result import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.records import dataclass
-from mbstab.report.pictures.scales import with_minus_sign
+from mbstab.report.pictures.scales import typeset, with_minus_sign
 
 FPS = 25.0
 """Frames per second, if not given."""
@@ -86,6 +86,13 @@ def motion_frames(sim: Simulation, fps: float = FPS, speed: float = 1.0) -> Fram
     if speed != 1.0:
         how = f"{speed:g}× as fast" if speed > 1.0 else f"{1.0 / speed:g}× slower"
         captions = [f"{text}, {how}" for text in captions]
+    for (name, unit), y in zip(sim.output_names, sim.outputs.T, strict=True):
+        values = np.interp(times, sim.times, y)
+        digits = max(0, 3 - math.ceil(math.log10(float(np.max(np.abs(y))) or 1.0))) if np.isfinite(y).all() else 3
+        captions = [
+            f"{text}, {name} = {with_minus_sign(f'{x:.{digits}f}')} {typeset(unit)}".rstrip()
+            for text, x in zip(captions, values.tolist(), strict=True)
+        ]
     return Frames(fps, captions, trail[0][::FINE], trail[1][::FINE], trail)
 
 

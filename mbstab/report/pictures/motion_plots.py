@@ -21,7 +21,7 @@ from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name
 from mbstab.analysis.simulate.result import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, alternatives, suggestion
-from mbstab.model.measures import Measurement, effort_unit
+from mbstab.model.measures import Measurement, effort_unit, unit_of_output
 from mbstab.model.schema import Entry, Model
 from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated, thinned
@@ -155,7 +155,9 @@ def _of_coordinate(form: str, array: str, order: int) -> Reader:
         if name not in known:
             bodies = list(dict.fromkeys(x.rpartition(".")[0] for x in known))
             text = "" if form == "{}" else f" in {form.format(name)!r}"
-            hint = alternatives(name, known, "coordinates")
+            hint = alternatives(
+                name, [*known, *model.outputs], "coordinates and outputs" if model.outputs else "coordinates"
+            )
             if name in bodies:
                 hint = "coordinates: " + ", ".join(x for x in known if x.startswith(f"{name}."))
             raise UsageError(f"there is no coordinate {name!r}{text}\nhint: {hint}")
@@ -163,6 +165,14 @@ def _of_coordinate(form: str, array: str, order: int) -> Reader:
         return [Quantity(form.format(name), unit, lambda sim: np.asarray(getattr(sim, array)[:, i]))]
 
     return read
+
+
+def _of_name(model: Model, name: str) -> list[Quantity]:
+    """Read the name of an output, or of a coordinate."""
+    if name not in model.outputs or name in model.coordinates():
+        return _of_coordinate("{}", "q", 0)(model, name)
+    i, unit = list(model.outputs).index(name), unit_of_output(model, model.outputs[name])
+    return [Quantity(name, typeset(unit), lambda sim: np.asarray(sim.outputs[:, i]))]
 
 
 def _of_reaction(what: str, unit: str) -> Reader:
@@ -273,7 +283,7 @@ def _rate(model: Model, name: str) -> list[Quantity]:
 
 
 FUNCTIONS: dict[str, Reader] = {
-    "": _of_coordinate("{}", "q", 0),
+    "": _of_name,
     "rate": _rate,
     "acceleration": _of_coordinate("acceleration({})", "a", 2),
     **{motion: _of_motion(motion) for motion in MOTION_UNITS},
@@ -281,7 +291,7 @@ FUNCTIONS: dict[str, Reader] = {
     "torque": _of_reaction("torque", "N·m"),
     "effort": _of_effort,
 }
-"""Readers by the name before a parenthesis; without parentheses a name is a coordinate."""
+"""Readers by the name before a parenthesis; without parentheses a name is an output or a coordinate."""
 
 
 def _above(values: Array) -> Array:
@@ -392,8 +402,8 @@ def _quantities(model: Model, word: str) -> list[Quantity]:
         return [WORDS[word]]
     call = _CALL.fullmatch(word)
     if call is None:
-        if "." not in word and word not in model.states:
-            known = [*model.coordinates(), *WORDS, *GROUPS]
+        if "." not in word and word not in model.states and word not in model.outputs:
+            known = [*model.coordinates(), *model.outputs, *WORDS, *GROUPS]
             hint = suggestion(word, known)
             if not hint and word in model.bodies:
                 hint = "coordinates: " + ", ".join(x for x in model.coordinates() if x.startswith(f"{word}."))
