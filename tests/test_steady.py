@@ -963,3 +963,22 @@ def test_a_top_that_is_too_slow_says_what_is_given():
     ) as error:
         mbstab.loads(LEANING).eig(spin=30)
     assert "rates.top.psi" in str(error.value)
+def test_a_drive_that_does_not_have_the_declared_rate_yet_is_named_with_both_rates():
+    text = """\
+mbstab: 1
+bodies:
+  rotor: {type: spatial, mass: 1, inertia: [1, 1, 2]}
+  arm: {type: spatial, mass: 1, inertia: [1, 1, 2], points: {O: [-1, 0, 0]}}
+joints:
+  bearing: {type: revolute, between: [rotor, ground], axis: z}
+  hinge: {type: revolute, between: [arm.O, rotor], axis: y}
+drives: {spin: {type: coordinate, coordinate: rotor.psi, velocity: 10*smooth_start(t)}}
+gravity: [0, 0, -9.81]
+reference: {find: steady, TIMEsteady: {axis: z, rate: 10}, guess: {arm: {x: 1, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}}
+"""
+    with pytest.raises(
+        mbstab.errors.EquilibriumError,
+        match=r"at t = 0 s it gives 0 rad/s, and the motion has 10 rad/s\nhint: give reference\.time",
+    ):
+        mbstab.loads(text.replace("TIME", "")).motion()
+    assert mbstab.loads(text.replace("TIME", "time: 2, ")).motion().u[5] == pytest.approx(10.0, rel=1e-12)

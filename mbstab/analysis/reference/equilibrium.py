@@ -226,8 +226,12 @@ class Problem:
             # A motion without spins first: with spins there may be more solutions, some valid for an instant only.
             try:
                 return self._without_spins()._solved(start, None, STRATEGIES[:1])
-            except MbstabError:
-                pass
+            except MbstabError as error:
+                declared = error
+            try:
+                return self._solved(start, c, STRATEGIES)
+            except EquilibriumError:
+                raise declared from None  # of the motion that the file declares
         return self._solved(start, c, STRATEGIES if c is None else STRATEGIES[:1])
 
     def _without_spins(self) -> Problem:

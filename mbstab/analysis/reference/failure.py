@@ -280,6 +280,16 @@ class Failure:
                 said = f"the rate of the state {row.name} is not zero at rest"
                 return said, "leave out coordinates that are given: they settle where the rate is zero"
             said = f"the motion ({state.steady}) does not satisfy {row}: it drives, blocks or slips"
+            if row.section == "drives":
+                i, at = self.system.rows.index(row), self.system.dynamics(state.q, state.u, self.scene.time)
+                unit = unit_of_row(self.system, row, "/s" if i < self.system.n_h else "")
+                moved = float(at.J[i] @ state.u)
+                said = (
+                    f"the motion ({state.steady}) does not satisfy {row}: at t = {self.scene.time:g} s it gives "
+                    f"{moved - float(at.V[i]):.4g}{unit}, and the motion has {moved:.4g}{unit}"
+                )
+                if self.scene.timed:
+                    return said, "give reference.time, at which the drive has its rate: initial.time may be earlier"
         return said, "correct reference.steady or the given rates: axis, point and rate must be those of the mechanism"
 
     def _closer(self, state: State) -> State:

@@ -1,8 +1,9 @@
 """The consistent start of a simulation: the reference motion, the values of ``initial:``, and disturbances.
 
 Given values are held while the others are moved onto the constraints, as few of them as possible
-(`mbstab.analysis.simulate.disturbance`). Where that is impossible
-everything is moved by the least change in the metric of the masses, and a warning tells by how much. Values
+(`mbstab.analysis.simulate.disturbance`). Where that is impossible, those that differ from the reference are held: they
+are the disturbance. Where that is impossible, too, everything is moved by the least change in the metric of the masses.
+A warning tells by how much given values were moved. Values
 that no state has, whatever the others are, and those far from every state found are errors.
 """
 
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.arrays import Complex, Flags
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement
 from mbstab.analysis.reference.motion import Finder, Motion
@@ -25,7 +26,7 @@ from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.disturbance import Quantity, coordinates, reached, read_name, speeds, staying
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
-from mbstab.errors import MbstabError, ModelFileError, UsageError, alternatives, amount
+from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, UsageError, alternatives, amount
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.parameters import with_unit
@@ -103,7 +104,7 @@ def start_of(
 
 def _start_of(system: System, perturb: Mapping[str, float | str], time: float | None, strict: bool) -> Start:
     scene = system.scene
-    q0, u0, motion = system.remember("reference", None, lambda: _reference(system))
+    q0, u0, motion, told = system.remember("reference", None, lambda: _reference(system))
     plain, (system, motion) = system, balanced(system, motion)
     begin = scene.initial.time if time is None else time
     begin = float(scene.time if begin is None else begin)
@@ -121,7 +122,7 @@ def _start_of(system: System, perturb: Mapping[str, float | str], time: float | 
     system = system if begin == scene.time else System(replace(scene, time=begin))
     finder = Finder(system)
     equations = Constrained(system, motion)
-    warnings: list[str] = []
+    warnings = [told] if told else []
     held = _Held(finder, equations, begin, q0, u0, wanted)
     q, moved = held.positions()
     _check_positions(finder, equations, begin, (q, q0), wanted, moved)
@@ -136,22 +137,28 @@ def _start_of(system: System, perturb: Mapping[str, float | str], time: float | 
     return Start(system, found, (*warnings, *dict.fromkeys(found.warnings)), tuple(held.notes))
 
 
-def _reference(system: System) -> tuple[Array, Array, Motion]:
-    """Return the reference of the file, which may be out of balance, and the motion through it."""
-    reference = system.scene.model.reference
-    if reference.find is not None or reference.steady is not None:
-        motion = reference_motion(system, massless=True)
-        return motion.q, motion.u, motion
+def _reference(system: System) -> tuple[Array, Array, Motion, str]:
+    """Return the reference of the file, which may be out of balance, the motion through it, and a warning or "".
+
+    Where there is no reference, as at the beginning of a run-up, the values of ``initial:`` are enough.
+    """
+    reference, told = system.scene.model.reference, ""
     finder = Finder(system, massless=True)
     try:
+        if reference.find is not None or reference.steady is not None:
+            motion = reference_motion(system, massless=True)
+            return motion.q, motion.u, motion, told
         q = finder.coordinates()
         u, state = finder.rates(q)
-    except ModelFileError:
+    except (ModelFileError, EquilibriumError) as error:
         if not system.scene.initial.coordinates:
             raise
+        if isinstance(error, EquilibriumError):
+            why = str(error).partition("\n")[0]
+            told = f"the motion starts at the values of initial:, the others near those of the file, as {why}"
         q, _ = finder.start()
         u, state = np.array([system.scene.rates.get(name, 0.0) for name in system.names], dtype=float), None
-    return q, u, finder.motion(q, u, state=state)
+    return q, u, finder.motion(q, u, state=state), told
 
 
 # --- disturbances ---------------------------------------------------------------------------------------------------
@@ -314,7 +321,17 @@ class _Held:
             if left <= TOLERANCES.projection_residual_failed:
                 self._note(q, named, others)
                 return q, none
+        disturbed = self._disturbed(wanted.held_q, goal - self.q0)
+        if disturbed is not None:
+            q, left = _held(self.finder, equations, t, self.q0, goal, disturbed)
+            if left <= TOLERANCES.projection_residual_failed:
+                return q, np.where(wanted.held_q, q - goal, none)
         return self._nearest()
+
+    def _disturbed(self, held: Flags, change: Array) -> Flags | None:
+        """Return those of given values that differ from the reference, if there are any and not all do."""
+        found = held & (np.abs(change) > TOLERANCES.change_told * self.finder.sizes)
+        return found if np.any(found) and np.any(held & ~found) else None
 
     def _nearest(self) -> tuple[Array, Array]:
         """Return the nearest coordinates that satisfy the constraints, and by how much given ones were moved."""
@@ -358,17 +375,12 @@ class _Held:
         """Return rates that satisfy the constraints, and by how much given ones were moved."""
         wanted, equations, t = self.wanted, self.equations, self.t
         goal, held, none = wanted.u, wanted.held_u, np.zeros(len(q))
-        named = [self.own[i] for i in np.flatnonzero(held)] + [x for x, _ in wanted.joint_rates]
-        if named or wanted.joints or np.any(wanted.held_q):
-            at = Placement(self.attitudes, self.system, q, goal)
-            before = Placement(self.attitudes, self.system, self.q0, self.u0)
-            others = staying(at, self.system.bodily.dynamics(q, goal, t).J, named, self.finder.sizes)
-            asked = [(self.own[i], float(goal[i])) for i in np.flatnonzero(held)]
-            asked += [(x, float(x.gradient(before) @ self.u0) + change) for x, change in wanted.joint_rates]
-            for goals in (asked + [(x, float(x.gradient(before) @ goal)) for x in others], asked):
-                u, left = speeds(equations, self.attitudes, t, q, goal, goals)
-                if goals and left <= TOLERANCES.projection_residual_failed:
-                    return u, none
+        if np.any(held) or wanted.joint_rates or wanted.joints or np.any(wanted.held_q):
+            disturbed = self._disturbed(held, goal - self.u0)
+            for chosen in (held,) if disturbed is None else (held, disturbed):
+                u, left = self._with_rates(q, chosen)
+                if left <= TOLERANCES.projection_residual_failed:
+                    return u, np.where(held & ~chosen, u - goal, none)
             if wanted.joint_rates:
                 names = ", ".join(f"rate({x.name})" for x, _ in wanted.joint_rates)
                 raise UsageError(f"--perturb {names}: the constraints allow no such rates here")
@@ -380,6 +392,24 @@ class _Held:
             )
             raise _refused(equations.system, wanted, text, "correct the rates")
         return u, np.where(held, u - goal, none)
+
+    def _with_rates(self, q: Array, held: Flags) -> tuple[Array, float]:
+        """Return rates with some held, and as many others as possible, and the remaining residual (1/s)."""
+        wanted, goal, t = self.wanted, self.wanted.u, self.t
+        at = Placement(self.attitudes, self.system, q, goal)
+        before = Placement(self.attitudes, self.system, self.q0, self.u0)
+        named = [self.own[i] for i in np.flatnonzero(held)] + [x for x, _ in wanted.joint_rates]
+        others = staying(at, self.system.bodily.dynamics(q, goal, t).J, named, self.finder.sizes)
+        asked = [(self.own[i], float(goal[i])) for i in np.flatnonzero(held)]
+        asked += [(x, float(x.gradient(before) @ self.u0) + change) for x, change in wanted.joint_rates]
+        best, least = goal, np.inf
+        for goals in (asked + [(x, float(x.gradient(before) @ goal)) for x in others], asked):
+            u, left = speeds(self.equations, self.attitudes, t, q, goal, goals)
+            if goals and left < least:
+                best, least = u, left
+            if least <= TOLERANCES.projection_residual_failed:
+                break
+        return best, least
 
     def _note(self, q: Array, named: list[Quantity], others: list[Quantity]) -> None:
         """Record what was moved although there was a choice: what should stay, and angles that the rest determines."""
