@@ -14,7 +14,7 @@ from mbstab.analysis.verdict.wording import show
 from mbstab.errors import counted
 from mbstab.report import width
 from mbstab.report.modes import UNKNOWN, modes_table, shapes_text, value_text
-from mbstab.report.tables import eigenvalue, number, table
+from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.spectrum.precise import PreciseResult
@@ -104,12 +104,16 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
 def _eigenvalue_row(e: Eigenvalue) -> list[str]:
     if e.error_bound == math.inf:
         return [UNKNOWN, "-", "-", "-", "inf", e.kind]
-    value = eigenvalue(e.significant)
+    value, bound = show(e.significant, 10, e.error_bound), e.error_bound
     # If its side of the axis is undecided, it is also undecided whether it grows.
     side = e.kind != "undecided" or e.error_bound < abs(e.value.real)
     damping = 0.0 if e.kind == "center" else e.damping_ratio if side else math.nan
     time = _time(e) if side else "-"
-    return [value, number(e.frequency, 4), number(damping, 4), time, f"{e.error_bound:.0e}", e.kind]
+    frequency, ratio = (
+        number(e.frequency, 4, bound / (2.0 * math.pi)),
+        number(damping, 4, bound / (abs(e.value) or 1.0)),
+    )
+    return [value, frequency, ratio, time, f"{bound:.0e}", e.kind]
 
 
 def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
@@ -120,9 +124,13 @@ def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
         if e.kind == "neutral":
             rows.append(["1", "1", "0", "-", "-", f"neutral, {multiplicity}×"])
             continue
-        growth = "0" if e.kind == "center" else number(e.value.real, 8)
-        size = "1" if e.kind == "center" else number(abs(e.multiplier), 8)
-        rows.append([show(e.multiplier), size, growth, number(e.frequency, 4), f"{e.error_bound:.0e}", e.kind])
+        assert result.period is not None
+        bound = e.error_bound
+        off = abs(e.multiplier) * bound * result.period
+        growth = "0" if e.kind == "center" else number(e.value.real, 8, bound)
+        size = "1" if e.kind == "center" else number(abs(e.multiplier), 8, off)
+        frequency = number(e.frequency, 4, bound / (2.0 * math.pi))
+        rows.append([show(e.multiplier, bound=off), size, growth, frequency, f"{bound:.0e}", e.kind])
     heads = ["multiplier", "size", "growth\n(1/s)", "freq.\n(Hz)", "error\nbound", "type"]
     return table(heads, rows, left=(5,))
 
@@ -157,7 +165,7 @@ def _time(e: Eigenvalue) -> str:
     time = e.time_to_double
     if math.isinf(time):
         return "-"
-    return f"{'2×' if time > 0 else '½'} {number(abs(time), 4)}"
+    return f"{'2×' if time > 0 else '½'} {number(abs(time), 4, abs(time * e.error_bound / e.value.real))}"
 
 
 def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str]) -> str:

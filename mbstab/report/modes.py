@@ -27,7 +27,7 @@ FAINT = 1e-12
 
 def value_text(e: Eigenvalue) -> str:
     """Return an eigenvalue, or a conjugate pair, with six digits; one without an error bound is not known."""
-    return show(e.significant) if e.error_bound < math.inf else UNKNOWN
+    return show(e.significant, bound=e.error_bound) if e.error_bound < math.inf else UNKNOWN
 
 
 def motions_text(motions: Sequence[tuple[str, complex]]) -> str:

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from mbstab.analysis.sweep.critical import Critical, CriticalSlopes
     from mbstab.analysis.sweep.sweep import Sweep
 
-SHOWN = 1e-12
-"""Derivatives smaller than this fraction of the largest one per percent are rounding, and left out of the text."""
-
 
 def sensitivity_text(found: Sensitivities, model: Model) -> str:
     """Return a table for each eigenvalue: what moves it most, first."""
@@ -55,17 +52,17 @@ def _rows(found: Sensitivities, item: Derivatives, model: Model) -> Iterator[tup
         if abs(slope) <= item.errors[k] * parameter.factor:
             continue
         error = item.errors[k] * parameter.factor
-        per_percent = _complex(change, real, 4) if found.values[k] else "-"
-        yield k, [name, parameter.unit or "1", _complex(slope, real, 8), per_percent, f"{error:.0e}"]
+        per_percent = _complex(change, real, 4, abs(0.01 * item.errors[k] * found.values[k]))
+        cells = [_complex(slope, real, 8, error), per_percent if found.values[k] else "-"]
+        yield k, [name, parameter.unit or "1", *cells, f"{error:.0e}"]
 
 
-def _complex(x: complex, real: bool, digits: int) -> str:
-    """Return a complex number; parts that are rounding of the whole are 0."""
-    parts = [0.0 if abs(part) <= SHOWN * abs(x) else part for part in (x.real, x.imag)]
+def _complex(x: complex, real: bool, digits: int, error: float) -> str:
+    """Return a complex number; parts that are no more than their error are 0."""
     if real:
-        return number(parts[0], digits)
-    sign = "-" if parts[1] < 0.0 else "+"
-    return f"{number(parts[0], digits)} {sign} {number(abs(parts[1]), digits)}i"
+        return number(x.real, digits, error)
+    imag = number(x.imag, digits, error)
+    return f"{number(x.real, digits, error)} {'-' if imag.startswith('-') else '+'} {imag.removeprefix('-')}i"
 
 
 def sensitivity_data(found: Sensitivities, model: Model) -> dict[str, Any]:

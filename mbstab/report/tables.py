@@ -8,6 +8,7 @@ from itertools import zip_longest
 from textwrap import wrap
 from typing import Any
 
+from mbstab.analysis.verdict.wording import known
 from mbstab.report import width
 
 GAP = 2
@@ -73,9 +74,9 @@ def _lines(cells: Sequence[str], widths: Sequence[int], left: Sequence[int]) -> 
     ]
 
 
-def number(x: float, digits: int = 6) -> str:
-    """Return a number with the given significant digits, a dash where there is none."""
-    return "-" if math.isnan(x) else "inf" if x == math.inf else f"{x + 0.0:.{digits}g}"
+def number(x: float, digits: int = 6, bound: float = 0.0) -> str:
+    """Return a number with the given significant digits, none below an error bound; a dash where there is none."""
+    return "-" if math.isnan(x) else "inf" if x == math.inf else known(x, digits, bound)
 
 
 def eigenvalue(s: complex) -> str:

@@ -93,7 +93,8 @@ class Clusters:
         self.W, self.C = W.copy(), C.copy()
         for g, members in enumerate(groups):
             if len(members) > 1 and self.mirror[g] >= g:
-                rate = 0.0 if rates is None else float(np.max(rates[members]))
+                # No spread of eigenvalues exceeds the matrix, whatever was made of vectors that are lost.
+                rate = 0.0 if rates is None else min(float(np.max(rates[members])), float(np.linalg.norm(judge.A)))
                 self._base(members, self.mirror[g] == g, rate)
         self._settle()
 

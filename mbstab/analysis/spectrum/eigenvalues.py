@@ -113,6 +113,7 @@ def _result(
     if wider is not None:
         verdict = replace(verdict, zeros="neutral")
     listed: list[Eigenvalue] = []
+    placed = _as_known(placed, bool(grounds.mirrored))
     modes = Modes(linear, placed)
     for disc, members in zip(discs, (d.members for d in placed.discs), strict=True):
         for i in members:
@@ -136,6 +137,30 @@ def _result(
         not linear.constant or linear.frozen, shifts, coordinates=tuple(linear.names), units=linear.system.units,
         neutral_directions=verdict.modulo.names or (wider or facts.neutral).names,
     )  # fmt: skip
+
+
+def _as_known(placed: Placed, mirrored: bool) -> Placed:
+    """Return eigenvalues without what their bounds do not tell from structure.
+
+    Of a spectrum that is symmetric about the imaginary axis, values that are mirror images within their bounds become
+    so. A pair whose imaginary part may be zero, but not its real part, counts as a double real eigenvalue.
+    """
+    values, bounds = placed.values.copy(), placed.bounds.copy()
+    off = np.flatnonzero(np.abs(values.real) > bounds)
+    if mirrored and len(off):
+        images = -values[off].conj()
+        apart = np.abs(images[:, None] - values[off])
+        nearest = np.argmin(apart, axis=1)
+        for k, n in enumerate(nearest.tolist()):
+            reach = max(bounds[off[k]], bounds[off[n]])
+            if k < n and nearest[n] == k and apart[k, n] <= 2.0 * reach:
+                middle = 0.5 * (values[off[k]] + images[n])
+                values[off[k]], values[off[n]] = middle, -middle.conjugate()
+                bounds[off[[k, n]]] = reach
+    real = off[np.abs(values.imag[off]) <= bounds[off]]
+    bounds[real] += np.abs(values.imag[real])
+    values.imag[real] = 0.0
+    return replace(placed, values=values, bounds=bounds)
 
 
 def _family_beside_growth(facts: Facts, verdict: Verdict) -> Neutral | None:

@@ -144,7 +144,7 @@ def sensitivities(model: Model, frozen: bool = False, digits: ManyDigits | None 
         As `mbstab.analysis.reference.requested.reference_motion`.
     """
     start, values, missing, slopes, turn = _differentiated_matrix(model, frozen, digits)
-    found = _differentiated(start.plain, _Vectors(start.grounds, turn), slopes, _kink(start))
+    found = _differentiated(start.plain, _Vectors(start.grounds, turn), slopes, values, _kink(start))
     names = tuple(model.parameters)
     lost = [name in missing for name in names]
     for item in found:
@@ -284,7 +284,9 @@ def _unfollowed(start: Start, system: System, point: Point, f: Slopes, values: A
 # --- the eigenvalues ------------------------------------------------------------------------------------------------
 
 
-def _differentiated(result: EigenResult, vectors: _Vectors, slopes: Array, kink: str) -> list[Derivatives]:
+def _differentiated(
+    result: EigenResult, vectors: _Vectors, slopes: Array, values: Array, kink: str
+) -> list[Derivatives]:
     """Return the derivatives of all eigenvalues that are not neutral; with a kink there are none."""
     listed = [e for e in result.eigenvalues if not e.exact]
     neutral = [e.value for e in result.eigenvalues if e.exact]
@@ -296,6 +298,8 @@ def _differentiated(result: EigenResult, vectors: _Vectors, slopes: Array, kink:
         derivative, error = np.full(count, math.nan + 0j), np.full(count, math.nan)
         if not missing:
             derivative, error = vectors.derivative(e, slopes)
+            # Slopes may be rounding of terms that cancel, each as if the eigenvalue grew with the parameter.
+            error += TOLERANCES.roundings_of_vectors * EPS * abs(e.value) / np.where(values, np.abs(values), np.inf)
         found.append(Derivatives(number, derivative, error, missing))
     return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from mbstab.model.schema import is_length
@@ -78,9 +79,19 @@ def power(drift: int) -> str:
     return "t" if drift == 1 else f"t^{drift}"
 
 
-def show(s: complex) -> str:
-    """Return an eigenvalue with six significant digits; a pair as ±."""
-    return f"{s.real:.6g}" if s.imag == 0.0 else f"{s.real:.6g} ± {abs(s.imag):.6g}i"
+def show(s: complex, digits: int = 6, bound: float = 0.0) -> str:
+    """Return an eigenvalue with as many significant digits, none below an error bound; a pair as ±."""
+    real = known(s.real, digits, bound)
+    return real if s.imag == 0.0 else f"{real} ± {known(abs(s.imag), digits, bound)}i"
+
+
+def known(x: float, digits: int, bound: float = 0.0) -> str:
+    """Return a number with as many significant digits, but none below an error bound."""
+    if 0.0 < bound < math.inf and math.isfinite(x) and x:
+        if abs(x) <= bound:
+            return "0"
+        digits = min(digits, max(1, math.floor(math.log10(abs(x))) - math.ceil(math.log10(bound)) + 1))
+    return f"{x + 0.0:.{digits}g}"
 
 
 def strict(kind: str) -> str:
