@@ -11,6 +11,7 @@ from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.rotation import rate_matrix
 from mbstab.analysis.reference.symmetries import symmetries
+from mbstab.analysis.verdict.facts import Grounds
 from mbstab.compiler.system import Array, System
 from mbstab.model.dependencies import equations_of, unused_texts, used_in
 from mbstab.records import Answer, dataclass
@@ -123,7 +124,9 @@ def _unneeded(system: System, motion: Motion) -> list[str]:
     scene, spaces = system.scene, motion.spaces
     allowed = spaces.scale[:, None] * spaces.N
     moving = _moving(system, motion)
-    found = [f"{item} (one row, one multiplier)" for item in motion.redundant]
+    # What is redundant at the reference only restricts motions beside it.
+    spare = motion.redundant and not Grounds(linearize(system, motion)).singular
+    found = [f"{item} (one row, one multiplier)" for item in motion.redundant if spare]
     for body, part in zip(scene.bodies, system.body_slices, strict=True):
         if not moving[part].any() and not np.any(motion.u[part]):
             found.append(

@@ -129,6 +129,7 @@ def _start_of(system: System, perturb: Mapping[str, float | str], time: float | 
     _report(system, finder, moved, "", strict, warnings)
     u, moved = held.speeds(q)
     _check_speeds(finder, equations, begin, q, u, wanted, moved)
+    _check_moving(system, motion, u, wanted)
     _report(system, finder, moved, "/s", strict, warnings)
     finder.check_chart(q, np.zeros(n, dtype=bool))
     found = finder.motion(q, u, begin)
@@ -503,6 +504,23 @@ def _check_speeds(
         text = f"the constraints allow no rate({name}) = {wanted.u[i]:.6g} {unit} here, but {allowed:.6g} {unit}"
         found.append((f"rate({name})", text))
     _refuse_values(system, wanted, found, "rates")
+
+
+def _check_moving(system: System, motion: Motion, u: Array, wanted: _Wanted) -> None:
+    """Refuse positions at which the constraints stop a motion: rows may repeat others at the reference only."""
+    before, after = np.abs(wanted.u) / motion.sizes, np.abs(u) / motion.sizes
+    if np.max(after, initial=0.0) > TOLERANCES.speed_stopped * np.max(before, initial=0.0) or not np.any(before):
+        return
+    fastest = int(np.argmax(before))
+    name, unit = system.names[fastest], per_second(system.units[fastest])
+    rows = ", ".join(dict.fromkeys(item.row.owner for item in motion.redundant))
+    text = f"the constraints stop the motion there: rate({name}) = {wanted.u[fastest]:.6g} {unit} becomes 0"
+    said = (
+        f"{text}\nhint: {rows} only repeats other rows at the reference, and locks what moves beside it"
+        if rows
+        else text
+    )
+    raise UsageError(f"{system.scene.model.reference.location}: {said}")
 
 
 def _refuse_values(system: System, wanted: _Wanted, found: list[tuple[str, str]], which: str) -> None:

@@ -35,6 +35,8 @@ class Tolerances:
     """A step that fails where the smallest singular value is below this fails for that reason."""
     singular_nearby: Final = 0.1
     """A singular configuration is near where the smallest singular value is below this."""
+    speed_stopped: Final = 1e-9
+    """Constraints stop a motion that goes on with less than this part of its speed."""
     speed_growth_near_singular: Final = 2.0
     """Near it the tolerance of speeds is relative to the present ones, updated when they grow by this factor."""
     speed_growth_at_limit: Final = 100.0

@@ -252,7 +252,7 @@ class Grounds:
             motion = self.motion
             if found := kinks(self.system, motion.q, motion.u, motion.time, order, resisting=resisting):
                 return found
-        return self._singular
+        return self.singular
 
     @cached_property
     def rough(self) -> str:
@@ -265,7 +265,7 @@ class Grounds:
         return not self.rough or not self.kink(2, self.structure.work.resisting)
 
     @cached_property
-    def _singular(self) -> str:
+    def singular(self) -> str:
         """Why the rank of the constraints may be different near the reference; empty: it is the same.
 
         Independent rows remain so. Others may be redundant everywhere, or only at the
