@@ -901,6 +901,8 @@ def test_a_pulse_of_an_angle_that_a_motor_turns_is_one_of_the_time(w, on, angle)
     found, exact = (sorted((e.multiplier for e in x.eigenvalues), key=abs) for x in (result, expected))
     assert found == pytest.approx(exact, rel=1e-8)
     assert result.verdict == expected.verdict
+
+
 def test_a_motion_that_drives_prescribe_whole_has_nothing_to_judge():
     text = """\
 mbstab: 1

@@ -963,6 +963,8 @@ def test_a_top_that_is_too_slow_says_what_is_given():
     ) as error:
         mbstab.loads(LEANING).eig(spin=30)
     assert "rates.top.psi" in str(error.value)
+
+
 def test_a_drive_that_does_not_have_the_declared_rate_yet_is_named_with_both_rates():
     text = """\
 mbstab: 1
