@@ -40,7 +40,7 @@ ONLY_IN = {
     "numba": {"compiler/machine"},
     "scipy": {"analysis", "report/export.py", "report/animation/solids.py", "report/pictures/stability_chart.py"},
     "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}
-    | {f"analysis/reference/{x}.py" for x in ("element_comparison", "state_rows", "symmetries")}
+    | {f"analysis/reference/{x}.py" for x in ("element_comparison", "sharpening", "state_rows", "symmetries")}
     | {f"analysis/spectrum/{x}.py" for x in ("holding_force", "precise", "precise_motion")},
     "flint": {f"analysis/algebra/{x}.py" for x in ("balls", "ball_matrices", "ball_polynomials")}
     | {"analysis/proof/krawczyk.py", "analysis/proof/characteristic.py"},
