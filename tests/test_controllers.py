@@ -519,3 +519,42 @@ def test_an_error_that_is_rounding_is_told_from_one_that_is_small(target, verdic
     text = f"u: {{type: pid, joint: axle, of: angle(axle), target: {target}, P: 4, I: 0.1}}"
     rest = "reference: {coordinates: {b: {x: 0, y: 0, theta: 0}}}"
     assert disk(text, rest=rest, sum="0.1 + 0.2 - 0.3").eig().verdict == verdict
+
+
+ARM = """\
+mbstab: 1
+parameters: {k: 50, d: 2, q0: {value: 180, unit: deg}}
+bodies: {arm: {type: spatial, mass: 1, inertia: [0.1, 0.1, 0.1]}}
+joints: {j: {type: revolute, between: [arm, ground], axis: z}}
+forces:
+  fb: {type: state_feedback, joint: j, gains: {angle(j) - q0: k, rate(angle(j)): d}}
+reference: {coordinates: {arm: {phi: 0, theta: 0, psi: q0}}}
+"""
+PID = "fb: {type: pid, joint: j, of: angle(j), target: q0, P: k, D: d}"
+EXPRESSION = "fb: {type: expression, on: {angle(j): k*(q0 - angle(j)) - d*rate(arm.psi)}}"
+
+
+@pytest.mark.parametrize("law", ["", PID, EXPRESSION])
+@pytest.mark.parametrize("turned", [180, -180, 200, 720])
+def test_angles_in_space_count_from_the_turn_of_the_target(law, turned):
+    """s² J + s d + k = 0, whatever the angle; within half a turn, 200 degrees would be 360 degrees from the target."""
+    text = ARM.replace("value: 180", f"value: {turned}")
+    text = text if not law else re.sub("fb: .*", law, text)
+    found = mbstab.loads(text).eig()
+    assert found.verdict == "asymptotically stable"
+    assert close([e.value for e in found.eigenvalues], pairs(-10 + 20j), 1e-12)
+
+
+def test_a_sweep_of_the_target_over_two_turns():
+    found = mbstab.loads(ARM).sweep("q0", np.linspace(-6.0, 6.0, 25))
+    assert not found.critical
+    assert np.max(np.abs(found.branches.real + 10.0)) <= 1e-9
+
+
+def test_angles_in_space_go_on_over_turns_in_a_simulation():
+    """The arm swings by 1.4 turns to both sides of its target: φ = q0 + (w/ω) sin ωt with ω² = k/J."""
+    found = mbstab.loads(ARM).at(d=0.0, q0=200.0).simulate(0.3, perturb={"rate(arm.psi)": 200.0}, points=31, tol=1e-6)
+    omega = np.sqrt(500.0)
+    exact = np.radians(200.0) + 200.0 / omega * np.sin(omega * found.times)
+    assert np.max(np.abs(found.q[:, found.names.index("arm.psi")] - exact)) <= 1e-5
+    assert not found.warnings

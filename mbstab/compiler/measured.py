@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Iterator, Mapping
+from dataclasses import replace
 from itertools import chain
 from typing import Any
 
 from mbstab.mechanics.catalogue import GROUND
 from mbstab.mechanics.measures import MEASURES, Measure, Pose, Rate, parts
-from mbstab.model.arithmetic import array_arithmetic
+from mbstab.model.arithmetic import FLOAT, array_arithmetic
 from mbstab.model.jets import Jet, jet_arithmetic
 from mbstab.model.scene import MeasureNumbers, Scene
+from mbstab.model.turned import counted_on
 from mbstab.records import dataclass
 
 
@@ -87,6 +90,27 @@ def occurring(scene: Scene, name: str, measure: MeasureNumbers) -> tuple[Measure
     one = Measured(name, scene.dimension, names, len(measure.numbers))
     bases = [body.base if body and size else () for body, size in zip(bodies, one.bases, strict=True)]
     return one, (*chain.from_iterable(bases), *measure.numbers)
+
+
+def recounted(scene: Scene, names: list[str], q: Any, reach: float) -> dict[str, MeasureNumbers]:
+    """Return angles in space that are further than `reach` (rad) from where they count, counted from where they are.
+
+    Parameters
+    ----------
+    names : list of str
+        Coordinates in the order of q.
+    q : ndarray, shape (n_q,)
+    """
+    state, found = dict(zip(names, q.tolist(), strict=True)), {}
+    for name, x in scene.measures.items():
+        if x.kind != "angle" or not len(x.numbers):
+            continue
+        one, numbers = occurring(scene, name, x)
+        angle, near = one.of(FLOAT, state, iter(numbers), lambda y: y), x.numbers[-1]
+        if abs(angle - near) > reach:
+            k, before = round(angle / math.pi), round(near / math.pi)
+            found[name] = replace(x, numbers=counted_on(x.numbers, k, FLOAT, before))
+    return found
 
 
 def values(scene: Scene, names: list[str], q: Any, u: Any) -> dict[str, Any]:

@@ -199,12 +199,17 @@ def _placed(item: Item, motions: tuple[str, ...], factors: Vector) -> tuple[tupl
         if motion == "angle" and item.dimension == 3 and not item.given("offset"):
             numbers = _from_here(poses, numbers)
         else:
-            formula = MEASURES[motion].formula
-            assert formula is not None
-            phase = phase + factor * formula(poses, numbers, lambda x: x)
+            phase = phase + factor * _measured(motion, poses, numbers)
         slots += bodies
         parameters += numbers
     return tuple(slots), tuple(parameters), phase
+
+
+def _measured(motion: str, poses: list[Pose], numbers: Vector) -> Any:
+    """Return a motion, an angle in space within half a turn."""
+    formula = MEASURES[motion].formula
+    assert formula is not None
+    return formula(poses, (*numbers, 0.0) if motion == "angle" else numbers, lambda x: x)
 
 
 def _from_here(poses: list[Pose], numbers: Vector) -> Vector:
@@ -270,10 +275,8 @@ def stretched(item: Item) -> tuple[list[tuple[Any, str, Number]], Number]:
         return terms, scale * item.number("offset")
     rest: Number = 0.0
     for joint, motion, factor in terms:
-        formula = MEASURES[motion].formula
-        assert formula is not None
         poses = [item.at_reference(marker.body) for marker in joint.markers("between")]
-        rest = rest + factor * formula(poses, motion_parameters(joint, motion), lambda x: x)
+        rest = rest + factor * _measured(motion, poses, motion_parameters(joint, motion))
     return terms, rest
 
 

@@ -99,12 +99,13 @@ class Measure:
 
 
 def _angle(poses: Sequence[Pose], p: Sequence[Any], rate: Rate) -> Any:
+    """Return an angle: in space from directions and the half turns from which it counts (`mbstab.model.turned`)."""
     first, second = poses
     if first.dimension == 2:
         one, two = (pose.q[2] if len(pose.q) > 2 else 0.0 for pose in poses)
         return one - two
     zero = first.direction(p[:3])
-    return first.f.atan2(dot(zero, second.direction(p[6:9])), dot(zero, second.direction(p[3:6])))
+    return p[9] + first.f.atan2(dot(zero, second.direction(p[6:9])), dot(zero, second.direction(p[3:6])))
 
 
 def _displacement(poses: Sequence[Pose], p: Sequence[Any], rate: Rate) -> Any:
@@ -164,7 +165,7 @@ _TURNS = {
 }
 
 MEASURES: dict[str, Measure] = {
-    "angle": Measure(("joint",), "angle of a joint, within half a turn in space", "rad", _angle),
+    "angle": Measure(("joint",), "angle of a joint; in space it counts from the turn of the reference", "rad", _angle),
     "displacement": Measure(("joint",), "travel of a joint", "m", _displacement),
     "distance": Measure(("point", "point"), "distance of two points", "m", _distance),
     **_PLACES,

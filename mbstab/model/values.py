@@ -28,6 +28,7 @@ from mbstab.model.schema import (
     Steady,
     body_coordinates,
 )
+from mbstab.model.turned import at_reference
 
 if TYPE_CHECKING:
     import numpy as np
@@ -79,8 +80,9 @@ def measure_numbers(value: MeasureValue, evaluator: Evaluator, joint: Callable[[
 
 def joint_measure(kind: str, joint: ItemValues) -> MeasureNumbers:
     """Return the angle or the displacement of a joint with its numbers."""
-    bodies = tuple(marker.body for marker in joint.markers("between"))
-    return MeasureNumbers(kind, bodies, motion_parameters(joint, kind))
+    bodies, numbers = tuple(marker.body for marker in joint.markers("between")), motion_parameters(joint, kind)
+    in_space = kind == "angle" and joint.dimension == 3
+    return MeasureNumbers(kind, bodies, at_reference(joint, numbers) if in_space else numbers)
 
 
 def _principal_moments(inertia: Vector) -> npt.NDArray[np.float64]:

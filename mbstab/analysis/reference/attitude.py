@@ -8,6 +8,9 @@ which ψ may. The user sees the angles of the file.
 
 Where an expression, a constraint or a drive names an angle of a body, its angles have a
 meaning: such a body keeps its chart, and a motion that needs another one is refused.
+
+Angles of joints in expressions are known within half a turn of where they count (`mbstab.model.turned`). Like the base
+rotations, these half turns are replaced by those next to the motion, so that angles go on over any number of turns.
 """
 
 from __future__ import annotations
@@ -20,10 +23,12 @@ import numpy as np
 
 from mbstab.analysis.reference.rotation import UP, euler_angles, orientation, rate_drift, rate_matrix
 from mbstab.analysis.reference.tolerances import TOLERANCES
+from mbstab.compiler.measured import recounted
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError
 from mbstab.model.charts import named_by
-from mbstab.model.scene import BodyValues
+from mbstab.model.scene import BodyValues, Scene
+from mbstab.model.turned import counts_turns
 from mbstab.records import dataclass
 
 
@@ -39,11 +44,14 @@ class Attitudes:
         Body number and its three angles, for every body with Euler angles.
     pinned : dict
         By body number, what names its angles, such as ``drive 'spin'``.
+    counted : bool
+        Whether an expression counts the turns of a joint in space.
     """
 
     file: System
     parts: tuple[tuple[int, slice], ...]
     pinned: dict[int, str]
+    counted: bool
 
     @classmethod
     def of(cls, system: System) -> Attitudes:
@@ -59,17 +67,20 @@ class Attitudes:
         for name, what in named_by(item.entry for item in scene.items).items() if owner else ():
             if name in owner:
                 pinned.setdefault(owner[name], what)
-        return cls(system, parts, pinned)
+        counted = scene.dimension == 3 and any(
+            x.kind == "angle" and counts_turns(name, scene.written) for name, x in scene.measures.items()
+        )
+        return cls(system, parts, pinned, counted)
 
     def needs_change(self, system: System, before: Array, q: Array) -> bool:
-        """Return whether a body needs another chart.
+        """Return whether a body needs another chart, or an angle another half turn from which it counts.
 
         Raises
         ------
         NumericalError
             If a body that must keep its angles needs one.
         """
-        change = False
+        change = self.counted and bool(recounted(system.scene, system.names, q, TOLERANCES.turned_from_count))
         for i, part in self.parts:
             cosine = math.cos(q[part.start + 1])
             if i not in self.pinned:
@@ -95,7 +106,27 @@ class Attitudes:
             bodies[i] = replace(body, base=tuple(_base(A, spin).ravel().tolist()))
             q[part] = euler_angles(bodies[i], A, np.zeros(3))
             u[part] = np.linalg.solve(rate_matrix(bodies[i], q[part]), spin)
-        return System(replace(system.scene, bodies=tuple(bodies))), q, u
+        scene = replace(system.scene, bodies=tuple(bodies))
+        if self.counted:
+            again = recounted(scene, system.names, q, TOLERANCES.turned_from_count)
+            scene = replace(scene, measures={**scene.measures, **again})
+        if scene.bodies != self.file.scene.bodies:
+            return System(scene), q, u
+        # Motions to and fro come back to the same half turns.
+        known: dict[Any, System] = self.file.remember(
+            "counted", None, lambda: {self._counts(self.file.scene): self.file}
+        )
+        key = self._counts(scene)
+        if key not in known:
+            if len(known) == TOLERANCES.counts_kept:
+                known.clear()
+            known[key] = System(scene)
+        return known[key], q, u
+
+    @staticmethod
+    def _counts(scene: Scene) -> tuple[Any, ...]:
+        """Return from where the angles in space count."""
+        return tuple(x.numbers[-1] for x in scene.measures.values() if x.kind == "angle" and len(x.numbers))
 
     def orientations(self, system: System, q: Array) -> Array:
         """Return the orientation of every body, shape (…, n_b, d, d); the identity for point masses.

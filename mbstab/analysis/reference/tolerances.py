@@ -44,6 +44,10 @@ class Tolerances:
     """… and warned about below this."""
     euler_cosine_chart_left: Final = 0.4
     """The chart is changed where |cos θ| is below this."""
+    turned_from_count: Final = 2.0
+    """Angles of joints in space count from another half turn where they are further from it than this (rad)."""
+    counts_kept: Final = 16
+    """Equations of so many half turns are kept."""
     euler_cosine_pinned: Final = 1e-3
     """A body that keeps its chart is refused where |cos θ| is below this."""
     row_independent_part: Final = 1e-7

@@ -239,7 +239,7 @@ class _Leg:
         self.rate = options.rate
         q, u = self._change_chart(q, q, u, t)
         while t < end:
-            if options.compiled and self.equations.independent:
+            if self._marches(options):
                 t, q, u, before, options = self._march(t, q, u, limit, method, options, progress, pace)
                 if t >= end:
                     break
@@ -295,6 +295,10 @@ class _Leg:
                 q, u, _ = self.equations.project(t, last.q, last.u)
                 q, u = self._change_chart(before, q, u, t)
         progress(1.0)
+
+    def _marches(self, options: Options) -> bool:
+        """Return whether compiled steps may be taken; these do not count turns."""
+        return options.compiled and self.equations.independent and not self.attitudes.counted
 
     def _finish(self, stepper: Stepper, t: float, progress: Callable[[float], object]) -> None:
         """Record a step from a time: output, work, extremes."""
@@ -365,8 +369,9 @@ class _Leg:
     def _change_chart(self, before: Array, q: Array, u: Array, t: float) -> tuple[Array, Array]:
         if not self.attitudes.needs_change(self.system, before, q):
             return q, u
+        bodies = self.system.scene.bodies
         self.system, q, u = self.attitudes.changed(self.system, q, u)
-        self.run.charts += 1
+        self.run.charts += bodies != self.system.scene.bodies
         self.run.evaluations += self.equations.evaluations + 1
         state = self.system.dynamics(q, u, t)
         old = self.equations

@@ -96,7 +96,9 @@ class Corners:
             for name, value in measures.items():
                 size = reach * (speed if name.startswith("rate(") else 1.0)
                 self.steps[name] = TOLERANCES.kink_distance * max(float(np.max(np.abs(value))), size)
-        self.angles = {name for name, x in system.scene.measures.items() if x.kind == "angle" and len(x.numbers)}
+        self.angles = {
+            name: x.numbers[-1] for name, x in system.scene.measures.items() if x.kind == "angle" and len(x.numbers)
+        }
 
     def near(self, x: Sum) -> bool:
         """Whether a sum is zero within rounding, or has no value, at any of the states."""
@@ -143,8 +145,10 @@ class Corners:
         x = atom.arguments[0] if atom.arguments else Sum.of(atom)
         if atom.kind == "power":
             return self._of_power(atom)
-        if atom.name in self.angles and np.any(math.pi - np.abs(self.names[atom.name]) <= self.steps[atom.name]):
-            return -1, "the joint is turned by half a turn"
+        if atom.name in self.angles:
+            turned = np.abs(self.names[atom.name] - self.angles[atom.name])
+            if np.any(math.pi - turned <= self.steps[atom.name]):
+                return -1, "the joint is turned by half a turn from the reference"
         if atom.kind in ("group", "state"):
             return (-1, "it divides by 0") if n < 0 and self.near(x) else (SMOOTH, "")
         found = [(self._smooth(where, atom, n, monomial), where.text) for where in self._met(atom)]
