@@ -7,7 +7,7 @@ import numpy as np
 from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
 from mbstab.analysis.algebra.refining import Matrix, Refining, Stalled
 from mbstab.analysis.algebra.subspaces import Subspaces
-from mbstab.analysis.reference.coefficients import Matrices
+from mbstab.analysis.linear.massless import Massless
 from mbstab.analysis.spectrum.precise_motion import Point, Start
 from mbstab.compiler.system import System
 from mbstab.errors import NumericalError
@@ -34,13 +34,41 @@ def state_matrix(start: Start, system: System, point: Point, f: Refining, spaces
         R, K, D_q = in_frame(M, R, K, J[n_h:], D_q, Xi, Xi_2, f)
     gamma = start.grounds.gamma  # the unit of speeds
     if light is not None:
-        if not light.exact:
-            raise NumericalError(
-                f"the directions without mass ({'; '.join(light.names)}) are known in double precision only\n"
-                "hint: ask without --precision or --sensitivity; or leave out joints and dampers oblique to them"
-            )
-        M, R, K, J, D_q = light.extended(Matrices(M, R, K, J, D_q))
+        algebraic, first = refined_directions(light, M, R, J, f)
+        J = f.exact(np.vstack([J[:n_h], f.times(algebraic, K), J[n_h:], f.times(first, R)]))
+        D_q = f.exact(np.vstack([D_q, f.times(first, K)]))
     return deflated(spaces, gamma, (M, R, K), J, D_q, f)
+
+
+def refined_directions(light: Massless, M: Matrix, R: Matrix, J: Matrix, f: Refining) -> tuple[Matrix, Matrix]:
+    """Return the algebraic and the first-order directions without mass as rows, from J of the constraints alone.
+
+    Along them M N₀ = 0 and J N₀ = 0; to those that are algebraic the others are added so that Gᵀ N₀ᵀ R N₀ = 0 remains
+    (`mbstab.analysis.linear.massless`).
+
+    Raises
+    ------
+    Stalled
+        If they carry mass, or are held, by more than in double precision.
+    """
+    if light.exact:
+        return f.exact(light.algebraic), f.exact(light.first_order)
+    scale, count = light.spaces.scale, len(light.algebraic)
+    found = np.vstack([light.algebraic, light.first_order]).T
+    rows = np.vstack([M, J])
+    plain = np.asarray(f.values(rows), dtype=float) * scale
+    lengths = np.maximum(np.linalg.norm(plain, axis=1), np.finfo(float).tiny)
+    left, s, right = np.linalg.svd(plain / lengths[:, None])
+    rank = len(found) - found.shape[1]
+    inverse = (right[:rank].T / s[:rank]) @ left[:, :rank].T / lengths * scale[:, None]
+    moved = f.null_space(rows, found, inverse)
+    algebraic, first = moved[:, :count].T, moved[:, count:].T
+    if count and len(first):
+        damping = f.times(first, R, moved)
+        mixed = f.times(algebraic, R, moved)
+        back = np.linalg.pinv(np.asarray(f.values(damping), dtype=float).T)
+        algebraic = algebraic - f.times(f.solved(damping.T, mixed.T, back).T, first)
+    return algebraic, first
 
 
 def deflated(

@@ -27,7 +27,7 @@ from mbstab.analysis.algebra.subspaces import along_coordinates
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.spectrum.precise_motion import Point, Start, reference_point
-from mbstab.analysis.spectrum.refined_matrix import state_matrix
+from mbstab.analysis.spectrum.refined_matrix import refined_directions, state_matrix
 from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
@@ -262,8 +262,17 @@ def _unfollowed(start: Start, system: System, point: Point, f: Slopes, values: A
         # What is zero without it would add eigenvalues; the equations for those that exist lack its terms.
         text = "with another value it gives mass, or damping alone, to what has none"
         R = system.linearize(point.q, point.u, point.a, point.nu, system.scene.time)[1]
-        for directions, x in ((light.algebraic, state.M), (light.first_order, state.M), (light.algebraic, R)):
-            found.update((names[k], text) for k in np.flatnonzero((directions @ f.parts(x)[1]).any(axis=(1, 2))))
+        algebraic, first = refined_directions(light, f.exact(state.M), f.exact(R), f.exact(state.J), f)
+        allowed = spaces.allowed * spaces.scale[:, None]
+        for directions, x in ((algebraic, state.M), (first, state.M), (algebraic, R)):
+            # Products of what is turned and what changes, each as large as anywhere.
+            turned, moving = (
+                [np.max(np.abs(part), axis=(-2, -1), initial=0.0) for part in f.parts(y)]
+                for y in (directions, f.times(x, allowed))
+            )
+            size = TOLERANCES.slope_of_residual * (turned[0] * moving[1] + turned[1] * moving[0])
+            changed = np.max(np.abs(f.parts(f.times(directions, x, allowed))[1]), axis=(1, 2), initial=0.0)
+            found.update((names[k], text) for k in np.flatnonzero(changed > size))
     _, E = f.parts(state.E)
     _, V = f.parts(state.V)
     unit = np.maximum(np.max(np.abs(q), axis=1, initial=0.0), 1.0)[:, None]
