@@ -266,7 +266,7 @@ def drawings():
         "locus": lambda: root_locus(sweep_with_names(), "omega (rad/s)", TITLE),
         "campbell": lambda: campbell(sweep_with_names(), "omega (rad/s)", TITLE),
         "spectrum": lambda: spectrum(result, TITLE),
-        "chart": lambda: chart(x, x, counts, counts // 2, [], ("v (m/s)", "w"), TITLE),
+        "chart": lambda: chart(x, x, counts, counts // 2, np.full((5, 5), "stable"), [], ("v (m/s)", "w"), TITLE),
         "pencil": lambda: pencil_pattern(linear, TITLE),
         "sensitivity": lambda: sensitivity_bars(slopes, TITLE),
         "modes": lambda: mode_stills(bicycle.system(), shaped, swings, TITLE),

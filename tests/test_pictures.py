@@ -458,13 +458,17 @@ def test_the_legend_names_only_what_is_drawn():
 # --- charts ---------------------------------------------------------------------------------------------------------
 
 
+def stable(unstable):
+    return np.full(unstable.shape, "stable")
+
+
 def test_charts_show_regions_gaps_and_boundaries(tmp_path):
     x, y = np.linspace(0.0, 10.0, 21), np.linspace(0.0, 1e-3, 11)
     unstable = np.add.outer(np.arange(11) // 4, np.arange(21) // 7)
     unstable[8:, :4] = -1
     complex_ones = np.minimum(np.maximum(unstable, 0), 2)
     boundary = np.array([[0.0, 0.0], [5.0, 5e-4], [np.nan, np.nan], [6.0, 6e-4], [10.0, 1e-3]])
-    figure = chart(x, y, unstable, complex_ones, [boundary], ("v (m/s)", "h (mm)"), "Chart")
+    figure = chart(x, y, unstable, complex_ones, stable(unstable), [boundary], ("v (m/s)", "h (mm)"), "Chart")
     axes = figure.axes[0]
     found = texts(figure)
     expected = ["v (m/s)", "h (mm)", "stable", "1 unstable: flutter", "4 or more unstable: divergence and flutter"]
@@ -480,9 +484,12 @@ def test_charts_show_regions_gaps_and_boundaries(tmp_path):
 def test_the_kind_of_loss_is_written_where_it_has_room():
     x = np.linspace(0.0, 1.0, 21)
     unstable = np.where(x < 0.45, 2, np.where(x < 0.55, 1, 0)) * np.ones((21, 1), dtype=int)
-    figure = chart(x, x, unstable, np.where(unstable == 2, 2, 0), [], ("a", "b"), "")
+    said = np.where(x[:, None] < 0.5, "marginally stable", stable(unstable))
+    figure = chart(x, x, unstable, np.where(unstable == 2, 2, 0), said, [], ("a", "b"), "")
     written = {text.get_text(): text.get_position() for text in figure.axes[0].texts}
-    assert set(written) == {"flutter", "stable"}  # divergence: only in the legend
+    assert set(written) == {"flutter", "stable", "marginally stable"}  # divergence: only in the legend
+    assert "marginally stable, stable" in texts(figure)
+    assert written["marginally stable"][1] < 0.5 < written["stable"][1]
     assert "1 unstable: divergence" in texts(figure)
     assert written["flutter"][0] < 0.4
     assert written["stable"][0] > 0.6
@@ -493,7 +500,7 @@ def test_the_key_says_what_is_too_narrow_to_be_seen(columns, hidden):
     x = np.linspace(0.0, 1.0, 161)
     unstable = np.zeros((161, 161), dtype=int)
     unstable[:, 100 : 100 + columns] = 1
-    found = texts(chart(x, x, unstable, 0 * unstable, [], ("a", "b"), ""))
+    found = texts(chart(x, x, unstable, 0 * unstable, stable(unstable), [], ("a", "b"), ""))
     assert ("1 unstable: divergence (hidden by a line)" in found) == hidden
     assert "stable" in found
 

@@ -80,6 +80,21 @@ class Chart(Answer):
         """The verdict at each point, row by row, one of `mbstab.analysis.verdict.rule.WORDS`."""
         return [[WORDS[word] for word in row] for row in self.words]
 
+    @property
+    def verdicts_of_detail(self) -> npt.NDArray[np.str_]:
+        """What is said at each point of `detail` where no eigenvalue is unstable: the verdict at the point next to it.
+
+        Where that has another number, it is the verdict of the most points without an unstable eigenvalue.
+        """
+        rows, columns = (
+            np.argmin(np.abs(along - fine[:, None]), axis=1)
+            for along, fine in ((self.y, self.detail.y), (self.x, self.detail.x))
+        )
+        said = self.words[self.unstable == 0].tolist()
+        most = max(set(said), key=said.count, default=WORD[UNDECIDED])
+        next_ = np.ix_(rows, columns)
+        return np.array(WORDS)[np.where(self.unstable[next_] == 0, self.words[next_], most)]
+
 
 def chart(
     model: Model,

@@ -381,7 +381,7 @@ def _draw_chart(result: Chart, path: Path, model: Model) -> None:
     one, other = (_axis(model, name, x) for name, x in zip(result.parameters, (result.x, result.y), strict=True))
     missing = unanswered_text(bool(result.problems), int((result.unstable < 0).sum()) > len(result.problems))
     fine = result.detail
-    grid = fine.x, fine.y, fine.unstable, fine.oscillating
+    grid = fine.x, fine.y, fine.unstable, fine.oscillating, result.verdicts_of_detail
     save_picture(lambda: chart(*grid, result.boundaries, (one, other), model.title, missing, result.divisions), path)
 
 

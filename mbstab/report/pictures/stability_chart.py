@@ -34,6 +34,8 @@ GRAIN = 3.0
 MOST = 12
 """Largest number of texts inside regions."""
 
+Words = npt.NDArray[np.str_]
+
 WORDS = ("divergence", "flutter", "divergence\nand flutter")
 """Loss of stability by real, complex, or both kinds of eigenvalues."""
 
@@ -43,6 +45,7 @@ def chart(
     y: Array,
     unstable: Labels,
     oscillating: Labels,
+    verdicts: Words,
     boundaries: Sequence[Array],
     labels: tuple[Axis | str, Axis | str],
     title: str,
@@ -57,6 +60,8 @@ def chart(
         Values of the parameters (SI), ascending or descending.
     unstable, oscillating : ndarray of int, shape (len(y), len(x))
         Number of unstable eigenvalues, −1 where the verdict is open or there is no answer; how many are complex.
+    verdicts : ndarray of str, shape (len(y), len(x))
+        What is said where no eigenvalue is unstable.
     boundaries : sequence of ndarray, shape (k, 2)
         Points of curves (SI); a row of nan breaks a curve.
     labels : tuple of Axis or str
@@ -83,13 +88,15 @@ def chart(
         for number in sorted({int(k) for k in np.unique(count) if k >= 0}):
             more = " or more" if number == len(REGIONS) - 1 else ""
             words = [WORDS[k].replace("\n", " ") for k in np.unique(kind[count == number])]
-            text = f"{number}{more} unstable: {', '.join(words)}" if number else "stable"
+            said = ", ".join(np.unique(verdicts[count == 0]).tolist())
+            text = f"{number}{more} unstable: {', '.join(words)}" if number else said
             text += "" if _seen(axes, x / across.factor, y / up.factor, count == number) else " (hidden by a line)"
             handles.append(Patch(facecolor=REGIONS[number], edgecolor="0.3", linewidth=0.6, label=text))
         if np.any(count < 0):
             handles.append(no_answer_patch(missing))
         draw_legend(figure, handles + lines)
-        _write_kinds(axes, x / across.factor, y / up.factor, count, kind)
+        texts = np.where(count > 0, np.array(WORDS)[kind], verdicts)
+        _write_kinds(axes, x / across.factor, y / up.factor, count, texts)
         return figure
 
 
@@ -124,16 +131,16 @@ def _fill(axes: Axes, polygons: dict[int, list[Polygon]], factors: tuple[float, 
         axes.add_collection(PolyCollection(scaled_parts, zorder=0.5 if number < 0 else 0, **style), autolim=False)
 
 
-def _write_kinds(axes: Axes, x: Array, y: Array, count: Labels, kind: Labels) -> None:
-    """Write into each region that has room how stability is lost there."""
+def _write_kinds(axes: Axes, x: Array, y: Array, count: Labels, texts: Words) -> None:
+    """Write into each region that has room what is stable there, or how stability is lost."""
     from scipy import ndimage
 
-    shown = _squares(axes, x, y, np.where(count > 0, len(WORDS) * count + kind, count))
+    told, at = np.unique(texts, return_inverse=True)
+    shown = _squares(axes, x, y, np.where(count >= 0, len(told) * count + at.reshape(count.shape), count))
     rows, columns = shown.shape
     places: list[tuple[float, float, float, str, int]] = []
     for label in (label for label in np.unique(shown).tolist() if label >= 0):
-        number = label // len(WORDS)
-        text = WORDS[label % len(WORDS)] if number else "stable"
+        number, text = label // len(told), str(told[label % len(told)])
         lines = text.split("\n")
         size = scaled(FONT)
         need = [1.3 * size * len(lines), max(text_width(line, size) for line in lines)]
