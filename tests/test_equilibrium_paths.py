@@ -735,6 +735,17 @@ def test_a_reference_that_does_not_depend_on_the_parameter_has_no_empty_picture(
     assert len(axes.get_lines()) == 1
 
 
+def test_a_rate_that_is_the_parameter_is_not_drawn():
+    """The hoop turns at the rate that is swept; the bead stays at the bottom, where the raised one branches off."""
+    swept = mbstab.load("bead_on_hoop.yaml").sweep("Omega", np.linspace(4.0, 5.0, 5))
+    assert "rate(hoop.psi)" in swept.reference
+    with pytest.raises(UsageError, match="another path branches off"):
+        shown_names(swept, ())
+    raised = mbstab.load("bead_on_hoop.yaml").sweep("Omega", np.linspace(6.0, 7.0, 5), theta=1.0)
+    assert "bead.x" in shown_names(raised, ())[0]
+    assert "rate(hoop.psi)" not in shown_names(raised, ())[0]
+
+
 def test_what_the_parameter_changes_is_drawn_and_the_rest_counted():
     found = CAR_TURN.sweep("steer", np.linspace(0.01, 0.05, 9))
     assert shown_names(found, ())[0] == ["car.y", "car.x", "rate(car.y)", "rate(car.theta)"]

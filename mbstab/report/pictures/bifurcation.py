@@ -77,6 +77,8 @@ def shown_names(result: Sweep, asked: Sequence[str]) -> tuple[list[str], int]:
             raise UsageError(f"--coordinate {name}: no such coordinate\nhint: {hint}")
     if asked:
         return list(dict.fromkeys(asked)), 0
+    values = np.concatenate([path.values for path in paths])
+    columns = {name: x for name, x in columns.items() if not _is_parameter(x, values)}
     chosen: list[str] = []
     left = 0
     for unit in _panels(result):
@@ -92,9 +94,22 @@ def shown_names(result: Sweep, asked: Sequence[str]) -> tuple[list[str], int]:
     if not chosen and any(np.any(np.isfinite(x)) for x in columns.values()):
         raise UsageError(
             f"--plot path: no coordinate of the reference depends on {result.parameter}\n"
-            "hint: --coordinate draws one all the same; --plot map shows the eigenvalues"
+            f"hint: {_beside(result)}--coordinate draws one all the same; --plot map shows the eigenvalues"
         )
     return chosen, left
+
+
+def _beside(result: Sweep) -> str:
+    """Return how another path is drawn, if one crosses that which was followed."""
+    branching = any(c.branching for c in result.critical)
+    return "another path branches off at its branch point: it is followed from a guess: on it; " if branching else ""
+
+
+def _is_parameter(x: Array, values: Array) -> bool:
+    """Whether a column is the parameter itself, or its opposite, as a rate that is declared."""
+    known = np.isfinite(x)
+    size = CONSTANT * float(np.max(np.abs(values), initial=0.0))
+    return any(bool(np.all(np.abs(x - sign * values)[known] <= size)) for sign in (1.0, -1.0))
 
 
 def _units(result: Sweep) -> dict[str, str]:
