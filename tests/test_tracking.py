@@ -260,22 +260,33 @@ def test_the_discriminant_is_that_of_the_polynomial_in_the_square(seed):
     for b, c in (rng.normal(size=2), (2.0, 0.5), (2.0, 3.0), (-2.0, 0.5)):
         mu = np.roots([1.0, b, c]).astype(complex)
         values = rng.permutation(np.concatenate([np.sqrt(mu), -np.sqrt(mu)]))
-        for size in (1.0, 3.0):
-            assert math.isclose(discriminant(values, size), (b * b - 4 * c) / size**4, rel_tol=1e-12, abs_tol=1e-13)
+        # Of 1 and 4, the whole numbers squared, it is 1.
+        size = 0.6 * np.sum(np.abs(mu))
+        assert math.isclose(discriminant(values) * size**2, b * b - 4 * c, rel_tol=1e-12, abs_tol=1e-13)
 
 
 def test_the_discriminant_changes_its_sign_where_two_pairs_meet():
     before = spectrum(1j, -1j, 1.01j, -1.01j, 3j, -3j)
     after = spectrum(*quadruple(0.01 + 1.005j), 3j, -3j)
-    assert discriminant(before, 3.0) > 0.0 > discriminant(after, 3.0)
+    assert discriminant(before) > 0.0 > discriminant(after)
+
+
+@pytest.mark.parametrize("power", [1, 2, 4])
+def test_the_discriminant_of_many_pairs_keeps_its_sign(power):
+    """As of a string, a beam or stiffer: the product of all differences leaves the range of numbers."""
+    rest = 1j * np.arange(3.0, 60.0) ** power
+    rest = np.concatenate([rest, -rest])
+    for distance in (1e-2, 1e-4):
+        assert discriminant(np.concatenate([rest, spectrum(1j, -1j, 1j + 1j * distance, -1j - 1j * distance)])) > 0.0
+        assert discriminant(np.concatenate([rest, spectrum(*quadruple(distance + 1j))])) < 0.0
 
 
 def test_a_zero_that_is_its_own_mirror_image_is_left_out_of_the_functions_of_symmetric_spectra():
     before, after = [1j, -1j, 1.01j, -1.01j, 3j, -3j], [*quadruple(0.01 + 1.005j), 3j, -3j]
     for zero in (0.0, 1e-17, -1e-17):
         for pairs in (before, after):
-            found = discriminant(spectrum(zero, *pairs), 3.0), discriminant(spectrum(zero, 0.0, *pairs), 3.0, 1)
-            assert np.allclose(found, discriminant(spectrum(*pairs), 3.0), rtol=1e-12)
+            found = discriminant(spectrum(zero, *pairs)), discriminant(spectrum(zero, 0.0, *pairs), 1)
+            assert np.allclose(found, discriminant(spectrum(*pairs)), rtol=1e-12)
     for zeros, count in ((spectrum(1e-17), 0), (spectrum(1e-17), 1), (spectrum(1e-17, -1e-18, 0.0), 2)):
         stable = symmetric_product(np.concatenate([zeros, spectrum(0.1j, -0.1j, 2j, -2j)]), 1.0, count)
         unstable = symmetric_product(np.concatenate([zeros, spectrum(0.1, -0.1, 2j, -2j)]), 1.0, count)

@@ -185,7 +185,7 @@ def _signatures(found: Spectra, unplaced: int, index: npt.NDArray[np.intp] | Non
         values = found.values[i]
         if found.mirrored[i] and not np.any(np.isnan(values)):
             size = float(np.max(np.abs(values), initial=1e-300))
-            tests = symmetric_product(values, size, unplaced), discriminant(values, size, unplaced)
+            tests = symmetric_product(values, size, unplaced), discriminant(values, unplaced)
             result[n] = np.sign(tests)
     return result
 

@@ -387,7 +387,7 @@ class CriticalValues(Branches):
 
     def _discriminant(self, spectrum: Complex, size: float) -> float:
         """Return the discriminant of λ² apart from zeros."""
-        return discriminant(spectrum, size, self.unplaced)
+        return discriminant(spectrum, self.unplaced)
 
     def _look_inside(self) -> None:
         """Add points between those of a coarse sweep: both ends may look alike although the middle differs.

@@ -25,6 +25,8 @@ class Tolerances:
     """Stands for the error of an entry without a bound: no side and no sign is known beside it."""
     points_guarded: Final = 9
     """Number of points, spread over a sweep, at which the motion is checked to be steady in its frame."""
+    logarithms: Final = (-700.0, 700.0)
+    """Test functions whose logarithms are beyond these are as small or as large as numbers can be."""
     neutral_elsewhere: Final = 1e-6
     """Eigenvalues below this fraction of the largest are left out where those of other points are neutral."""
     place_of_home: Final = 0.37

@@ -47,8 +47,11 @@ def symmetric_product(values: Complex, size: float, zeros: int = 0) -> float:
     return product(values, size, _zeros_of_symmetric(len(values), zeros))
 
 
-def discriminant(values: Complex, size: float, zeros: int = 0) -> float:
-    """Return the discriminant of λ² of a symmetric spectrum, in units of a size; real.
+def discriminant(values: Complex, zeros: int = 0) -> float:
+    """Return the discriminant of λ² of a symmetric spectrum; real.
+
+    Each difference counts relative to what differs, and all together relative to those of the squares of the whole
+    numbers: so the product of many neither vanishes nor grows beyond the range of numbers.
 
     Parameters
     ----------
@@ -57,9 +60,20 @@ def discriminant(values: Complex, size: float, zeros: int = 0) -> float:
         that is its own mirror image about the imaginary axis.
     """
     others = values[np.argsort(np.abs(values), kind="stable")[_zeros_of_symmetric(len(values), zeros) :]]
-    mu = squares(others) / size**2
-    differences = [one - other for i, one in enumerate(mu) for other in mu[i + 1 :]]
-    return float(np.prod(np.array(differences) ** 2).real)
+    found = _differences(squares(others))
+    usual = _differences(np.arange(1.0, len(others) // 2 + 1.0).astype(complex) ** 2)
+    if np.any(found == 0.0):
+        return 0.0
+    size = 2.0 * float(np.sum(np.log(np.abs(found))) - np.sum(np.log(np.abs(usual))))
+    sign = np.prod((found / np.abs(found)) ** 2).real
+    return float(np.sign(sign) * np.exp(np.clip(size, *TOLERANCES.logarithms)))
+
+
+def _differences(mu: Complex) -> Complex:
+    """Return the differences of all pairs, relative to the sums of their sizes."""
+    i, j = np.triu_indices(len(mu), 1)
+    sizes = np.abs(mu[i]) + np.abs(mu[j])
+    return np.asarray((mu[i] - mu[j]) / np.where(sizes, sizes, 1.0))
 
 
 def _zeros_of_symmetric(count: int, zeros: int) -> int:
