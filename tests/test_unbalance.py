@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from random_rotors import Rotor
 from test_cli import run
 from test_orders import HALF, MASS, MEETING, POLAR, ROTOR, TRANSVERSE
 
 import mbstab
-from mbstab.analysis.sweep.unbalance import unbalance
+from mbstab.analysis.sweep import unbalance as module
+from mbstab.analysis.sweep.unbalance import read_unbalances, unbalance
 from mbstab.errors import NumericalError, UsageError
 from mbstab.report.pictures.responses import unbalance_picture
 from mbstab.report.pictures.scales import Axis
@@ -167,14 +169,16 @@ def test_a_peak_without_bound_or_at_an_end_is_told(tmp_path):
     arguments = ("response", str(path), "--unbalance", "disk", "--speed", "n", "--measured", "u", "--from", "10")
     said = run(*arguments, "--to", "60", "--points", "20", "--plot", "unbalance", "--pictures", str(tmp_path / "a.svg"))
     assert said.exit_code == 0
-    assert "13 of 20 speeds are shown; --format csv has all" in said.stdout
+    assert "of 20 speeds the first of each 2 and the last are shown; --format csv has all" in said.stdout
     assert "grows without bound at 30 rad/s" in said.stdout
     assert (
         "no peak inside of the range; largest: 0.16 at 20 rad/s, phase 0"
         in run(*arguments, "--to", "20", "--points", "14").stdout
     )
     data = json.loads(run(*arguments, "--to", "60", "--points", "7", "--format", "json").stdout)
-    assert data["outputs"][0]["peak"] == {"speed": pytest.approx(30.0), "real": None, "imag": None, "inside": True}
+    peak = data["outputs"][0]["peak"]
+    assert peak.pop("error") < 1e-11
+    assert peak == {"speed": pytest.approx(30.0), "real": None, "imag": None, "inside": True}
 
 
 def test_an_undamped_motion_that_the_unbalance_does_not_reach_makes_no_peak():
@@ -319,3 +323,118 @@ def test_phases_are_numbers_within_half_a_turn(tmp_path):
     text = run(*arguments, "--from", "10", "--to", "6000", "--measured", "v").stdout
     last = next(x for x in map(str.split, text.splitlines()) if x[:1] == ["6000"])
     assert float(last[2]) == pytest.approx(90.0, abs=0.1)
+
+
+def test_the_equations_are_formed_at_a_few_speeds_whatever_their_number(monkeypatch):
+    formed = []
+    whole = module.unreduced
+    monkeypatch.setattr(module, "unreduced", lambda linear: formed.append(linear) or whole(linear))
+    for points in (5, 60):
+        unbalance(mbstab.loads(ROTOR).model, "rotor.A", "Omega", np.linspace(50.0, 400.0, points))
+        assert len(formed) <= 5
+        formed.clear()
+
+
+def unbounded(peaks):
+    return [peak for peak in peaks if not peak.bounded]
+
+
+@pytest.mark.parametrize("points", [2, 5, 20])
+def test_every_critical_speed_without_damping_is_told_once(points):
+    """Speeds of a rotor between unlike bearings whose four modes are coupled, from its determinant."""
+    bearings = [(z, 2e6, 1.6e6, 0.0, 0.0, 0.0) for z in (-0.15, 0.25)]
+    rotor = Rotor(20.0, 0.3, 0.5, 0.0, 0.0, bearings, sags=False)
+    speeds, reached = rotor.poles
+    assert reached.all()
+    found = unbalance(mbstab.loads(rotor.text).model, "rotor", "n", np.linspace(60.0, 800.0, points))
+    for largest, further in zip(found.peaks, found.further, strict=True):
+        peaks = unbounded((largest, *further))
+        assert [peak.speed for peak in peaks] == pytest.approx(speeds, rel=1e-11)
+        assert all(abs(peak.speed - x) <= peak.error for peak, x in zip(peaks, speeds, strict=True))
+
+
+@pytest.mark.parametrize("seed", [2, 12, 13, 21, *(pytest.param(x, marks=pytest.mark.long) for x in range(100, 300))])
+def test_random_rotors(seed):
+    """Undamped critical speeds from the determinant and by the sweep; damped amplitudes from the equations by hand."""
+    rotor = Rotor.random(seed)
+    (P0, _, P2), _ = rotor.polynomial
+    sizes = np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(P2, P0))))
+    model = mbstab.loads(rotor.text)
+    for points in (2, 7):
+        speeds = np.linspace(0.31 * min(sizes), min(1.17 * max(sizes), 20.0 * min(sizes)), points)
+        found = model.unbalance("rotor.U", "n", speeds)
+        told = [unbounded((peak, *more)) for peak, more in zip(found.peaks, found.further, strict=True)]
+        if rotor.damped:
+            assert not any(told)
+            if not rotor.sags:
+                np.testing.assert_allclose(found.values, rotor.amplitudes(speeds), rtol=1e-8)
+                sampled = abs(rotor.amplitudes(np.linspace(speeds[0], speeds[-1], 50_001)))
+                assert all(
+                    abs(p.value) >= (1 - 1e-9) * y for p, y in zip(found.peaks, sampled.max(axis=1), strict=True)
+                )
+            continue
+        crossings = np.array(
+            [x.value for x in model.sweep("n", np.linspace(*speeds[[0, -1]], 7), orders=(1,)).crossings]
+        )
+        each = {peak.speed: peak.error for own in told for peak in own}
+        assert all(np.min(abs(crossings - x)) <= error + 1e-10 * x for x, error in each.items())
+        if not rotor.sags:
+            inside = [x for x, y in zip(*rotor.poles, strict=True) if y and speeds[0] < x < speeds[-1]]
+            assert sorted(each) == pytest.approx(inside, rel=1e-9)
+
+
+def test_unbalances_in_several_planes_act_together(tmp_path):
+    """Forward whirl r, tilt as of one unbalance, with the sum of forces and of moments."""
+    text = ROTOR.replace("c: {value: 0", "c: {value: 500")
+    speeds, amounts = np.array([50.0, 135.0, 400.0]), (2e-5, 3e-5 * np.exp(1j * np.radians(120.0)))
+    given = read_unbalances(("rotor.A=2e-5", "rotor.B=30 g*mm@120"))
+    found = mbstab.loads(text).unbalance(given, "Omega", speeds, ("x", "tilt"))
+    assert found.units == ("m", "rad")
+    for speed, values in zip(speeds, found.values.T, strict=True):
+        a, b = 1e6 + 500j * speed, 1.3e6 + 500j * speed
+        K = np.array([[a + b, (a - b) * HALF], [(a - b) * HALF, (a + b) * HALF**2]])
+        force = np.array([sum(amounts), (amounts[0] - amounts[1]) * HALF])
+        np.testing.assert_allclose(
+            values, speed**2 * np.linalg.solve(K - speed**2 * np.diag([MASS, TRANSVERSE - POLAR]), force), rtol=1e-11
+        )
+    (tmp_path / "rotor.yaml").write_text(text)
+    words = (
+        "response",
+        str(tmp_path / "rotor.yaml"),
+        "--speed",
+        "Omega",
+        "--from",
+        "50",
+        "--to",
+        "400",
+        "--points",
+        "3",
+    )
+    said = run(*words, "--unbalance", "rotor.A=2e-5", "--unbalance", "rotor.B=3e-5@120", "--measured", "x")
+    assert "unbalances at rotor.A (2e-05 kg m), rotor.B (3e-05 kg m at 120°) to x (m)" in " ".join(said.stdout.split())
+    for wrong, message in (
+        (("rotor.A", "rotor.B"), "POINT=SIZE@PHASE"),
+        (("rotor.A=2 kg",), "kg is not a unit like kg*m"),
+        (("rotor.A=2@3 kg",), "kg is not a unit like deg"),
+    ):
+        refused = run(*words, *(word for text in wrong for word in ("--unbalance", text)))
+        assert refused.exit_code == 2
+        assert message in refused.stderr
+
+
+def test_a_stiffness_with_corners_is_followed():
+    """A stiffness that is the same at both ends and in the middle, and higher only between two other speeds."""
+    bump = "tables: {bump: {x: [5, 12, 14, 16, 60], y: [4500, 4500, 9000, 4500, 4500]}}"
+    text = JEFFCOTT.replace("stiffness: 4500", "stiffness: 'linear(n, bump)'").replace("bodies:", f"{bump}\nbodies:", 1)
+    speeds = np.array([6.0, 13.0, 14.5, 20.0, 50.0])
+    found = unbalance(mbstab.loads(text).model, "disk", "n", speeds, ("u",))
+    stiffness = np.interp(speeds, [5, 12, 14, 16, 60], [4500, 4500, 9000, 4500, 4500])
+    np.testing.assert_allclose(found.values[0], speeds**2 / (stiffness - 5 * speeds**2 + 8j * speeds), rtol=1e-11)
+
+
+def test_tables_say_which_rows_they_leave_out(tmp_path):
+    (tmp_path / "rotor.yaml").write_text(JEFFCOTT)
+    words = ("response", str(tmp_path / "rotor.yaml"), "--unbalance", "disk", "--speed", "n", "--measured", "u")
+    lines = run(*words, "--from", "10", "--to", "36", "--points", "27").stdout.splitlines()
+    assert [line.split()[0] for line in lines if line.strip()[:1].isdigit()] == [*map(str, range(10, 35, 3)), "36"]
+    assert "of 27 speeds the first of each 3 and the last are shown; --format csv has all" in lines

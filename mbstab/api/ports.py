@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -76,19 +76,20 @@ class Ports(Core):
     @asked
     def unbalance(
         self,
-        point: str,
+        at: str | Mapping[str, complex],
         parameter: str,
         values: Array,
         outputs: Sequence[str] = (),
         progress: Progress = untold,
         **parameters: Setting,
     ) -> UnbalanceResponse:
-        """Return the outputs that an unbalance of 1 kg m causes over the spin of its body.
+        """Return the outputs that unbalances cause over the spin of their bodies.
 
         Parameters
         ----------
-        point : str
-            A body or a point of a body.
+        at : str or dict
+            A body or a point of a body, with an unbalance of 1 kg m; or complex unbalances (kg m) by such places, whose
+            angle is that by which they lead.
         parameter : str
             The spin of the body.
         values : ndarray, shape (points,)
@@ -104,4 +105,4 @@ class Ports(Core):
         from mbstab.analysis.sweep.unbalance import unbalance
 
         values = series(parameter, values)
-        return unbalance(self._afforded("modes", parameters), point, parameter, values, tuple(outputs), progress)
+        return unbalance(self._afforded("modes", parameters), at, parameter, values, tuple(outputs), progress)

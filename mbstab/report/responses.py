@@ -103,13 +103,19 @@ def response_text(result: Response, title: str) -> str:
 
 
 def _rows(number: int) -> Any:
-    """Return which of many values a table shows."""
-    return np.unique(np.linspace(0, number - 1, ROWS).round().astype(int))
+    """Return which of many values a table shows: each so many-th and the last."""
+    return np.unique([*range(0, number, _step(number)), number - 1])
+
+
+def _step(number: int) -> int:
+    return -(-(number - 1) // (ROWS - 1)) or 1
 
 
 def _left_out(number: int, what: str) -> list[str]:
-    """Return a line that says how many values a table leaves out, if it does."""
-    return [f"{ROWS} of {number} {what} are shown; --format csv has all"] if number > ROWS else []
+    """Return a line that says which values a table leaves out, if it does."""
+    if number <= ROWS:
+        return []
+    return [f"of {number} {what} the first of each {_step(number)} and the last are shown; --format csv has all"]
 
 
 def _frequency_row(omega: float, value: complex, error: float) -> list[str]:
@@ -266,7 +272,7 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
     rows, speeds = _rows(len(result.speeds)), result.speeds / factor
     whole = zip(result.outputs, result.units, result.values, result.peaks, result.further, strict=True)
     for name, own, values, peak, others in whole:
-        lines.append(f"From an unbalance at {result.point} to {name}" + (f" ({own})" if own else ""))
+        lines += wrap(f"From {_sources(result)} to {name}" + (f" ({own})" if own else ""), width())
         angle = angles(values)
         body = [
             [f"{speeds[k]:.6g}", f"{abs(values[k]):.6g}", _degrees(angle[k]), UNSTABLE if result.unstable[k] else ""]
@@ -289,6 +295,17 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
+def _sources(result: UnbalanceResponse) -> str:
+    """Return the unbalances in words."""
+    if result.relative:
+        return f"an unbalance at {next(iter(result.unbalances))}"
+    each = []
+    for place, z in result.unbalances.items():
+        angle = _degrees(float(angles(z)))
+        each.append(f"{place} ({abs(z):.6g} kg m" + (f" at {angle}°)" if angle != "0" else ")"))
+    return f"unbalance{'s' * (len(each) > 1)} at {', '.join(each)}"
+
+
 def _peak_text(peak: Peak, unit: str, factor: float) -> str:
     """Return a peak in words."""
     at = f"at {peak.speed / factor:.6g} {unit}"
@@ -303,10 +320,11 @@ def _peak_text(peak: Peak, unit: str, factor: float) -> str:
 def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[str, Any]:
     """Return the JSON object of ``mbstab response --unbalance``.
 
-    Keys: ``model``, ``title``, ``kind``, ``point``, ``parameter``, ``speed`` (rad/s) and ``outputs``: ``name``,
-    ``unit``, ``real`` and ``imag``, for an unbalance of 1 kg m, and ``peak`` with ``speed``, ``real`` and ``imag``
-    (null if the amplitude grows without bound there) and whether it is ``inside`` the range, ``further_peaks`` (those
-    of at least a hundredth of it, in the same form); ``verdicts`` of the motion without it.
+    Keys: ``model``, ``title``, ``kind``, ``point`` (or several), ``parameter``, ``unbalances`` (``point``, ``real`` and
+    ``imag`` in kg m), ``speed`` (rad/s) and ``outputs``: ``name``, ``unit``, ``real`` and ``imag``, and ``peak`` with
+    ``speed``, ``real`` and ``imag`` (null if the amplitude grows without bound there, at a speed that is known to
+    ``error``) and whether it is ``inside`` the range, ``further_peaks`` (those of at least a hundredth of it, in the
+    same form); ``verdicts`` of the motion without it.
     """
     found = [
         {
@@ -321,13 +339,14 @@ def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[st
             result.outputs, result.units, result.values, result.peaks, result.further, strict=True
         )
     ]
+    given = [{"point": place, "real": z.real, "imag": z.imag} for place, z in result.unbalances.items()]
     head = {"model": model, "title": title, "kind": "unbalance", "point": result.point, "parameter": result.parameter}
-    return head | {"speed": result.speeds, "outputs": found, "verdicts": list(result.verdicts)}
+    return head | {"unbalances": given, "speed": result.speeds, "outputs": found, "verdicts": list(result.verdicts)}
 
 
 def _peak_data(peak: Peak) -> dict[str, Any]:
     known = {"real": peak.value.real, "imag": peak.value.imag} if peak.bounded else {"real": None, "imag": None}
-    return {"speed": peak.speed, **known, "inside": peak.inside}
+    return {"speed": peak.speed, **known, "error": None if peak.bounded else peak.error, "inside": peak.inside}
 
 
 def unbalance_csv(result: UnbalanceResponse, unit: str, factor: float) -> str:

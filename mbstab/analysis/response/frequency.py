@@ -22,6 +22,7 @@ from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
+from mbstab.analysis.response.descriptor import Unreduced
 from mbstab.analysis.response.responding import responding
 from mbstab.analysis.response.state_space import ControlModel
 from mbstab.analysis.response.tolerances import TOLERANCES
@@ -34,10 +35,10 @@ class FrequencyResponse:
 
     Parameters
     ----------
-    model : ControlModel
+    model : ControlModel or Unreduced
     """
 
-    def __init__(self, model: ControlModel) -> None:
+    def __init__(self, model: ControlModel | Unreduced) -> None:
         self.model, found, linear = model, model.descriptor, model.linear
         n, c = len(linear.M), len(linear.J)
         redundant = [id(item.row) for item in linear.motion.redundant]
@@ -80,6 +81,18 @@ class FrequencyResponse:
             both = (csc_array(x) for x in both)
         return next(both), next(both)
 
+    def bordered(self, s: complex) -> Complex:
+        """Return [s E - A, B; C, D(s)], shape (n + outputs, n + inputs)."""
+        whole = s * self.E - self.A
+        found: Complex = np.block([[whole.toarray() if self.sparse else whole, self.B], [self.C, self._direct(s)]])
+        return found
+
+    def entry_errors(self, s: complex) -> Array:
+        """Return error bounds of the entries of s E - A, shape (n, n)."""
+        errors_E, errors_A = self.errors
+        found = abs(s) * errors_E + errors_A
+        return np.asarray(found.toarray() if self.sparse else found)
+
     def value(self, s: complex) -> Complex:
         """Return G(s), shape (outputs, inputs); infinite on a pole."""
         whole, X, Y = self._solution(s)
@@ -93,7 +106,7 @@ class FrequencyResponse:
         whole = s * self.E - self.A
         decade = round(np.log2(abs(s) or 1.0) / 4.0)
         if decade not in self._scales:
-            self._scales[decade] = _scales(abs(whole), *self._start(abs(s) or 1.0))
+            self._scales[decade] = scales(abs(whole), *self._start(abs(s) or 1.0))
         return whole, *_solved(whole, *self._scales[decade], self.B, self.C)
 
     def at(self, s: complex) -> tuple[Complex, Array, Complex]:
@@ -203,7 +216,7 @@ def _refined(P: Any, b: Complex, rows: Array, solve: Callable[[Complex], Complex
     return x if next(largest) <= TOLERANCES.residual_largest * next(largest) else None
 
 
-def _scales(sizes: Any, left: Array, right: Array) -> tuple[Array, Array]:
+def scales(sizes: Any, left: Array, right: Array) -> tuple[Array, Array]:
     """Return factors of rows and columns that bring the largest entry of each near 1; powers of 2."""
     for _ in range(TOLERANCES.scalings_of_response):
         for axis, factors in ((1, left), (0, right)):

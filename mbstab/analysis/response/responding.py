@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.response.descriptor import Unreduced
 from mbstab.analysis.response.state_space import ControlModel
 
 
-def responding(model: ControlModel) -> Any:
+def responding(model: ControlModel | Unreduced) -> Any:
     """Return whether outputs may respond to inputs, shape (outputs, inputs); where it is False the response is 0."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching

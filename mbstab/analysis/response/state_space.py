@@ -21,6 +21,7 @@ from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization, StateSpace, state_space
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
+from mbstab.analysis.response.descriptor import Descriptor, Unreduced
 from mbstab.analysis.response.measured import Meter
 from mbstab.analysis.response.signals import Signals, State
 from mbstab.analysis.response.tolerances import TOLERANCES
@@ -31,21 +32,6 @@ from mbstab.model.measures import unit_of_output
 from mbstab.model.schema import Quantity
 from mbstab.model.sections.outputs import measured_expression
 from mbstab.records import Answer, dataclass
-
-
-@dataclass(frozen=True)
-class Descriptor:
-    """The index-3 system E ẏ = A y + B w, z = C y + D w; D has the columns of `ControlModel.D`.
-
-    The variables are Δq, Δν, Δu, and Δa where an output is an acceleration.
-    """
-
-    E: Array
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    variables: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -299,6 +285,11 @@ class _Ports:
         found[n_f:] += by_w
         return found
 
+    def outputs(self) -> Array:
+        """Return the outputs of the file as rows over y, w, ẇ and ẅ."""
+        rows = [self.measured(x) for x in self.system.scene.model.outputs.values()]
+        return np.array(rows).reshape(len(rows), len(self.space.A) + 3 * self.m)
+
     def slope(self, expression: Quantity) -> list[Array]:
         """Return the slopes of an output by δ, δ̇, δ̈, Δν and the signals in the frame of the equations."""
         return self._parts(self._in_frame(self._slope(expression, self.at), self.frame))
@@ -395,6 +386,22 @@ def split_states(text: str) -> list[str]:
     return [part.strip() for part in re.split(r",(?![^()]*\))", text) if part.strip()]
 
 
+def unreduced(linear: Linearization) -> Unreduced:
+    """Return the index-3 system about a reference motion, for the inputs and outputs of the file.
+
+    Raises
+    ------
+    ModelFileError, NumericalError
+        As `control_model`.
+    """
+    ports = _Ports(linear)
+    outputs, inputs = linear.system.scene.model.outputs, tuple(item.name for item in ports.signals.items)
+    ports.require_effect(ports.outputs())
+    orders = tuple((i, k) for i in range(ports.m) for k in range(3))
+    units = tuple(unit_of_output(linear.system.scene.model, x) for x in outputs.values())
+    return Unreduced(_descriptor(ports, orders), linear, orders, inputs, tuple(outputs), units)
+
+
 def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlModel:
     """Return A, B, C, D about a reference motion, for the inputs and outputs of the file.
 
@@ -420,7 +427,7 @@ def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlM
     texts = list(states) or _chosen(ports.space, linear.names)
     expressions = [_state(model, text) for text in texts]
     rows = np.array([ports.measured(x, relative=True) for x in expressions]).reshape(len(texts), n_f + 3 * m)
-    outputs = np.array([ports.measured(x) for x in model.outputs.values()]).reshape(len(model.outputs), n_f + 3 * m)
+    outputs = ports.outputs()
     ports.require_effect(outputs)
     S, s = rows[:, :n_f], [rows[:, n_f + k * m : n_f + (k + 1) * m] for k in range(3)]
     if any(np.any(x) for x in s[2:]):

@@ -210,18 +210,38 @@ class Tolerances:
     """A frequency may reach an order between points if its distance is at most this many times its change there."""
 
     # Unbalance
-    narrow_resonance: Final = 1.0
-    """A resonance is looked for between two speeds if its decay rate is below this part of their distance."""
+    degrees_over_spin: Final = (1, 2, 4, 8)
+    """Equations are interpolated over the spin by polynomials of these degrees, …"""
+    converges: Final = 0.1
+    """… as long as each misses the equations at further spins by no more than this part of the one before, …"""
+    interpolated: Final = 1e-11
+    """… until they agree to this, relative to the largest entry of balanced matrices, …"""
+    narrowest_piece: Final = 1e-5
+    """… or on pieces of this part of the range, where they bend."""
+    rounding_of_interpolation: Final = 1e-14
+    """Terms of polynomials that are no larger than this are rounding."""
+    shift_of_poles: Final = 0.13 + 0.71j
+    """Poles are found about this point, where a piece goes from -1 to 1; it is as far from both of its ends, nearly."""
+    far_pole: Final = 0.05
+    """Poles further away than the inverse of this are not looked at."""
+    pole_near_axis: Final = 1e-5
+    """Poles that are nearer to each other and to the axis than this part of a piece are found again together, …"""
+    refinements_of_pole: Final = 3
+    """… so many times, from the vectors that belong to them."""
+    circle_of_pole: Final = 0.1
+    """An output has a pole if its values on a circle of this part of the distance to others, or of the spin, …"""
+    points_about_pole: Final = 16
+    """… at so many points …"""
+    principal_part: Final = 1e-8
+    """… have a principal part that is larger than this part of them."""
+    peak_places: Final = 17
+    """Largest amplitudes are looked for at so many speeds between those asked for, …"""
     peak_speed: Final = 1e-7
-    """The speed of a peak is found to this fraction …"""
+    """… and their speeds are found to this fraction, …"""
     peak_steps: Final = 30
     """… in at most so many steps."""
     share_of_peak: Final = 0.01
     """Peaks of an unbalance response are told if they are at least this part of the largest."""
-    high_peak: Final = 1e4
-    """With an amplitude that is so much larger than those beside it, the eigenvalue is asked whether it is damped."""
-    sure_peak: Final = 0.1
-    """Amplitudes whose error may be a larger part of them are no peaks."""
 
     points_of_whirl: Final = 6
     """Points at which the sense of whirl of the branches is looked at."""

@@ -1,17 +1,18 @@
-"""Unbalance responses of rotors: how outputs answer to a small mass beside the spin axis.
+"""Unbalance responses of rotors: how outputs answer to small masses beside the spin axis.
 
 A mass m at the distance e from the axis turns with the spin Ω and acts as the force m e Ω² (e₁ cos Ωt + e₂ sin Ωt) at
 a point of the body. e₁ is the ground axis that follows the one nearest to the spin (x for a spin about z), made
 perpendicular to it; e₁, e₂ and the spin are right-handed. An output with the transfer functions G₁ and G₂ from forces
-along e₁ and e₂ is then Re(z exp(iΩt)), z = m e Ω² (G₁(iΩ) - i G₂(iΩ)).
+along e₁ and e₂ is then Re(z exp(iΩt)), z = Ω² Σ m e exp(iφ) (G₁(iΩ) - i G₂(iΩ)), where an unbalance leads e₁ by φ.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import cmath
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
@@ -20,29 +21,30 @@ from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.response.descriptor import Unreduced
 from mbstab.analysis.response.frequency import FrequencyResponse
-from mbstab.analysis.response.state_space import ControlModel, control_model
+from mbstab.analysis.response.state_space import unreduced
 from mbstab.analysis.response.transfer import number_of
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues
 from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
-from mbstab.analysis.sweep.approaches import approaches
-from mbstab.analysis.sweep.batched_spectra import Evaluator as Spectra
 from mbstab.analysis.sweep.blocks import Block, Progress, compute, merged, tasks
+from mbstab.analysis.sweep.synchronous import Bordered, Pole, Synchronous
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import UNDECIDED, WORDS
 from mbstab.compiler.system import Array, System
 from mbstab.errors import NumericalError, UsageError
 from mbstab.mechanics.catalogue import ElementUse, Kind
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.dependencies import equations_of, expressions_in
 from mbstab.model.evaluator import Evaluator
-from mbstab.model.parameters import bound, settings_in_si
+from mbstab.model.expressions import Call, ExpressionError, parse
+from mbstab.model.functions import TABLE
+from mbstab.model.parameters import bound, settings_in_si, with_unit
 from mbstab.model.schema import Entry, Model
-from mbstab.model.units import is_angular_velocity
+from mbstab.model.units import is_angular_velocity, parse_unit
 from mbstab.model.values import evaluate
 from mbstab.model.words import UNSTABLE
 from mbstab.records import Answer, dataclass
-
-NAMES = ("unbalance along e1", "unbalance along e2")
-"""Names of the two forces, which no input of a file can have."""
 
 
 @dataclass(frozen=True)
@@ -56,44 +58,53 @@ class Peak:
         z of the module's text; nan without a finite value.
     inside : bool
         Whether amplitudes are smaller on both sides; if not, it stands at an end of the range.
-    bounded : bool
-        Whether a largest amplitude was found; if not, it grows on and on towards the speed, a critical speed without
-        damping.
+    error : float (rad/s)
+        Bound of the error of a critical speed without damping, towards which the amplitude grows on and on; nan if a
+        largest amplitude was found.
     """
 
     speed: float
     value: complex
     inside: bool
-    bounded: bool
+    error: float = np.nan
+
+    @property
+    def bounded(self) -> bool:
+        """Whether a largest amplitude was found."""
+        return math.isnan(self.error)
 
 
 @dataclass(frozen=True)
 class UnbalanceResponse(Answer):
-    """Amplitudes of outputs over the spin, for an unbalance m e of 1 kg m.
+    """Amplitudes of outputs over the spin.
 
     Attributes
     ----------
-    point : str
-        Where it is: a body, or a point of a body.
+    unbalances : dict
+        m e exp(iφ) (kg m) by its place: a body, or a point of a body.
+    relative : bool
+        Whether amplitudes are those for 1 kg m.
     parameter : str
         The parameter that is the spin.
     speeds : ndarray, shape (n,)
         Angular velocities (rad/s).
     outputs, units : tuple of str
-        Names, and units such as ``m/(kg*m)``, empty where they are not known.
+        Names, and units, ``m/(kg*m)`` where the answer is that to 1 kg m, empty where they are not known.
     values : ndarray of complex, shape (outputs, n)
         z of the module's text; its phase is relative to the unbalance. Infinite at an undamped critical speed.
     verdicts : tuple of str
         Of the motion without unbalance at each speed. Where it is unstable, no rotor answers like this.
     peaks : tuple of Peak
-        The largest of each output, and …
+        The largest of each output, or the first critical speed without damping, and …
     further : tuple of tuple of Peak
-        … its other peaks that are at least `TOLERANCES.share_of_peak` of it, in the order of the speeds.
+        … its other critical speeds and peaks that are at least `TOLERANCES.share_of_peak` of the largest, in the order
+        of the speeds.
     between : callable, optional
-        Returns the values of the outputs at any other speed (rad/s), for smooth curves.
+        Returns the values of the outputs, shape (outputs, n), at any other speeds (rad/s), for smooth curves.
     """
 
-    point: str
+    unbalances: dict[str, complex]
+    relative: bool
     parameter: str
     speeds: Array
     outputs: tuple[str, ...]
@@ -102,7 +113,12 @@ class UnbalanceResponse(Answer):
     verdicts: tuple[str, ...]
     peaks: tuple[Peak, ...]
     further: tuple[tuple[Peak, ...], ...]
-    between: Callable[[float], list[complex]] | None = field(default=None, repr=False, compare=False)
+    between: Callable[[Array], Complex] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def point(self) -> str:
+        """The places of the unbalances."""
+        return ", ".join(self.unbalances)
 
     @property
     def unstable(self) -> Array:
@@ -112,7 +128,7 @@ class UnbalanceResponse(Answer):
 
 def unbalance(
     model: Model,
-    point: str,
+    at: str | Mapping[str, complex],
     parameter: str,
     speeds: Array,
     goals: tuple[str, ...] = (),
@@ -123,8 +139,9 @@ def unbalance(
     Parameters
     ----------
     model : Model
-    point : str
-        A body or a point of a body, such as ``rotor.disk``.
+    at : str or dict
+        A body or a point of a body, such as ``rotor.disk``, with an unbalance of 1 kg m; or m e exp(iφ) (kg m) by such
+        places.
     parameter : str
         The angular velocity of the body; it is set to each of the speeds.
     speeds : ndarray, shape (n,)
@@ -141,35 +158,96 @@ def unbalance(
     NumericalError
         If there is no linear model with constant coefficients on the ground.
     """
-    if not model.outputs:
-        raise UsageError("the model declares no outputs\nhint: add the section outputs: to the file")
-    body, _, own = point.partition(".")
-    number = number_of(body, tuple(model.bodies), "body", "bodies")
-    points = tuple(model.bodies[body].values.get("points") or ())
-    if own:
-        number_of(own, points, f"point of {body!r}", "its points")
+    unbalances = {at: 1.0 + 0.0j} if isinstance(at, str) else {place: complex(x) for place, x in at.items()}
+    _require_places(model, unbalances)
     outputs, units = goals or tuple(model.outputs), dict[str, str]()
 
-    forced_at = partial(_forced_at, model, number, own, parameter)
+    def equations(speed: float) -> Bordered:
+        exact = FrequencyResponse(_forced(model, unbalances, parameter, speed))
+        units.update(zip(exact.model.outputs, exact.model.output_units, strict=True))
+        return _bordered(exact, speed, unbalances, outputs)
 
-    def answer(speed: float, sure: bool = False) -> list[complex]:
-        forced = forced_at(speed)
-        units.update(zip(forced.outputs, forced.output_units, strict=True))
-        return _amplitudes(forced, outputs, speed, sure)
-
-    found = list[list[complex]]()
-    for speed in speeds.tolist():
-        progress(len(found) / len(speeds))
-        found.append(answer(speed))
+    ascending = np.unique(speeds)
+    rotor = Synchronous(equations, ascending if _may_bend(model) else ascending[[0, -1]])
+    progress(0.5)
     plain = replace(model, inputs={}, outputs={})  # each speed is solved by itself, here as above
-    spectra, values = merged([compute(x) for x in tasks(plain, {parameter: speeds})]), np.array(found, dtype=complex).T
+    spectra = merged([compute(x) for x in tasks(plain, {parameter: speeds})])
+    verdicts = _verdicts(plain, parameter, speeds, spectra)
+    poles, damped = rotor.resonances()
+    between = partial(_amplitudes, rotor, poles)
+    relative, values = isinstance(at, str), between(speeds)
+    per = "/(kg*m)" * relative
     return UnbalanceResponse(
-        point, parameter, speeds, outputs, tuple(f"{units[x]}/(kg*m)" if units[x] else "" for x in outputs), values,
-        _verdicts(plain, parameter, speeds, spectra),
-        *_peaks(speeds, values, _resonances(plain, parameter, speeds, spectra.values), partial(answer, sure=True),
-                partial(_undamped, plain, parameter)),
-        between=partial(_between, forced_at, outputs),
+        unbalances, relative, parameter, speeds, outputs, tuple(units[x] and units[x] + per for x in outputs), values,
+        verdicts, *_peaks(speeds, poles, damped, between), between=between,
     )  # fmt: skip
+
+
+def _require_places(model: Model, places: Iterable[str]) -> None:
+    if not model.outputs:
+        raise UsageError("the model declares no outputs\nhint: add the section outputs: to the file")
+    for place in places:
+        body, _, own = place.partition(".")
+        number_of(body, tuple(model.bodies), "body", "bodies")
+        if own:
+            number_of(own, tuple(model.bodies[body].values.get("points") or ()), f"point of {body!r}", "its points")
+
+
+def _bordered(
+    exact: FrequencyResponse, speed: float, unbalances: Mapping[str, complex], outputs: tuple[str, ...]
+) -> Bordered:
+    """Return the equations from unbalances, each of which is a pair of forces, along e₁ and along e₂, to outputs."""
+    whole, n = exact.bordered(1j * speed), len(exact.B)
+    chosen = np.array([number_of(x, exact.model.outputs, "output", "outputs of the file") for x in outputs])
+    turning = whole[:, n:] @ np.array([(x, -1j * x) for x in unbalances.values()]).ravel()
+    matrix = np.column_stack([whole[:, :n], turning])[np.concatenate([np.arange(n), n + chosen])]
+    return Bordered(matrix, np.any(exact.responds[chosen], axis=1), lambda: exact.entry_errors(speed))
+
+
+def _may_bend(model: Model) -> bool:
+    """Return whether the equations contain a table or a function that is not analytic everywhere."""
+    found = expressions_in([equations_of(model), model.parameters])
+    calls = {node.function for expression in found for node in expression.walk() if isinstance(node, Call)}
+    return any(TABLE[name].breaks or TABLE[name].knots >= 0 for name in calls)
+
+
+def read_unbalances(texts: tuple[str, ...]) -> str | dict[str, complex]:
+    """Return the unbalances of texts such as ``disk``, or ``disk.rim=2e-5@90`` (kg m, degrees), as `unbalance` takes.
+
+    Raises
+    ------
+    UsageError
+        If a text is not of this form, or only one of several unbalances may have no size.
+    """
+    if len(texts) == 1 and "=" not in texts[0]:
+        return texts[0]
+    found = dict[str, complex]()
+    for text in texts:
+        place, _, size = text.partition("=")
+        amount, _, phase = size.partition("@")
+        try:
+            z = _number(amount, "kg*m") * cmath.exp(1j * _number(phase or "0", "deg"))
+        except ExpressionError as error:
+            raise UsageError(
+                f"--unbalance {text}: {error.message}\nhint: several unbalances, or one with a size, are written "
+                "POINT=SIZE@PHASE in kg*m and degrees, such as disk.rim=2e-5@90"
+            ) from None
+        found[place] = found.get(place, 0.0) + z
+    return found
+
+
+def _number(text: str, own: str) -> float:
+    """Return a number in SI that counts in a unit of its own, if none stands behind it."""
+    try:
+        number, unit = parse(text), own
+    except ExpressionError:
+        if (parts := with_unit(text.strip(), ())) is None:
+            raise
+        number, unit = parts
+    factor, dimension = parse_unit(unit)
+    if dimension != parse_unit(own)[1]:
+        raise ExpressionError(f"{unit} is not a unit like {own}")
+    return float(number.evaluate({}, FLOAT)) * factor
 
 
 def _verdicts(model: Model, parameter: str, speeds: Array, spectra: Block) -> tuple[str, ...]:
@@ -181,105 +259,106 @@ def _verdicts(model: Model, parameter: str, speeds: Array, spectra: Block) -> tu
     return tuple(words)
 
 
-def _undamped(model: Model, parameter: str, speed: float) -> float | None:
-    """Return the frequency of the eigenvalue nearest to iΩ if it may be without damping; None if it is damped."""
-    found = eigenvalues(_linear(bound(model, settings_in_si({parameter: speed})))).eigenvalues
-    near = min(found, key=lambda e: abs(e.value - 1j * speed))
-    return float(near.value.imag) if abs(near.value.real) <= near.error_bound else None
-
-
 def _linear(model: Model) -> Linearization:
     system = System(evaluate(model))
     return linearize(system, reference_motion(system, massless=True))
 
 
+def _amplitudes(rotor: Synchronous, poles: list[Pole], speeds: Array) -> Complex:
+    """Return z of the module's text, shape (outputs, speeds); infinite at critical speeds without damping.
+
+    An output that does not answer to what is undamped there has the mean of its values around it.
+    """
+    with np.errstate(invalid="ignore"):  # where P is exactly singular
+        values = speeds**2 * rotor.values(speeds)
+    for pole in poles:
+        near = np.abs(speeds - pole.speed) <= max(pole.error, TOLERANCES.peak_speed * pole.speed)
+        if np.any(near):
+            values[np.ix_(~pole.reached, near)] = speeds[near] ** 2 * pole.means(speeds[near])[~pole.reached]
+        values[np.ix_(pole.reached, np.abs(speeds - pole.speed) <= pole.error)] = np.inf
+    return values
+
+
 def _peaks(
-    speeds: Array,
-    values: Complex,
-    resonances: list[float],
-    answer: Callable[[float], list[complex]],
-    undamped: Callable[[float], float | None],
+    speeds: Array, poles: list[Pole], damped: Complex, between: Callable[[Array], Complex]
 ) -> tuple[tuple[Peak, ...], tuple[tuple[Peak, ...], ...]]:
     """Return the largest peak of each output, and its other ones.
 
-    Beside the speeds themselves, those of resonances are looked at, which may be much narrower than the steps between
-    the speeds, and one between any two of these. All peaks are refined between their neighbours before they are
-    compared.
+    Beside the speeds themselves, those next to poles are looked at, which may be much narrower than the steps between
+    the speeds. All peaks are refined between their neighbours before they are compared.
     """
-    known = dict(zip(speeds.tolist(), values.T.tolist(), strict=True))
-    places = sorted({*known, *resonances})
-    places += [0.5 * (a + b) for a, b in pairwise(places) if a in resonances and b in resonances]
-    known |= {x: answer(x) for x in places if x not in known}
-
-    def size(speed: float, output: int) -> float:
-        if speed not in known:
-            known[speed] = answer(speed)
-        return float(abs(known[speed][output]))
-
-    def peak(output: int, x: list[float], i: int) -> Peak:
-        best, largest = x[i], size(x[i], output)
-        beside = max((size(y, output) for y in x[max(i - 1, 0) : i + 2] if y != best), default=largest)
-        inside = 0 < i < len(x) - 1 and beside < largest
-        if inside and np.isfinite(largest):
-            best = _refined(partial(size, output=output), x[i - 1 : i + 2])
-        critical = undamped(best) if size(best, output) > TOLERANCES.high_peak * beside else None
-        if critical is not None or not np.isfinite(largest):
-            return Peak(best if critical is None else critical, complex(np.nan, np.nan), inside, bounded=False)
-        return Peak(best, known[best][output], inside, bounded=True)
-
-    def height(found: Peak) -> float:
-        return float(abs(found.value)) if found.bounded else np.inf
-
-    grid, largest, further = sorted(known), list[Peak](), list[tuple[Peak, ...]]()
-    for k in range(len(values)):
-        sizes = np.array([size(x, k) for x in grid])
-        first = int(np.argmax(sizes))
-        tops = np.flatnonzero((sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
-        finite = sizes[np.isfinite(sizes) & (np.arange(len(grid)) != first)]
-        least = TOLERANCES.share_of_peak * (sizes[first] if np.isfinite(sizes[first]) else np.max(finite, initial=0.0))
-        found = [peak(k, grid, i) for i in sorted({first, *tops[sizes[tops] >= least].tolist()})]
-        largest.append(max(found, key=height))
-        others = [x for x in found if x is not largest[-1] and x.inside]
-        bounded = max((height(x) for x in found if x.bounded), default=0.0)
-        further.append(tuple(x for x in others if height(x) >= TOLERANCES.share_of_peak * bounded))
+    x = _places(speeds, poles, damped)
+    sizes, brackets, found = np.abs(between(x)), list[tuple[int, Array]](), list[list[Peak]]()
+    for k, own in enumerate(sizes):
+        tops = 1 + np.flatnonzero((own[1:-1] > own[:-2]) & (own[1:-1] >= own[2:]) & np.isfinite(own[1:-1]))
+        least = TOLERANCES.share_of_peak * np.max(own[tops], initial=0.0)
+        brackets += [(k, x[i - 1 : i + 2]) for i in tops[own[tops] >= least]]
+        nothing = complex(np.nan, np.nan)
+        found.append([Peak(p.speed, nothing, x[0] < p.speed < x[-1], p.error) for p in poles if p.reached[k]])
+    outputs, places = np.array([k for k, _ in brackets], dtype=int), _refined(between, brackets)
+    for k, z, own in zip(outputs.tolist(), places.tolist(), between(places).T, strict=True):
+        found[k].append(Peak(z, complex(own[k]), inside=True))
+    largest, further = list[Peak](), list[tuple[Peak, ...]]()
+    for k, own in enumerate(sizes):
+        i = int(np.argmax(own))
+        if i in (0, len(x) - 1) and np.isfinite(own[i]):
+            found[k].append(Peak(float(x[i]), complex(between(x[i : i + 1])[k, 0]), inside=False))
+        largest.append(max(found[k], key=_height))
+        least = TOLERANCES.share_of_peak * max((_height(y) for y in found[k] if y.bounded), default=0.0)
+        others = (y for y in found[k] if y is not largest[-1] and y.inside and _height(y) >= least)
+        further.append(tuple(sorted(others, key=lambda y: y.speed)))
     return tuple(largest), tuple(further)
 
 
-def _resonances(model: Model, parameter: str, speeds: Array, branches: Complex) -> list[float]:
-    """Return where the frequency of a branch is the spin or next to it, for resonances narrow beside the steps."""
-    if len(speeds) < 2:
-        return []
-    order = np.argsort(speeds)
-    x, found = speeds[order], set[float]()
-    for a in approaches(Spectra(model), parameter, x, branches[order], 1.0):
-        step = np.diff(x)[np.clip(np.searchsorted(x, a.x[0], side="right") - 1, 0, len(x) - 2)]
-        if not np.min(np.abs(a.values.real)) < TOLERANCES.narrow_resonance * step:
-            continue
-        gaps = a.values.imag - a.x
-        if a.crosses:
-            found.add(float(a.x[0] - gaps[0] * (a.x[1] - a.x[0]) / (gaps[1] - gaps[0])))
-        else:
-            found.add(float(a.x[np.argmin(np.abs(gaps))]))
-    apart = list[float]()
-    for speed in sorted(found):
-        if not apart or speed - apart[-1] > TOLERANCES.peak_speed * speed:
-            apart.append(speed)
-    return apart
+def _height(peak: Peak) -> float:
+    return float(abs(peak.value)) if peak.bounded else np.inf
 
 
-def _refined(size: Callable[[float], float], bracket: list[float]) -> float:
-    """Return where an amplitude is largest, between two speeds with a better one in between.
+def _places(speeds: Array, poles: list[Pole], damped: Complex) -> Array:
+    """Return speeds, ascending, between which no output has more than one peak."""
+    ends = float(np.min(speeds)), float(np.max(speeds))
+    centres = np.unique([*(pole.speed for pole in poles), *damped.real, *ends])
+    beside = [damped.real + sign * np.abs(damped.imag) for sign in (-1.0, 1.0)]
+    between = 0.5 * (centres[1:] + centres[:-1])
+    x = np.unique([*centres, *between, *np.concatenate(beside), *speeds, *np.linspace(*ends, TOLERANCES.peak_places)])
+    x = x[(x >= ends[0]) & (x <= ends[1])]
+    for pole in poles:
+        reach = 2.0 * max(pole.error, TOLERANCES.peak_speed * pole.speed)
+        x = x[(np.abs(x - pole.speed) > reach) | (x == pole.speed)]
+    return x
 
-    The inverse square of the amplitude is nearly a parabola at a resonance.
+
+def _refined(between: Callable[[Array], Complex], brackets: list[tuple[int, Array]]) -> Array:
+    """Return where amplitudes of outputs are largest, each between two speeds with a better one in between.
+
+    The inverse square of an amplitude is nearly a parabola at a resonance. Its vertex and two speeds about it are
+    looked at together with the bracket, until that is narrow.
     """
-    from scipy.optimize import minimize_scalar
+    x = np.array([y for _, y in brackets]).reshape(-1, 3)
+    outputs = np.array([k for k, _ in brackets], dtype=int)[:, None]
 
-    def goal(speed: float) -> float:
-        here = size(min(max(float(speed), bracket[0]), bracket[2]))
-        return 1.0 / here**2 if here > 0.0 else np.inf
+    def inverse(at: Array) -> Array:
+        values = between(at.ravel()).reshape(-1, *at.shape)
+        return np.asarray(np.abs(np.take_along_axis(values, outputs[None], axis=0)[0]) ** -2.0)
 
-    options = {"xtol": TOLERANCES.peak_speed, "maxiter": TOLERANCES.peak_steps}
-    return float(minimize_scalar(goal, bracket=tuple(bracket), method="brent", options=options).x)
+    with np.errstate(all="ignore"):
+        y = inverse(x) if len(x) else x
+        for _ in range(TOLERANCES.peak_steps):
+            width = x[:, -1] - x[:, 0]
+            if np.all(width <= TOLERANCES.peak_speed * x[:, 1]):
+                break
+            slopes = np.diff(y) / np.diff(x)
+            vertex = 0.5 * (x[:, 0] + x[:, 1] - slopes[:, 0] * width / (slopes[:, 1] - slopes[:, 0]))
+            vertex = np.where(np.isfinite(vertex), vertex, x[:, 1])
+            step = width / 16.0
+            vertex = np.clip(vertex, x[:, 0] + 1.5 * step, x[:, 2] - 1.5 * step)
+            more = vertex[:, None] + step[:, None] * np.array([-1.0, 0.0, 1.0])
+            x, y = np.hstack([x, more]), np.hstack([y, inverse(more)])
+            order = np.argsort(x, axis=1)
+            x, y = np.take_along_axis(x, order, axis=1), np.take_along_axis(y, order, axis=1)
+            best = np.clip(np.argmin(y, axis=1), 1, 4)[:, None] + np.arange(-1, 2)
+            x, y = np.take_along_axis(x, best, axis=1), np.take_along_axis(y, best, axis=1)
+    return x[:, 1]
 
 
 def _axis(system: System, motion: Motion, body: int, parameter: str, speed: float) -> Array:
@@ -298,39 +377,30 @@ def _axis(system: System, motion: Motion, body: int, parameter: str, speed: floa
     return np.asarray(spin / size)
 
 
-def _between(forced_at: Callable[[float], ControlModel], outputs: tuple[str, ...], speed: float) -> list[complex]:
-    return _amplitudes(forced_at(speed), outputs, speed, False)
-
-
-def _forced_at(model: Model, body: int, point: str, parameter: str, speed: float) -> ControlModel:
-    """Return what `_forced` does, with the spin set to a speed (rad/s)."""
-    return _forced(bound(model, settings_in_si({parameter: speed})), body, point, parameter, speed)
-
-
-def _forced(model: Model, body: int, point: str, parameter: str, speed: float) -> ControlModel:
-    """Return the linear model from forces along both directions across the axis at a point of a body."""
+def _forced(model: Model, unbalances: Mapping[str, complex], parameter: str, speed: float) -> Unreduced:
+    """Return the linear model at a spin (rad/s), from forces along both directions across the axis at each place."""
+    model = bound(model, settings_in_si({parameter: speed}))
     plain = System(evaluate(replace(model, inputs={}, outputs={})))
     motion = reference_motion(plain, massless=True)
-    axis = _axis(plain, motion, body, parameter, speed)
-    entry = list(model.bodies.values())[body]
     evaluator = Evaluator(model, plain.scene.parameters, plain.scene.arithmetic)
-    place = evaluator.vector(entry.values["points"][point]) if point else (0.0,) * model.dimension
-
-    def force(direction: Array) -> Kind:
-        use = ElementUse("ground_force", (body,), place, tuple(direction[: model.dimension]))
-        return Kind("force", "", (2, 3), (), lambda item: (use,))
-
-    inputs = {
-        name: Entry("inputs", name, force(direction), {}, model.reference.location, {})
-        for name, direction in zip(NAMES, _directions(axis), strict=True)
-    }
+    inputs = dict[str, Entry]()
+    for place in unbalances:
+        name, _, point = place.partition(".")
+        body = list(model.bodies).index(name)
+        points = model.bodies[name].values["points"] if point else {}
+        at = evaluator.vector(points[point]) if point else (0.0,) * model.dimension
+        for k, direction in enumerate(_directions(_axis(plain, motion, body, parameter, speed)), start=1):
+            use = ElementUse("ground_force", (body,), at, tuple(direction[: model.dimension]))
+            kind = Kind("force", "", (2, 3), (), lambda item, use=use: (use,))  # type: ignore[misc]
+            own = f"unbalance of {place} along e{k}"  # which no input of a file can be called
+            inputs[own] = Entry("inputs", own, kind, {}, model.reference.location, {})
     linear = linearize(System(evaluate(replace(model, inputs=inputs))), motion)
     if linear.generator is not None and linear.generator.turns:
         raise NumericalError(
             f"the equations are constant only in a turning frame ({linear.generator}), where an unbalance is a load at "
             "rest\nhint: leave out reference: steady: where the rotor and its bearings are round"
         )
-    return control_model(linear)
+    return unreduced(linear)
 
 
 def _directions(axis: Array) -> tuple[Array, Array]:
@@ -339,22 +409,3 @@ def _directions(axis: Array) -> tuple[Array, Array]:
     first = along - (along @ axis) * axis
     first = first / np.linalg.norm(first)
     return first, np.cross(axis, first)
-
-
-def _amplitudes(model: ControlModel, goals: tuple[str, ...], speed: float, sure: bool) -> list[complex]:
-    """Return z of the module's text for each output; if only what is `sure` counts, 0 where rounding may have made it.
-
-    Rounding does so beside an eigenvalue without damping whose motion the unbalance does not reach.
-    """
-    exact = FrequencyResponse(model)
-    values, errors, _ = exact.at(1j * speed) if sure else (exact.value(1j * speed), None, None)
-    found = []
-    for goal in goals:
-        row = number_of(goal, model.outputs, "output", "outputs of the file")
-        one, other = ((row, model.inputs.index(name)) for name in NAMES)
-        with np.errstate(invalid="ignore"):  # on an eigenvalue without damping
-            z = complex(speed**2 * (values[one] - 1j * values[other]))
-        if errors is not None and not speed**2 * (errors[one] + errors[other]) <= TOLERANCES.sure_peak * abs(z):
-            z = 0j
-        found.append(z if np.isfinite(z) else complex(np.inf))
-    return found

@@ -46,9 +46,12 @@ PICTURES = ("bode", "nyquist", "step", "impulse", "unbalance")
 @click.option("--impulse", type=float, metavar="T", help="The same after a unit impulse.")
 @click.option(
     "--unbalance",
-    metavar="POINT",
+    "places",
+    multiple=True,
+    metavar="POINT[=SIZE@PHASE]",
     help="Instead of inputs: the outputs that an unbalance of 1 kg m at this body or body.point causes, over its spin "
-    "from --from to --to. Phases count from the moment at which the unbalance points along x.",
+    "from --from to --to. Phases count from the moment at which the unbalance points along x. With a size (kg*m) and a "
+    "phase by which it leads (degrees), such as disk.rim=2e-5@90, it may be repeated: unbalances that act together.",
 )
 @click.option("--speed", metavar="PARAMETER", help="With --unbalance: the parameter that is the spin of the body.")
 @click.option("--frozen", is_flag=True, help="Take the equations as they are at the reference time.")
@@ -73,7 +76,7 @@ def response(
     points: int,
     step: float | None,
     impulse: float | None,
-    unbalance: str | None,
+    places: tuple[str, ...],
     speed: str | None,
     frozen: bool,
     pictures: tuple[str, ...],
@@ -93,14 +96,14 @@ def response(
     from mbstab.analysis.response.response import duration_of
 
     ends = (
-        _frequency("--from", start) if unbalance is None else None,
-        _frequency("--to", stop) if unbalance is None else None,
+        None if places else _frequency("--from", start),
+        None if places else _frequency("--to", stop),
     )
     duration = duration_of(step, impulse, ends)
-    if unbalance is not None or speed is not None:
-        _refuse_beside_unbalance(unbalance, speed, duration, bool(sources), frozen)
+    if places or speed is not None:
+        _refuse_beside_unbalance(places, speed, duration, bool(sources), frozen)
     possible = ("bode", "nyquist") if duration is None else ("impulse",) if step is None else ("step",)
-    if unbalance is not None:
+    if places:
         possible = ("unbalance",)
     if wrong := [x for x in pictures if x not in possible]:
         raise UsageError(f"--plot {wrong[0]}: this response is drawn as {' or '.join(possible)}")
@@ -108,8 +111,8 @@ def response(
     mechanism = load_model(file, settings)
     wanted = pictures or possible[:1] * (place is not None)
     paths = picture_paths(*picture_stem(place, output.path, Path(mechanism.model.name)), wanted)
-    if unbalance is not None and speed is not None:
-        _unbalance(mechanism, unbalance, speed, goals, (start, stop, points), paths, output)
+    if places and speed is not None:
+        _unbalance(mechanism, places, speed, goals, (start, stop, points), paths, output)
         return
     result = mechanism.response(sources, goals, ends, points, step, impulse, frozen)
     warn(result.warnings)
@@ -145,14 +148,14 @@ def _write(result: Response, model: Model, paths: dict[str, Path], output: Outpu
 
 
 def _refuse_beside_unbalance(
-    point: str | None,
+    places: tuple[str, ...],
     speed: str | None,
     duration: float | None,
     sources: bool,
     frozen: bool,
 ) -> None:
     """Refuse what an unbalance response needs and does not have, or cannot have."""
-    if point is None or speed is None:
+    if not places or speed is None:
         raise UsageError("--unbalance and --speed go together: the point, and the parameter that is the spin")
     if duration is not None or sources or frozen:
         raise UsageError("--unbalance goes with none of --input, --step, --impulse and --frozen")
@@ -160,7 +163,7 @@ def _refuse_beside_unbalance(
 
 def _unbalance(
     mechanism: Mechanism,
-    point: str,
+    places: tuple[str, ...],
     speed: str,
     goals: tuple[str, ...],
     grid: tuple[str | None, str | None, int],
@@ -168,10 +171,12 @@ def _unbalance(
     output: Output,
 ) -> None:
     """Write and draw an unbalance response."""
+    from mbstab.analysis.sweep.unbalance import read_unbalances
     from mbstab.model.ranges import sweep_values
     from mbstab.report import export, responses
 
     model = mechanism.model
+    at = read_unbalances(places)
     speeds = sweep_values(model, speed, *grid)
     unit, factor = model.parameters[speed].unit or "rad/s", model.parameters[speed].factor
     if speeds.min() <= 0.0:
@@ -182,7 +187,7 @@ def _unbalance(
             + f"\nhint: give both ends above 0, such as --from {max(speeds.max(), 100.0 * factor) / factor / 100.0:.6g}"
         )
     with progress_bar("unbalance") as progress:
-        found = mechanism.unbalance(point, speed, speeds, goals, progress)
+        found = mechanism.unbalance(at, speed, speeds, goals, progress)
     output.write(
         {
             "table": lambda: responses.unbalance_text(found, model.title, unit, factor),

@@ -232,9 +232,11 @@ def unbalance_picture(result: UnbalanceResponse, title: str, spin: Axis) -> Figu
         figure, panels = titled_figure(title, heights=(2.6, 2.0))
         handles = list[Artist]()
         for k, (name, own, peak) in enumerate(zip(result.outputs, result.units, result.peaks, strict=True)):
-            # The peak belongs to the curve; beyond all bounds, the curve has a gap there.
-            at = int(np.searchsorted(known, peak.speed))
-            x, values = np.insert(known, at, peak.speed) / spin.factor, np.insert(curves[k], at, peak.value)
+            # Peaks belong to the curve; beyond all bounds, the curve has a gap there.
+            tops = sorted(((p.speed, p.value) for p in (peak, *result.further[k])), key=lambda top: top[0])
+            at = np.searchsorted(known, [speed for speed, _ in tops])
+            x = np.insert(known, at, [speed for speed, _ in tops]) / spin.factor
+            values = np.insert(curves[k], at, [value for _, value in tops])
             style = _style(k)
             handles.append(Line2D([], [], label=name + (f" ({typeset(own)})" if own and not shared else ""), **style))
             panels[0].semilogy(x, np.abs(values), **style)
@@ -249,7 +251,7 @@ def unbalance_picture(result: UnbalanceResponse, title: str, spin: Axis) -> Figu
         if np.any(result.unstable):
             handles.append(unstable_patch())
         _finish(panels[0], panels[1], spin.text)
-        panels[0].set_ylabel(f"amplitude per unbalance ({shared or 'each in its own unit'})")
+        panels[0].set_ylabel(f"amplitude {'per unbalance ' * result.relative}({shared or 'each in its own unit'})")
         draw_legend(figure, handles)
         return figure
 
@@ -265,8 +267,8 @@ def _smooth(result: UnbalanceResponse) -> tuple[Array, Complex]:
     limit = len(x) + ADDED
     while True:
         if more:
-            at, added = np.searchsorted(x, more), np.array([result.between(speed) for speed in more], dtype=complex)
-            x, values = np.insert(x, at, more), np.insert(values, at, added.T, axis=1)
+            at, added = np.searchsorted(x, more), result.between(np.array(more))
+            x, values = np.insert(x, at, more), np.insert(values, at, added, axis=1)
         bent = _bent(x, values)
         worst = np.sort(np.argsort(-bent)[: min(limit - len(x), len(x) // 4 + 1)])
         more = [0.5 * float(x[k] + x[k + 1]) for k in worst if bent[k] > BENT]
