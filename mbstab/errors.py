@@ -2,7 +2,7 @@
 
 Exit codes: 0 answered, 1 the computation failed, 2 the file or the command line
 is wrong, 3 an expectation (``expect:``, ``--require`` or ``--verify``) did not hold.
-A command that a signal stops ends with 128 and its number (130 Ctrl-C, 143 SIGTERM).
+A command that a signal stops ends with 128 and its number (130 Ctrl-C, 143 SIGTERM, 129 SIGHUP).
 """
 
 from __future__ import annotations
@@ -151,6 +151,16 @@ class MbstabError(Exception):
     """Base of every error that is the user's to mend; carries the exit code."""
 
     exit_code = 1
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return it as its text and attributes: what it was made of may be something else."""
+        return _same_again, (type(self), self.args, self.__dict__)
+
+
+def _same_again(kind: type[MbstabError], args: tuple[Any, ...], attributes: dict[str, Any]) -> MbstabError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(attributes)
+    return error
 
 
 class ModelFileError(MbstabError):

@@ -27,10 +27,6 @@ class Answer:
         """Write the text where IPython or a notebook show an answer."""
         printer.text(str(self))
 
-    def __getstate__(self) -> dict[str, object]:
-        """Return the fields: a copy in another process has no text, which needs the model."""
-        return {name: x for name, x in self.__dict__.items() if name != "_text"}
-
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass

@@ -43,7 +43,7 @@ set_option = click.option(
 _FORCE = "mbstab.force"
 
 force_option = remembered_flag(
-    _FORCE, "--force", help="Go on with scenes so large that they take more than 1 GB of memory or 10 s."
+    _FORCE, "--force", help="Go on with scenes so large that in floats they take more than 1 GB of memory or 10 s."
 )
 """Handled by `load_model`."""
 
@@ -62,20 +62,19 @@ def _loaded(file: str) -> Mechanism:
     from mbstab.model.reader import read_model, read_model_text
     from mbstab.model.yamlfile import read_limited
 
-    force = remembered(_FORCE)
+    opened = files().opened
     if file == "-":
         if sys.stdin is None:
             raise UsageError("stdin cannot be read: it is closed\nhint: give the name of a file")
-        files().opened(Path("/dev/stdin"))  # may be a file
-        return Mechanism(read_model_text(read_limited(sys.stdin.buffer, STDIN), STDIN), force)
-    found = find_model(file)
-    files().opened(found.path)
-    if found.installed:
-        note(f"using the example model {found.path}")
-    model = read_model(found.path)
-    for name in model.document.beside:
-        files().opened(found.path.parent / name)
-    return Mechanism(model, force)
+        opened(Path("/dev/stdin"))  # may be a file
+        model = read_model_text(read_limited(sys.stdin.buffer, STDIN), STDIN, opened=opened)
+    else:
+        found = find_model(file)
+        if found.installed:
+            note(f"using the example model {found.path}")
+        model = read_model(found.path, opened)
+    files().keep_apart()
+    return Mechanism(model, remembered(_FORCE))
 
 
 def failure_of(name: str, error: Exception) -> MbstabError:

@@ -128,8 +128,13 @@ def _exit_code(run: Callable[[], Any]) -> int:
 
 def _answered(run: Callable[[], Any]) -> int:
     """Return the exit code of a call; errors of the command line or the machine go to stderr."""
-    if sys.stdout is None:  # closed: writing fails, and no file gets its number
+    # What is closed is opened to nothing, so that no file gets its number: answers cannot be written, messages vanish.
+    if sys.stdin is None:
+        os.open(os.devnull, os.O_RDONLY)
+    if sys.stdout is None:
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")
+    if sys.stderr is None:
+        sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a terminal without these characters still gets the answer
             stream.reconfigure(errors="backslashreplace")
@@ -153,6 +158,10 @@ def _answered(run: Callable[[], Any]) -> int:
         asked = error.option_name.removeprefix("--") if isinstance(error, click.NoSuchOption) else ""
         if asked in FORMATS:
             say(f"hint: --format {asked}")
+        if isinstance(error, click.NoSuchOption):
+            for name in sys.argv[1:]:
+                if name.startswith("-") and Path(name).is_file():
+                    say(f"hint: the file of that name is ./{name}")
         return error.exit_code
     except click.Abort:
         say("Aborted!")
@@ -177,9 +186,13 @@ def _rarely_collected() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
+ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
+"""Signals that end a command: Ctrl-C, a request to terminate, a terminal that is closed."""
+
+
 @contextlib.contextmanager
 def _stoppable() -> Iterator[list[int]]:
-    """Let Ctrl-C and a request to terminate stop a command: no half file and no process is left.
+    """Let the signals that end a command stop it in order: no half file and no process is left.
 
     Yields the list that the numbers of their signals are appended to. A signal that is ignored stays so.
     """
@@ -190,7 +203,8 @@ def _stoppable() -> Iterator[list[int]]:
         raise KeyboardInterrupt
 
     main = threading.current_thread() is threading.main_thread()  # elsewhere signals cannot be handled
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM) if main}
+    ending = [signal.Signals[name] for name in ENDING if name in signal.Signals.__members__]
+    before = {number: signal.getsignal(number) for number in ending if main}
     handled = [number for number, handler in before.items() if handler not in (signal.SIG_IGN, None)]
     try:
         for number in handled:
@@ -217,8 +231,8 @@ def main() -> None:
     FILE is a model file (YAML), or - for stdin; a name that is not a file is looked up among the example models.
     Answers go to the terminal or to --output, whose suffix says the format; messages go to stderr. Exit codes:
     0 answered, 1 the computation failed, 2 the file or the command line is wrong, 3 an expectation did not hold or
-    --verify contradicts, 130 stopped by Ctrl-C, 143 by a request to terminate (SIGTERM), 141 the reader of the answer,
-    such as head, has closed the pipe.
+    --verify contradicts, 130 stopped by Ctrl-C, 143 by a request to terminate (SIGTERM), 129 by the end of the terminal
+    (SIGHUP), 141 the reader of the answer, such as head, has closed the pipe.
     """
     one_thread_by_default()
     if sys.stdout.isatty():

@@ -6,6 +6,7 @@ file completely or not at all, and prints no invisible characters on the termina
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import functools
 import os
@@ -72,8 +73,9 @@ def quiet() -> bool:
 
 
 def say(text: str) -> None:
-    """Write a line to stderr."""
-    click.echo(visible(text), err=True)
+    """Write a line to stderr; an answer does not depend on whether that can be written."""
+    with contextlib.suppress(OSError):
+        click.echo(visible(text), err=True)
 
 
 def note(text: str) -> None:
@@ -124,10 +126,21 @@ class Files:
     written: dict[Path, str] = field(default_factory=dict)
 
     def opened(self, path: Path) -> None:
-        """Register a file that is read; it must not be written as well."""
+        """Register a file when it is read; it must not be written as well, also where it holds no model."""
         self.read.append(path)
+
+    def keep_apart(self) -> None:
+        """Refuse to write a file that has been read.
+
+        Raises
+        ------
+        UsageError
+            If one is.
+        """
         for goal, option in self.written.items():
-            self._apart(goal, option, path)
+            for known in self.read:
+                if _is_same(goal, known):
+                    raise UsageError(f"{option} would overwrite {known}, which is read\nhint: name another file")
 
     def claim(self, path: Path, option: str) -> None:
         """Register a file that is to be written.
@@ -135,27 +148,34 @@ class Files:
         Raises
         ------
         UsageError
-            If it has no directory, is one or a file of the same call, or its name contains invisible characters.
+            If it has no directory, is one, a file of the same call or one that is write-protected, or its name contains
+            invisible characters or is none to the system.
         """
         if visible(str(path), lines=False) != str(path):
             raise UsageError(f"{option} {str(path)!r}: the name contains characters that cannot be seen")
-        if not path.parent.is_dir():
-            raise UsageError(f"{path}: cannot be written: there is no directory {path.parent}")
-        if path.is_dir():
-            raise UsageError(f"{path}: cannot be written: it is a directory")
-        goal = path.resolve()
+        try:
+            if not path.parent.is_dir():
+                raise UsageError(f"{path}: cannot be written: there is no directory {path.parent}")
+            if path.is_dir():
+                raise UsageError(f"{path}: cannot be written: it is a directory")
+            with contextlib.suppress(FileNotFoundError):
+                path.stat()
+            goal = path.resolve()
+            if goal.is_file() and not (goal.stat().st_mode & 0o222 and os.access(goal, os.W_OK)):
+                raise UsageError(f"{path}: cannot be written: it is write-protected")
+        except (OSError, RuntimeError) as error:  # the latter from a circle of links
+            raise UsageError(f"{path}: cannot be written: {getattr(error, 'strerror', None) or error}") from None
         if goal.is_file() or not goal.exists():  # devices take any number of answers
             other = self.written.get(goal, option)
             if other != option:
                 raise UsageError(f"{path}: {other} and {option} name the same file")
-            for known in self.read:
-                self._apart(goal, option, known)
         self.written[goal] = option
+        self.keep_apart()
 
-    @staticmethod
-    def _apart(goal: Path, option: str, known: Path) -> None:
-        if goal.exists() and known.exists() and goal.samefile(known):
-            raise UsageError(f"{option} would overwrite {known}, which is read\nhint: name another file")
+
+def _is_same(goal: Path, known: Path) -> bool:
+    """Whether two names are those of one file, which is no device."""
+    return goal.is_file() and known.exists() and goal.samefile(known)
 
 
 def files() -> Files:
@@ -209,7 +229,7 @@ def _rescued(content: bytes, output: Path) -> str:
     import tempfile
 
     try:
-        handle, name = tempfile.mkstemp(prefix=f"{output.stem}-", suffix=output.suffix)
+        handle, name = tempfile.mkstemp(prefix=f"{output.stem[:50]}-", suffix=output.suffix)
     except OSError:
         return ""
     try:
@@ -249,6 +269,8 @@ class Output:
             If the suffix belongs to no format, a binary format has no file, or the file cannot be written.
         """
         path = None if path == Path("-") else path
+        if path is not None:
+            files().claim(path, "--output")
         format_ = _format_of(path, formats, unnamed) if format_ is None else format_
         suffix = "" if path is None else path.suffix.lower()
         told = {SUFFIXES[x] for x in SUFFIXES if x in formats or x != "yaml"}  # others may give YAML to a model file
@@ -256,8 +278,6 @@ class Output:
             raise UsageError(f"--output {path} and --format {format_} contradict each other\nhint: leave out --format")
         if path is None and format_ in BINARY:
             raise UsageError(f"--format {format_} is binary: name a file with --output")
-        if path is not None:
-            files().claim(path, "--output")
         return cls(path, format_)
 
     def write(self, answer: Answer, summary: bool = False) -> None:

@@ -29,7 +29,6 @@ import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from copy import copy
 from dataclasses import replace
 from functools import cache, cached_property
 from itertools import chain
@@ -128,6 +127,10 @@ class System:
         self._known: dict[str, tuple[Any, Any]] = {}
         self._assembly: Assembly | None = None
 
+    def __reduce__(self) -> tuple[type[System], tuple[Scene]]:
+        """Return it as its scene: kernels are found, or compiled, where it is needed again."""
+        return System, (self.scene,)
+
     def remember(self, what: str, key: Any, make: Callable[[], T]) -> T:
         """Return what was made for the same key the last time, or make it; nobody must change it.
 
@@ -146,7 +149,8 @@ class System:
 
     def _with(self, elements: list[Placed]) -> System:
         """Return a system in which only some elements act."""
-        part = copy(self)
+        part = object.__new__(System)
+        part.__dict__.update(self.__dict__)
         part._elements, part._plans, part._known = elements, {}, {}
         if self._assembly is not None:
             part._assembly = self._assembly.of(elements)

@@ -12,11 +12,13 @@ from mbstab.model.schema import TableValue
 from mbstab.model.yamlfile import YamlNode, read_beside
 from mbstab.records import dataclass
 
-NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,2})?")
+NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,2})?")
 DECIMAL_COMMA = re.compile(NUMBER.pattern.replace(r"\.", "[.,]"))
 SEPARATORS = ";\t,"
 """What may stand between the values of a file: the first of these that its first line has."""
 MAX_POINTS = 1000
+MAX_DIGITS = 100
+"""Characters of a number of a table."""
 
 Column = list[tuple[str, Location]]
 """Texts of numbers with their places."""
@@ -48,7 +50,8 @@ def read_csv(nodes: NodeReader, node: YamlNode, path: str) -> CsvFile | None:
     first = rows[0][1]
     separator = next((x for x in SEPARATORS if x in first), SEPARATORS[-1])
     header = [word.strip() for word in first.split(separator)]
-    lines = rows if all(DECIMAL_COMMA.fullmatch(word) for word in header) else rows[1:]
+    numbers = all(len(word) <= MAX_DIGITS and DECIMAL_COMMA.fullmatch(word) for word in header)
+    lines = rows if numbers else rows[1:]
     if not lines:
         nodes.complain(node, path, f"{name} has no numbers")
         return None
@@ -89,6 +92,10 @@ def table_of(nodes: NodeReader, x: Column, y: Column, node: YamlNode, path: str)
 def _numbers(nodes: NodeReader, column: Column, path: str) -> list[Decimal]:
     """Return the numbers of a column; none if there is a problem."""
     for text, place in column:
+        if len(text) > MAX_DIGITS:
+            said = f"a number of a table has at most {MAX_DIGITS} characters, this one has {len(text)}"
+            nodes.complain(place, path, said)
+            return []
         if not NUMBER.fullmatch(text):
             hint = "tables hold plain numbers, in SI units"
             if DECIMAL_COMMA.fullmatch(text):

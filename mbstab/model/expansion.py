@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from itertools import product
 from typing import Any
@@ -29,6 +29,8 @@ from mbstab.model.schema import INCLUDE_FIELDS, SECTIONS
 from mbstab.model.yamlfile import Document, Mapping, Scalar, Sequence, YamlNode, parse_part, read_beside
 
 MAX_NODES = 300_000
+MAX_TEXT = 20_000_000
+"""Characters of all nodes."""
 MAX_DEPTH = 8
 EXPANDED = ("counts", "repeat", "include", "needs")
 """Sections that are gone after the expansion."""
@@ -46,6 +48,8 @@ _BLOCK = {
 """What an item of these sections is, and how one is written."""
 _TEXTS = frozenset({"title", "source", "description"})
 _INDEX = re.compile(r"<([^<>]*)>")
+_WHOLE = re.compile(r"(?:\s*(?:[0-9]{1,10}(?![\w.])|[A-Za-z_]\w*(?!\w)|//|[-+*%()]))*\s*", re.ASCII)
+"""Sums and products of decimal whole numbers and names."""
 _OPERATIONS: dict[type, Callable[[int, int], int]] = {
     ast.Add: lambda a, b: a + b,
     ast.Sub: lambda a, b: a - b,
@@ -76,7 +80,8 @@ class _Expansion:
     """The expansion of one file."""
 
     def __init__(self, document: Document) -> None:
-        self.document, self.nodes, self.left = document, NodeReader(document), MAX_NODES
+        self.document, self.nodes = document, NodeReader(document)
+        self.left, self.characters = MAX_NODES, MAX_TEXT
         self.parts: dict[str, Mapping | None] = {}
 
     def of(
@@ -182,6 +187,8 @@ class _Expansion:
 
     def _number(self, text: str, node: Scalar, path: str, numbers: dict[str, int]) -> int:
         try:
+            if not _WHOLE.fullmatch(text):
+                raise ValueError
             return _integer(ast.parse(text.strip(), mode="eval").body, numbers)
         except KeyError as error:
             name = str(error.args[0])
@@ -189,7 +196,7 @@ class _Expansion:
             self.nodes.complain(node, path, f"there is no count or index {name!r}", hint)
         except (SyntaxError, ValueError, ZeroDivisionError, RecursionError, MemoryError):
             hint = "whole numbers, counts and indices with + - * // %"
-            self.nodes.complain(node, path, f"{text.strip()!r} is not a whole number", hint)
+            self.nodes.complain(node, path, f"{text.strip()[:80]!r} is not a whole number", hint)
         return 1
 
     def _written(self, node: YamlNode, numbers: dict[str, int], path: str) -> YamlNode:
@@ -219,9 +226,12 @@ class _Expansion:
 
     def _spend(self, node: YamlNode) -> None:
         self.left -= 1
-        if self.left < 0:
-            message = f"written out, the file has more than {MAX_NODES} nodes"
-            self.document.fail(node.location, "repeat", message, "fewer repetitions")
+        self.characters -= len(node.text) if isinstance(node, Scalar) else sum(map(len, _keys(node)))
+        if self.left < 0 or self.characters < 0:
+            most = f"{MAX_NODES} nodes" if self.left < 0 else f"{MAX_TEXT} characters"
+            self.document.fail(
+                node.location, "repeat", f"written out, the file has more than {most}", "fewer repetitions"
+            )
 
     # --- parts --------------------------------------------------------------------------------------------------------
 
@@ -270,7 +280,12 @@ class _Expansion:
         """Return a part with its own names prefixed, and what it needs replaced."""
         own = self._own(part)
         needs = self.nodes.optional(needed, "needs")
-        wanted = set() if needs is None else set(needs.entries)
+        wanted = set[str]()
+        for name, key in needs.keys.items() if needs is not None else ():
+            if name in own:
+                self.nodes.complain(key, "needs", f"the part has {name!r} itself", "give one of the two another name")
+            else:
+                wanted.add(name)
         parameters = part.entries.get("parameters")
         settable = set(parameters.entries) if isinstance(parameters, Mapping) else set()
         values = {} if given is None else given.entries
@@ -364,6 +379,10 @@ def _brought(block: Mapping) -> Iterator[str]:
             for item in node.items if isinstance(node, Sequence) else [node]:
                 yield from _brought(item) if isinstance(item, Mapping) else ()
         yield from SECTIONS if key == "include" else (key,)
+
+
+def _keys(node: Mapping | Sequence) -> Iterable[str]:
+    return node.entries if isinstance(node, Mapping) else ()
 
 
 def _without(node: Mapping, *keys: str) -> Mapping:

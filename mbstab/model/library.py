@@ -64,8 +64,8 @@ def find_model(name: str) -> FoundModel:
     try:
         if path.exists() and not path.is_dir():
             return FoundModel(path, False)
-    except (OSError, ValueError):  # the system refuses the name
-        raise UsageError(f"{name!r} is not a file name") from None
+    except (OSError, ValueError) as error:  # the system refuses the name
+        raise UsageError(f"{name!r} cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if path.name == name:
         example = models_folder() / (name if name.endswith(SUFFIX) else name + SUFFIX)
         if example.is_file():

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import copyreg
+import os
+from collections.abc import Callable
 from collections.abc import Mapping as MappingType
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from mbstab.errors import UsageError
+from mbstab.errors import ModelFileError, UsageError
 from mbstab.model.expansion import EXPANDED, expanded
 from mbstab.model.garbage import uncollected
 from mbstab.model.names import Names
 from mbstab.model.nodes import NodeReader
+from mbstab.model.parameters import bound
 from mbstab.model.quantities import QuantityReader
 from mbstab.model.schema import SECTIONS, VERSION, Model
 from mbstab.model.sections.definitions import DefinitionReader
@@ -21,11 +26,11 @@ from mbstab.model.sections.outputs import read_outputs
 from mbstab.model.sections.parameters import ParameterReader
 from mbstab.model.sections.reference import ReferenceReader
 from mbstab.model.sections.tables import TableReader
-from mbstab.model.yamlfile import Document, Mapping, Scalar, parse_yaml, read_text, yaml_text
+from mbstab.model.yamlfile import Document, Mapping, Opened, Scalar, not_told, parse_yaml, read_text, yaml_text
 
 
-def read_model(path: Path) -> Model:
-    """Read a model file.
+def read_model(path: Path, opened: Opened = not_told) -> Model:
+    """Read a model file; `opened` is called with the path of each file before it is read.
 
     Raises
     ------
@@ -34,14 +39,40 @@ def read_model(path: Path) -> Model:
     UsageError
         If the file cannot be read.
     """
-    return read_model_text(read_text(path), str(path))
+    opened(path)
+    text = read_text(path)
+    try:
+        return read_model_text(text, str(path), opened=opened)
+    except ModelFileError:
+        with suppress(OSError):  # what it names belongs to it, even if it is not understood
+            for other in path.parent.iterdir() if opened is not not_told else ():
+                if os.fsencode(other.name) in text:
+                    opened(other)
+        raise
 
 
-def read_model_text(text: str | bytes, name: str = "<text>", beside: MappingType[str, str] | None = None) -> Model:
-    """Read a model from text; `name` is what messages call it, `beside` has other files that it names."""
+def read_model_text(
+    text: str | bytes,
+    name: str = "<text>",
+    beside: MappingType[str, str] | None = None,
+    opened: Opened = not_told,
+) -> Model:
+    """Read a model from text.
+
+    Parameters
+    ----------
+    text : str or bytes
+    name : str
+        What messages call it.
+    beside : mapping, optional
+        Texts of other files that it names.
+    opened : callable
+        Is called with the path of each file before it is read.
+    """
     with uncollected():
         document, root = parse_yaml(text, name)
         document.beside.update(beside or {})
+        document.opened = opened
         if not root.entries.keys() & SECTIONS.keys():
             hint = "a model starts with the line mbstab: 1; mbstab new writes one to begin with"
             document.fail(root.location, "", "this is no model: none of its keys is a section of one", hint)
@@ -81,11 +112,33 @@ def with_counts(model: Model, settings: MappingType[str, object]) -> tuple[Model
         row, begin = node.location.line - 1, node.location.column - 1
         at = lines[row].index(node.text, begin)  # behind a quotation mark
         lines[row] = lines[row][:at] + str(chosen[name]) + lines[row][at + len(node.text) :]
-    found = read_model_text("\n".join(lines), model.document.name, model.document.beside)
+    told = model.document.opened
+    found = read_model_text("\n".join(lines), model.document.name, model.document.beside, told)
     given = {name: x.given for name, x in model.parameters.items() if x.given is not None and name in found.parameters}
     changed = {name: replace(found.parameters[name], given=x) for name, x in given.items()}
     left = {name: x for name, x in settings.items() if name not in chosen}
     return replace(found, parameters={**found.parameters, **changed}), left
+
+
+def _read_again(
+    text: str, name: str, beside: dict[str, str], settings: dict[str, object], inputs: list[str], outputs: list[str]
+) -> Model:
+    model = bound(read_model_text(text, name, beside), settings)
+    return replace(
+        model,
+        inputs={x: model.inputs[x] for x in inputs if x in model.inputs},
+        outputs={x: model.outputs[x] for x in outputs if x in model.outputs},
+    )
+
+
+def _as_text(model: Model) -> tuple[Callable[..., Model], tuple[object, ...]]:
+    """Return what a model is made of again, in another process too: its files, what it is asked at, and its ports."""
+    document = model.document
+    text, ports = "\n".join(document.lines), (list(model.inputs), list(model.outputs))
+    return _read_again, (text, document.name, document.beside, model.settings, *ports)
+
+
+copyreg.pickle(Model, _as_text)
 
 
 def _whole(name: str, value: object) -> int:

@@ -6,7 +6,9 @@ Values may be floats or arrays over the points of a sweep; the checks then hold 
 from __future__ import annotations
 
 import contextlib
+import copyreg
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mbstab.mechanics import vectors
@@ -58,6 +60,19 @@ def evaluate(
         arithmetic = array_arithmetic() if any(hasattr(v, "shape") for v in overrides.values()) else FLOAT
     with _quiet(arithmetic):
         return _Assembly(model, evaluate_parameters(model, overrides, arithmetic, added), arithmetic, checked).scene()
+
+
+def _evaluate_again(model: Model, parameters: dict[str, Number], fields: dict[str, Any]) -> Scene:
+    return replace(evaluate(model, parameters), **fields)
+
+
+def _as_numbers(scene: Scene) -> tuple[Callable[..., Scene], tuple[object, ...]]:
+    """Return what a scene is made of again, in another process too: the model, and what has changed since."""
+    kept = ("bodies", "time", "coordinates", "rates", "guess", "turned", "balances")
+    return _evaluate_again, (scene.model, scene.parameters, {name: getattr(scene, name) for name in kept})
+
+
+copyreg.pickle(Scene, _as_numbers)
 
 
 def _quiet(arithmetic: Arithmetic) -> contextlib.AbstractContextManager[Any]:

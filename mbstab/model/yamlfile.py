@@ -9,7 +9,7 @@ second documents are refused, all at once, with their place.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import field
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
@@ -64,6 +64,14 @@ class Mapping:
 YamlNode = Scalar | Sequence | Mapping
 
 
+Opened = Callable[[Path], object]
+"""What is told which files are read: whoever writes files too keeps them apart, also where a model is wrong."""
+
+
+def not_told(path: Path) -> None:
+    """Tell nobody which files are read."""
+
+
 @dataclass
 class Document:
     """What messages about a file need: its name and lines, and the problems found so far."""
@@ -81,6 +89,8 @@ class Document:
     """Names of the indices of ``repeat:``."""
     doubts: list[str] = field(default_factory=list)
     """Warnings about what is likely to be meant otherwise."""
+    opened: Opened = not_told
+    """Is called with the path of each file that is read beside it, before it is."""
     empty: dict[str, tuple[Location, str]] = field(default_factory=dict)
     """By the sections that a repetition over an empty range does not add: where the range stands, and what it is."""
 
@@ -145,16 +155,32 @@ def read_beside(document: Document, name: str) -> str:
     Raises
     ------
     UsageError
-        If it cannot be read, or has another folder in its name.
+        If it cannot be read, has another folder in its name, or is a link into one or no file.
     """
     if name not in document.beside:
         if Path(name).name != name:
             raise UsageError(f"{name!r} is not the name of a file in the folder of the model")
+        model = Path(document.name)
+        path = model.parent / name
+        document.opened(path)
         try:
-            document.beside[name] = read_text(Path(document.name).parent / name).decode("utf-8-sig")
+            _refuse_elsewhere(path, model)
+            document.beside[name] = read_text(path).decode("utf-8-sig")
         except UnicodeDecodeError:
             raise UsageError(f"{name}: is not text in UTF-8") from None
+        except (OSError, RuntimeError, ValueError) as error:  # names that the system refuses, circles of links
+            raise UsageError(f"{name}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     return document.beside[name]
+
+
+def _refuse_elsewhere(path: Path, model: Path) -> None:
+    """Refuse what is no file, such as a pipe, which is never read to its end, and a link out of the folder."""
+    if not path.exists():
+        return  # told when it is read
+    if not path.is_file():
+        raise UsageError(f"{path.name}: is not a file")
+    if path.resolve().parent not in (model.parent.resolve(), model.resolve().parent):
+        raise UsageError(f"{path.name}: is a link to a file outside the folder of the model")
 
 
 def read_limited(stream: BinaryIO, name: str) -> bytes:

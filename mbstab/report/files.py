@@ -8,6 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+NAMED = 50
+"""Characters of the name of a file that its temporary one has, too: file systems take 255 bytes, of up to four each."""
+
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
@@ -21,7 +24,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     from tempfile import mkstemp  # its imports take as long as all of click
 
     goal = Path(path).resolve()
-    handle, temporary = mkstemp(dir=goal.parent, prefix=f".{goal.name}.")
+    handle, temporary = mkstemp(dir=goal.parent, prefix=f".{goal.name[:NAMED]}.")
     os.close(handle)
     try:
         with open(temporary, "wb") as stream:

@@ -13,6 +13,7 @@ never adds a multiple with factor zero, so that it preserves structural zeros.
 from __future__ import annotations
 
 import contextlib
+import copyreg
 import math
 import numbers
 import re
@@ -49,7 +50,7 @@ class Hopeless(NotProvable):
 
 
 def require_flint() -> None:
-    """Require python-flint.
+    """Require python-flint, and let its numbers go to other processes.
 
     Raises
     ------
@@ -57,10 +58,22 @@ def require_flint() -> None:
         If it is not installed.
     """
     try:
-        import flint  # noqa: F401
+        from flint import arb
     except ImportError:
         message = "proofs need the library python-flint, which is not installed"
         raise UsageError(f"{message}\nhint: pip install 'mbstab[certify]', or pip install python-flint") from None
+    copyreg.pickle(arb, _as_integers)
+
+
+def _as_integers(x: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+    """Return a finite ball as mantissa and exponent of its midpoint and of its radius, which may grow by rounding."""
+    return _ball_again, tuple([int(number) for number in part.man_exp()] for part in (x.mid(), x.rad()))
+
+
+def _ball_again(middle: list[int], radius: list[int]) -> Any:
+    from flint import arb
+
+    return arb(tuple(middle), tuple(radius))
 
 
 @contextlib.contextmanager

@@ -129,7 +129,7 @@ class Placement:
     def _angle(self, x: Array, marker: Marker) -> Any:
         """Return the angle of a planar body in coordinates, or its rate in speeds."""
         if marker.body == GROUND or not self.system.scene.bodies[marker.body].orientation:
-            return 0.0
+            return np.zeros(x.shape[:-1])
         return x[..., self.system.body_slices[marker.body].start + 2]
 
     def _direction(self, marker: Marker, vector: Any) -> Array:

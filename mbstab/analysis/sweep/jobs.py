@@ -316,6 +316,20 @@ def _cause_of_death() -> str:
     return "too little memory for so many jobs? "
 
 
+def _end_with_parent() -> None:
+    """Let this process end when the one that has started it does, however that ends."""
+    from multiprocessing import connection, parent_process
+    from threading import Thread
+
+    def wait_for_end() -> None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+    parent = parent_process()
+    assert parent is not None
+    Thread(target=wait_for_end, daemon=True).start()
+
+
 def _in_processes(
     all_tasks: list[Task], missing: list[int], jobs: int, progress: Progress
 ) -> Iterator[tuple[int, Block]]:
@@ -326,7 +340,7 @@ def _in_processes(
     while waiting:
         left, running = list(waiting), dict[Future[Block], int]()
         workers = max(min(jobs, len(left)) - 1, 1)
-        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
+        with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_with_parent) as pool:
             try:
                 while left or running:
                     own = left.pop() if left else None

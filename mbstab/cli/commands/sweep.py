@@ -25,7 +25,7 @@ from mbstab.cli.output import (
     save_picture,
     warn,
 )
-from mbstab.errors import NumericalError, OutputError, UsageError, alternatives, counted
+from mbstab.errors import NumericalError, UsageError, alternatives, counted
 from mbstab.model.units import is_angular_velocity
 
 if TYPE_CHECKING:
@@ -307,10 +307,10 @@ def _kept(directory: Path | None, written: Path | None) -> Iterator[None]:
     before = _written_at(written)
     try:
         yield
-    except (KeyboardInterrupt, OutputError, OSError) as error:
+    except BaseException as error:
         if directory is not None and _written_at(written) != before:
-            discard(directory)  # only the summary on the terminal is missing
-        elif directory is not None:
+            discard(directory)  # only the summary on the terminal, or a picture, is missing
+        elif directory is not None and not isinstance(error, UsageError):
             what = "interrupted: " if isinstance(error, KeyboardInterrupt) else ""
             if any(directory.glob("block-*")):
                 note(f"{what}finished blocks are kept in {directory}; go on with --resume")

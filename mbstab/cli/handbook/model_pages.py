@@ -43,7 +43,7 @@ def model_page(path: Path, folder: Path, group: click.Group) -> ModelPage:
     mechanism = load(path)
     model = mechanism.model
     shutil.copyfile(path, folder / path.name)
-    name, stem, text = shlex.quote(path.name), shlex.quote(path.stem), path.read_text(encoding="utf-8")
+    name, stem, text = shlex.quote(_typed(path)), shlex.quote(path.stem), path.read_text(encoding="utf-8")
     parts = [f"<h1>{html.escape(model.title)}</h1>\n<p>{html.escape(model.source)}</p>"]
     line = f"mbstab simulate {name} --mode-shape 1 --fps 8 --size column --animate {stem}.gif"
     pictures = _drawn(group, line, path, folder, f"{path.stem}.gif")
@@ -92,12 +92,18 @@ def _shown(line: str, printed: str) -> str:
     return f'<pre><span class="typed">$ {html.escape(line)}\n</span>{html.escape(printed)}</pre>'
 
 
+def _typed(path: Path) -> str:
+    """Return the name of a model as it is typed in its folder."""
+    return f"./{path.name}" if path.name.startswith("-") else path.name
+
+
 def _printed(group: click.Group, line: str, path: Path, folder: Path | None = None) -> str:
     """Return what a command prints; it reads the model at its path and writes its pictures to the folder."""
     _, name, *words = shlex.split(line)
     command = group.get_command(click.get_current_context(), name)
     assert command is not None
-    given = [str(path) if word == path.name else word for word in words]
+    whole = f"./{path}" if str(path).startswith("-") else str(path)  # no option
+    given = [whole if word == _typed(path) else word for word in words]
     if folder is not None:
         drawn = {f"{path.stem}{suffix}" for suffix in (".gif", ".png")}
         given = [str(folder / word) if word in drawn else word for word in given]

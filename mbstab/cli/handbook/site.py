@@ -62,6 +62,10 @@ def write_site(folder: Path, group: click.Group, models: Sequence[Path], progres
     if find_spec("markdown_it") is None:
         raise UsageError("--html needs the package markdown-it-py\nhint: pip install 'mbstab[manual]'")
     _require_free(folder)
+    pages: dict[str, Path] = {}
+    for path in models:
+        if (other := pages.setdefault(path.stem, path)) != path:
+            raise UsageError(f"{other} and {path} would have the same page\nhint: rename one of them")
     made = []
     try:
         (folder / "models").mkdir(parents=True, exist_ok=True)

@@ -19,7 +19,7 @@ from mbstab.records import dataclass
 
 RESERVED = ("t", "rate", *CALLED, *CONSTANTS)
 """Names that expressions use for something else."""
-_WITH_UNIT = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z°].*?)\s*")
+_WITH_UNIT = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z°].*)")
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class ParameterReader:
     def _parameter(self, name: str, written: _Written) -> Parameter:
         value, unit, factor = written.value, written.unit, written.factor
         path = f"parameters.{name}"
-        apart = _WITH_UNIT.fullmatch(value.text)
+        apart = _WITH_UNIT.fullmatch(value.text.strip())
         if apart is not None and (own := units.meant(apart.group(2))):
             hint = f"write {{value: {apart.group(1)}, unit: {own}}}"
             self.nodes.complain(value, path, f"{value.text!r}: a number and its unit stand apart", hint)

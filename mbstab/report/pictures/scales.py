@@ -91,8 +91,8 @@ class Axis:
 
     @property
     def text(self) -> str:
-        """Quantity, name and unit; a long description is left out."""
-        said = self.quantity.partition(";")[0]
+        """Quantity, name and unit; a long description is left out, and no dollar begins a formula."""
+        said = self.quantity.partition(";")[0].replace("$", r"\$")
         name = f"{said} {self.name}" if said and len(said) <= LONGEST else self.name
         unit = typeset(self.unit)
         return f"{name} ({unit})" if unit else name
