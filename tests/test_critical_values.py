@@ -277,7 +277,7 @@ def judged_alone(monkeypatch):
 def test_a_family_is_followed_at_some_points_and_answers_for_the_others(judged_alone):
     model = mbstab.loads(BOGIE)
     speeds = np.linspace(20.0, 50.0, 200)  # m/s
-    swept = model.sweep("v", speeds)
+    swept = model.sweep("v", speeds, si=True)
     assert len(judged_alone) <= TOLERANCES.points_guarded + 2
     assert set(swept.verdicts) == {"asymptotically stable up to symmetry"}
     for k in (0, 57, 199):

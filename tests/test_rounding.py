@@ -90,7 +90,7 @@ def test_a_sweep_through_a_cancellation_is_certain_beside_it_only(seed):
     for coefficient, exact in cancelled(seed):
         if "k" in coefficient:
             model, wide = scene(coefficient), np.radians(10.0)
-            found = model.sweep("k", np.linspace(np.radians(60.0) - wide, np.radians(60.0) + wide, 21))
+            found = model.sweep("k", np.linspace(np.radians(60.0) - wide, np.radians(60.0) + wide, 21), si=True)
             assert found.verdicts[10] in {"undecided", *allowed(exact)}
             assert set(found.verdicts[:10]) == {"asymptotically stable"}
             assert set(found.verdicts[11:]) == {"unstable"}

@@ -115,7 +115,7 @@ def test_signs_of_parameters_hold_wherever_the_value_comes_from(ask, settings, s
 
 
 def test_signs_of_parameters_hold_at_each_point_of_a_sweep_and_in_the_file():
-    swept = MODEL.sweep("l", np.array([-0.1, 0.0, 0.1, 0.2]))
+    swept = MODEL.sweep("l", [-100, 0, 100, 200])
     assert list(swept.problems) == [0, 1]
     with pytest.raises(ModelFileError, match=r"5:\d+: parameters\.l: l must be positive, got -200 mm"):
         mbstab.loads(TEXT.replace("value: 200", "value: -200")).eig()

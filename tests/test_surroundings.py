@@ -229,7 +229,7 @@ def test_a_model_from_a_closed_stdin_is_refused(here):
     command = f"{shlex.join(command_line('eig', '-'))} <&-"
     found = subprocess.run(command, shell=True, capture_output=True, text=True, cwd=here)
     assert found.returncode == 2
-    assert "stdin is closed" in found.stderr
+    assert "stdin cannot be read: it is closed" in found.stderr
 
 
 def test_the_end_of_the_terminal_ends_a_command_in_order(here):

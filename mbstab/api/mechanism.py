@@ -14,7 +14,8 @@ from mbstab.api.core import Setting, asked
 from mbstab.api.ports import Ports
 from mbstab.api.printing import printed
 from mbstab.compiler.system import Array
-from mbstab.model.arguments import Progress, parted, series, untold, whole
+from mbstab.model.arguments import Progress, parted, untold, whole
+from mbstab.model.ranges import swept_values
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -274,13 +275,14 @@ class Mechanism(Ports):
     def sweep(
         self,
         parameter: str,
-        values: Array,
+        values: Array | Sequence[float | str] | None = None,
         progress: Progress = untold,
         certify: bool = False,
         sensitivity: bool = False,
         orders: Sequence[float] = (),
         meetings: bool = False,
         detail: bool = False,
+        si: bool = False,
         **keywords: Any,
     ) -> Sweep:
         """Return eigenvalue branches over a parameter, and where stability changes.
@@ -288,9 +290,9 @@ class Mechanism(Ports):
         Parameters
         ----------
         parameter : str
-        values : ndarray, shape (points,)
-            Of the parameter in SI, whatever its declared unit, ascending or descending: 0.001 for 1 ms.
-            `mbstab.model.ranges.sweep_values` makes them from numbers in the declared unit.
+        values : array or sequence of float or str, shape (points,), optional
+            Of the parameter, ascending or descending, as keywords take them: numbers in its declared unit, or texts.
+            Those of the file's ``sweep:`` block if not given.
         certify : bool
             Enclose each critical value in a ball, or say why that is not proven (`Critical.enclosed`).
         sensitivity : bool
@@ -301,6 +303,8 @@ class Mechanism(Ports):
             Locate where branches cross or collide.
         detail : bool
             Compute points between, for pictures.
+        si : bool
+            Whether the values are in SI, whatever the declared unit: 0.001 for 1 ms.
         **keywords
             Other parameters, and fields of `mbstab.analysis.sweep.settings.SweepSettings`.
 
@@ -309,13 +313,13 @@ class Mechanism(Ports):
         UsageError
             If names, values or orders are wrong, or python-flint is missing for `certify`.
         """
-        values = series(parameter, values)
+        x = swept_values(self.model, parameter, values, si)
         from mbstab.analysis.proof.swept import swept
         from mbstab.analysis.sweep.settings import SweepSettings
 
         settings, parameters = parted(SweepSettings, keywords, self.model.parameters)
         model = self._afforded("modes", parameters)
-        return swept(model, parameter, values, settings, progress, certify, sensitivity, orders, (meetings, detail))
+        return swept(model, parameter, x, settings, progress, certify, sensitivity, orders, (meetings, detail))
 
     @asked
     def design(
@@ -389,22 +393,28 @@ class Mechanism(Ports):
         return swing(self._affordable("modes", parameters), number, points)
 
     @asked
-    def chart(self, values: Mapping[str, Array], progress: Progress = untold, **keywords: Any) -> Chart:
+    def chart(
+        self,
+        values: Mapping[str, Array | Sequence[float | str] | None],
+        progress: Progress = untold,
+        si: bool = False,
+        **keywords: Any,
+    ) -> Chart:
         """Return the number of unstable eigenvalues over two parameters, and the curves where it changes.
 
         Parameters
         ----------
         values : mapping
-            Two parameters and their values in SI, ascending, as in `sweep`.
-        progress, **keywords
+            Two parameters and their values, ascending, as in `sweep`.
+        progress, si, **keywords
             As in `sweep`.
         """
-        values = {name: series(name, x) for name, x in values.items()}
+        grids = {name: swept_values(self.model, name, x, si) for name, x in values.items()}
         from mbstab.analysis.sweep.chart import chart
         from mbstab.analysis.sweep.settings import SweepSettings
 
         settings, parameters = parted(SweepSettings, keywords, self.model.parameters)
-        return chart(self._afforded("modes", parameters), values, progress, settings)
+        return chart(self._afforded("modes", parameters), grids, progress, settings)
 
     @asked
     def compare(
@@ -478,7 +488,7 @@ class Mechanism(Ports):
         """
         from mbstab.analysis.linear.symbolic import symbolic_blocks
 
-        return symbolic_blocks(self.model, track, self.force)
+        return symbolic_blocks(self._afforded("motion", {}), track, self.force)
 
     def test(self) -> list[Outcome]:
         """Return for each entry of ``expect:`` whether it holds."""

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from mbstab.api.core import Core, Setting, asked
 from mbstab.compiler.system import Array
-from mbstab.model.arguments import Progress, series, untold, whole
+from mbstab.model.arguments import Progress, several, untold, whole
+from mbstab.model.ranges import swept_values
 from mbstab.records import dataclass
 
 if TYPE_CHECKING:
@@ -22,17 +23,19 @@ class Ports(Core):
     """A model file that can be asked about its inputs and outputs."""
 
     @asked
-    def state_space(self, states: Sequence[str] = (), frozen: bool = False, **parameters: Setting) -> ControlModel:
+    def state_space(
+        self, states: str | Sequence[str] = (), frozen: bool = False, **parameters: Setting
+    ) -> ControlModel:
         """Return A, B, C, D for the inputs and outputs of the file; `states` as in `control_model`."""
         from mbstab.analysis.response.state_space import control_model
 
-        return control_model(self.linearize(frozen, **parameters), states)
+        return control_model(self.linearize(frozen, **parameters), several(states))
 
     @asked
     def response(
         self,
-        inputs: Sequence[str] = (),
-        outputs: Sequence[str] = (),
+        inputs: str | Sequence[str] = (),
+        outputs: str | Sequence[str] = (),
         ends: tuple[float | None, float | None] = (None, None),
         points: int = 201,
         step: float | None = None,
@@ -44,8 +47,8 @@ class Ports(Core):
 
         Parameters
         ----------
-        inputs, outputs : sequence of str
-            Names in the file; all if none.
+        inputs, outputs : str or sequence of str
+            One name in the file, or several; all if none.
         ends : pair of float or None
             First and last frequency (rad/s); None: a decade beyond the eigenvalues.
         points : int
@@ -64,6 +67,7 @@ class Ports(Core):
         """
         from mbstab.analysis.response.response import answer, duration_of
 
+        inputs, outputs = several(inputs), several(outputs)
         duration, points = duration_of(step, impulse, ends), whole("points", points, 2)
         given = self.model
         if inputs and set(inputs) <= set(given.inputs):  # others need no answer
@@ -71,16 +75,17 @@ class Ports(Core):
         if outputs and set(outputs) <= set(given.outputs):
             given = replace(given, outputs={name: x for name, x in given.outputs.items() if name in outputs})
         found = replace(self, model=given).state_space((), frozen, **parameters)
-        return answer(found, tuple(inputs), tuple(outputs), ends, points, duration, step is None)
+        return answer(found, inputs, outputs, ends, points, duration, step is None)
 
     @asked
     def unbalance(
         self,
         at: str | Mapping[str, complex],
         parameter: str,
-        values: Array,
-        outputs: Sequence[str] = (),
+        values: Array | Sequence[float | str] | None = None,
+        outputs: str | Sequence[str] = (),
         progress: Progress = untold,
+        si: bool = False,
         **parameters: Setting,
     ) -> UnbalanceResponse:
         """Return the outputs that unbalances cause over the spin of their bodies.
@@ -92,10 +97,10 @@ class Ports(Core):
             angle is that by which they lead.
         parameter : str
             The spin of the body.
-        values : ndarray, shape (points,)
-            Its values, positive (rad/s).
-        outputs : sequence of str
-            Names in the file; all if none.
+        values, si
+            Its values, positive, as in `mbstab.api.mechanism.Mechanism.sweep`.
+        outputs : str or sequence of str
+            One name in the file, or several; all if none.
 
         Raises
         ------
@@ -104,5 +109,5 @@ class Ports(Core):
         """
         from mbstab.analysis.sweep.unbalance import unbalance
 
-        values = series(parameter, values)
-        return unbalance(self._afforded("modes", parameters), at, parameter, values, tuple(outputs), progress)
+        speeds = swept_values(self.model, parameter, values, si)
+        return unbalance(self._afforded("modes", parameters), at, parameter, speeds, several(outputs), progress)

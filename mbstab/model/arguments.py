@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numbers
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -28,6 +28,11 @@ def whole(name: str, value: object, least: int = 0) -> int:
     if not isinstance(value, numbers.Integral) or isinstance(value, bool) or value < least:
         raise UsageError(f"{name}={value!r}: give a whole number, {least} or more")
     return int(value)
+
+
+def several(names: str | Sequence[str]) -> tuple[str, ...]:
+    """Return names; a text is one."""
+    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def series(name: object, values: object) -> npt.NDArray[np.float64]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mbstab.errors import UsageError
+from mbstab.model.arguments import series
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import bound, evaluate_parameters, given_value, require_parameter
 from mbstab.model.schema import Model, SweepRange, after_number
@@ -59,6 +60,36 @@ def sweep_values(
             raise UsageError(f"--log needs positive ends, not {ends}")
         return np.geomspace(first, last, count)
     return np.linspace(first, last, count)
+
+
+def swept_values(model: Model, parameter: str, values: Any, si: bool = False) -> Any:
+    """Return values for a sweep that is asked for in Python, in SI, shape (points,).
+
+    Parameters
+    ----------
+    values : sequence of float or str, or None
+        As settings: numbers count in the declared unit of the parameter, texts are expressions in SI or have a unit of
+        their own. None: the ``sweep:`` block of the file.
+    si : bool
+        Whether numbers are in SI instead.
+
+    Raises
+    ------
+    UsageError
+        If they are no list of finite numbers, or the file has no such block.
+    """
+    import numpy as np
+
+    if values is None:
+        if parameter in model.parameters and parameter not in model.sweep:
+            message = f"{model.name} has no sweep: block for {parameter}"
+            raise UsageError(f"{message}\nhint: give its values, such as numpy.linspace(1, 2, 11)")
+        return sweep_values(model, parameter)
+    if isinstance(values, (list, tuple)) and any(isinstance(x, str) for x in values):
+        return np.array([_value(model, parameter, x) for x in values])
+    found = series(parameter, values)
+    own = model.parameters.get(parameter)
+    return found if si or own is None else found * own.factor
 
 
 def in_unit(model: Model, parameter: str, value: float) -> str:

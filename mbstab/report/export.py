@@ -167,17 +167,17 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     Keys: ``model``, ``title``, ``parameter``, ``unit``, ``values`` (in that unit), ``branches``
     (lists with an eigenvalue for each value: ``real`` and ``imag`` in 1/s, null where there is
     none), ``unstable`` (their number for each value, null where the verdict is open), ``verdicts``
-    (one for each value), ``neutral``, ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 0,
+    (one for each value), ``neutral``, ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 1,
     ``frequency`` in rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``,
     ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none, and ``enclosure``, see below),
     ``meetings`` (if asked for: ``value``, ``kind``, ``pairs``: how many of branches do so), ``problems`` (``point``
     counting from 0, ``reason``),
     ``warnings``, ``names`` (of the branches, null for those without), ``start`` (from where equilibria were followed,
     null if they are given), ``orders``, ``crossings`` (of frequencies with these: ``value``, ``order``,
-    ``frequency`` in rad/s, ``branch``, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches, with orders:
-    ``forward``, ``backward``, ``mixed``, ``changing``, null where nothing whirls), ``reference`` (where the file asks
-    to find it, lists of its coordinates in m and rad by name, and of its rates as ``rate(…)``; else empty) and
-    ``beyond``: for each path beyond a fold, an object with the same keys from ``values`` on.
+    ``frequency`` in rad/s, ``branch`` from 1, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches, with
+    orders: ``forward``, ``backward``, ``mixed``, ``changing``, null where nothing whirls), ``reference`` (where the
+    file asks to find it, lists of its coordinates in m and rad by name, and of its rates as ``rate(…)``; else empty)
+    and ``beyond``: for each path beyond a fold, an object with the same keys from ``values`` on.
 
     An ``enclosure`` is null unless proofs are asked for: ``midpoint`` and ``radius`` as decimal texts, in the unit of
     the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why
@@ -198,7 +198,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
             {
                 "value": c.value / factor,
                 "kind": c.kind,
-                "branch": list(c.branches),
+                "branch": [b + 1 for b in c.branches],
                 "frequency": c.frequency,
                 "krein_signatures": c.signatures,
                 "branching": c.branching,
@@ -224,7 +224,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
                 "value": c.value / factor,
                 "order": c.order,
                 "frequency": c.frequency,
-                "branch": c.branch,
+                "branch": c.branch + 1,
                 "name": c.name or None,
                 "whirl": c.whirl or None,
                 "motions": [{"name": name, **polar(x)} for name, x in c.motions],

@@ -187,7 +187,7 @@ def _unbalance(
             + f"\nhint: give both ends above 0, such as --from {max(speeds.max(), 100.0 * factor) / factor / 100.0:.6g}"
         )
     with progress_bar("unbalance") as progress:
-        found = mechanism.unbalance(at, speed, speeds, goals, progress)
+        found = mechanism.unbalance(at, speed, speeds, goals, progress, si=True)
     output.write(
         {
             "table": lambda: responses.unbalance_text(found, model.title, unit, factor),

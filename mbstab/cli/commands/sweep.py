@@ -190,7 +190,7 @@ def _sweep(
     model = mechanism.model
     with _kept(run.directory, output.path):
         with progress_bar("sweeping") as progress:
-            answer = mechanism.sweep(parameter, grids[parameter], progress, **asked, **vars(run))
+            answer = mechanism.sweep(parameter, grids[parameter], progress, si=True, **asked, **vars(run))
         output.write(_sweep_answer(answer, model, asked["sensitivity"]), summary=True)
         if len(answer.unanswered) < len(answer.values):
             _draw(answer, paths, partial(_axis, model, parameter, answer.values), model.title, *drawn)
@@ -209,7 +209,7 @@ def _chart(
     labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in grids]
     with _kept(run.directory, output.path):
         with progress_bar("sweeping") as progress:
-            answer = mechanism.chart(grids, progress, **vars(run))
+            answer = mechanism.chart(grids, progress, si=True, **vars(run))
         output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
         for path in paths.values() if len(answer.problems) < answer.unstable.size else ():
             _draw_chart(answer, path, model)
