@@ -244,6 +244,14 @@ KINDS: dict[str, Kind] = {
             (3,),
             (
                 *_DISTRIBUTION,
+                Field(
+                    "measured",
+                    "flag",
+                    "whether an inertia that no body can have, one moment larger than the sum of the other two, is "
+                    "taken as it is, with a warning",
+                    default="false",
+                    needs=("inertia",),
+                ),
                 *_GEOMETRY,
                 Field("axes", "angles", "Euler X-Y-Z angles of a constant rotation before phi, theta, psi", "rad"),
             ),

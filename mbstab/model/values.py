@@ -100,7 +100,7 @@ def joint_measure(kind: str, joint: ItemValues) -> MeasureNumbers:
     return MeasureNumbers(kind, bodies, at_reference(joint, numbers) if in_space else numbers)
 
 
-def _principal_moments(inertia: Vector) -> npt.NDArray[np.float64]:
+def principal_moments(inertia: Vector) -> npt.NDArray[np.float64]:
     """Return the principal moments of a body in space, ascending, shape (…, 3)."""
     import numpy as np
 
@@ -239,12 +239,14 @@ class _Assembly(Evaluator):
             return
         import numpy as np
 
-        moments = _principal_moments(inertia)
+        moments = principal_moments(inertia)
         slack = 1e-12 * np.abs(moments).max(axis=-1)
         low, middle, high = (moments[..., i] for i in range(3))
         shown = ", ".join(f"{x:g}" for x in moments.reshape(-1, 3)[0])
         if not np.all(low >= -slack):
             complain(f"inertia must be positive: its principal moments are {shown} kg*m^2")
-        elif not np.all(low + middle >= high - slack):
-            hint = "no principal moment of a body exceeds the sum of the other two"
+        elif not (entry.values.get("measured") or np.all(low + middle >= high - slack)):
+            hint = (
+                "no principal moment of a body exceeds the sum of the other two; measured: true takes them as they are"
+            )
             complain(f"impossible inertia: its principal moments are {shown} kg*m^2", hint)

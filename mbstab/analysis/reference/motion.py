@@ -394,7 +394,8 @@ class Finder:
                 )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant, tuple(self.solved),
-            (*self.warnings, *misread(system, q, u), *self._resting(q, declared, steady), *doubts(system.scene.model)),
+            (*self.warnings, *misread(system, q, u), *self._measured(q, u, spaces),
+             *self._resting(q, declared, steady), *doubts(system.scene.model)),
             massless=massless,
         )  # fmt: skip
         if massless is not None:
@@ -406,6 +407,14 @@ class Finder:
             nu = augmented.multipliers(force - M @ (expected / scale), TOLERANCES.balance_refinements)
             motion = replace(motion, a=expected, nu=nu * row_scale, generators=(steady,), declared=declared)
         return motion
+
+    def _measured(self, q: Array, u: Array, spaces: Subspaces) -> list[str]:
+        """Return warnings about impossible moments that are taken as measured."""
+        if not any(entry.values.get("measured") for entry in self.scene.model.bodies.values()):
+            return []
+        from mbstab.analysis.reference.measured_moments import measured_moments
+
+        return measured_moments(self.system, q, u, spaces.scale[:, None] * spaces.N)
 
     def _resting(self, q: Array, declared: bool, steady: Generator | None) -> list[str]:
         """Return a warning with its place if a steady motion that the file declares is a rest."""

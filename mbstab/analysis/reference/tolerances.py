@@ -50,6 +50,8 @@ class Tolerances:
     """Equations of so many half turns are kept."""
     euler_cosine_pinned: Final = 1e-3
     """A body that keeps its chart is refused where |cos θ| is below this."""
+    turning_axes: Final = 1e-9
+    """A body turns about axes that are independent to this part; its moments are possible if they miss it by less."""
     row_independent_part: Final = 1e-7
     """A row is redundant if less than this fraction of it is independent of the others."""
 
