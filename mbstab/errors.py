@@ -170,7 +170,12 @@ class ModelFileError(MbstabError):
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = sorted(problems, key=lambda problem: problem.location.order)
-        super().__init__("\n\n".join(str(problem) for problem in self.problems))
+        told: set[str] = set()
+        texts = []
+        for problem in self.problems:  # what to do about several is said once
+            texts.append(str(problem if problem.hint not in told else replace(problem, hint="")))
+            told.add(problem.hint)
+        super().__init__("\n\n".join(texts))
 
 
 def in_one_line(error: MbstabError) -> str:

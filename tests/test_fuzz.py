@@ -7,6 +7,7 @@ Files are mutated, lose a part, or have one parameter moved. The mutated ones ar
 from __future__ import annotations
 
 import functools
+import dataclasses
 import math
 import os
 import random
@@ -156,7 +157,8 @@ def require_placed(error: MbstabError, text: str) -> None:
         assert 1 <= place.line <= len(lines)
         assert 1 <= place.column <= len(lines[place.line - 1]) + 1
         assert problem.source == lines[place.line - 1]
-        assert str(problem) in str(error)
+        assert str(dataclasses.replace(problem, hint="")) in str(error)
+        assert problem.hint in str(error)
 
 
 @pytest.mark.parametrize("examples", sample([60, int(os.environ.get("MBSTAB_FUZZ_EXAMPLES", "300"))], 2))
@@ -185,7 +187,77 @@ def require_an_answer(text: str) -> None:
         require_placed(problem, text)
 
 
+FILES = {
+    "m.yaml": """\
+mbstab: 1
+gravity: [0, -9.81]
+counts: {N: 3, M: N - 1}
+parameters: {k: 9, r: {value: 0.5, unit: m}}
+tables: {f: {file: data.csv, x: x, y: force}, g: {x: [0, 1, 2], y: [0, <N>, 1]}}
+bodies: {base: {type: planar, mass: 1, inertia: 1, points: {A: [0, r]}}}
+joints: {pin: {type: revolute, between: [base.A, ground]}}
+repeat:
+  - for: {i: [1, N], j: [1, <M>]}
+    bodies: {"b<i>_<j>": {type: planar_point, mass: <i> + 0.1*<j>}}
+    forces: {"f<i>_<j>": {type: expression, on: {"b<i>_<j>.x": "-k*b<i>_<j>.x", "b<i>_<j>.y": "-k*(b<i>_<j>.y + <i>)"}}}
+include:
+  - {file: part.yaml, prefix: left_, with: {body: base, m: 2*k, N: 2}}
+  - {file: part.yaml, prefix: right_, with: {body: base}}
+reference: {find: equilibrium, guess: {base: {y: -0.5}}}
+""",
+    "part.yaml": """\
+needs: {body: a body}
+counts: {N: 1}
+parameters: {m: {value: 1, unit: kg, sign: positive}, c: m/4}
+tables: {h: {file: data.csv}}
+bodies: {rod: {type: planar, mass: m, shape: {type: rod, length: 1}, points: {O: [-1/2, 0]}}}
+joints: {pin: {type: revolute, between: [rod.O, body]}}
+repeat: [{for: {i: [1, N]}, forces: {"t<i>": {type: joint_spring, joint: pin, damping: c*<i>}}}]
+reference: {guess: {rod: {x: 0.5}}}
+""",
+    "data.csv": "x,force,other\n# comment\n0,0,1\n0.5,2,1\n1.5,2.5,0\n",
+}
+"""A file with repetitions, parts, counts, needs and tables in a file beside it."""
+
+
+@st.composite
+def mutated_sets(draw: Draw) -> dict[str, str]:
+    files = dict(FILES)
+    for mutate in draw(st.lists(st.sampled_from([replace_number, replace_value, *TEXTUAL, *SPOILING]), max_size=3)):
+        name = draw(st.sampled_from(sorted(files)))
+        files[name] = mutate(draw, files[name])
+    return files
+
+
+@pytest.mark.parametrize("examples", sample([40, int(os.environ.get("MBSTAB_FUZZ_EXAMPLES", "200"))], 1))
+def test_mutated_parts_give_a_scene_or_an_error_at_a_place_in_one_of_the_files(examples: int) -> None:
+    drawn = settings(
+        max_examples=examples,
+        derandomize=True,
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
+    drawn(given(mutated_sets())(require_an_answer_of_files))()
+
+
+def require_an_answer_of_files(files: dict[str, str]) -> None:
+    started = time.process_time()
+    beside = {name: text for name, text in files.items() if name != "m.yaml"}
+    problems = []
+    try:
+        require_clean(evaluate(read_model_text(files["m.yaml"], "m.yaml", beside)))
+    except ModelFileError as error:
+        problems = error.problems
+    for problem in problems:
+        lines = re.split(r"\r\n|\r|\n", files[problem.location.file].removeprefix("\ufeff"))
+        assert 1 <= problem.location.line <= len(lines) + 1
+    assert time.process_time() - started < 2.0
+
+
 def test_the_texts_that_are_mutated_are_good() -> None:
+    require_an_answer_of_files(FILES)
+    assert "left_rod" in read_model_text(FILES["m.yaml"], "m.yaml", FILES).bodies
     for text in TEXTS:
         require_clean(evaluate(read_model_text(text)))
 

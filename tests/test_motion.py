@@ -893,7 +893,7 @@ def test_rates_that_the_constraints_do_not_determine_are_asked_for():
         bodies=["a: {type: planar_point, mass: 1}", "b: {type: planar_point, mass: 1}"],
         constraints="sum: {nonholonomic: rate(a.x) + rate(b.x) + rate(b.y)}",
     )
-    with pytest.raises(ModelFileError, match=r"the constraints do not determine the rates of b\.x, b\.y\n"):
+    with pytest.raises(ModelFileError, match=r"the constraints do not determine all rates: b\.[xy] is missing\n"):
         mbstab.loads(model).motion()
     given = mbstab.loads(model.replace("rates: {", "rates: {b: {x: 3}, "))
     np.testing.assert_allclose(given.motion().u, [1.0, 0.0, 3.0, -4.0], rtol=1e-13, atol=0.0)

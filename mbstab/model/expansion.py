@@ -36,8 +36,8 @@ EXPANDED = ("counts", "repeat", "include", "needs")
 """Sections that are gone after the expansion."""
 ONLY_ONCE = ("mbstab", "title", "source", "gravity", "sweep", "expect")
 """Sections that only the file itself has."""
-LEVELS = {"reference": 2, "initial": 2, "ground": 2}
-"""How many levels of a section are merged, if not one."""
+LEVELS = {"reference": 2, "initial": 2, "ground": 2, "reference.guess.rates": 1}
+"""How many levels of a section, or of what stands in it, are merged, if not one."""
 NAMED = (*KINDS, "parameters", "tables", "definitions", "constraints", "states", "outputs", "modes")
 """Sections whose keys are names."""
 _RANGE = "write for: {i: [1, 10]} with the first and the last value"
@@ -127,7 +127,8 @@ class _Expansion:
             found.entries[key.text], found.keys[key.text] = node, key
         elif levels and isinstance(other, Mapping) and isinstance(node, Mapping):
             for inner, value in node.pairs():
-                self._put(other, inner, value, f"{path}.{inner.text}", levels - 1)
+                place = f"{path}.{inner.text}"
+                self._put(other, inner, value, place, LEVELS.get(place, levels - 1))
         elif not (isinstance(node, Scalar) and node.empty) and not self._told(key):
             first = found.keys[key.text].location
             message = f"the name {key.text!r} is there already, from {first.file}:{first.line}"

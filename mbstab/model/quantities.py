@@ -152,9 +152,10 @@ class QuantityReader:
 
     def _moving_elsewhere(self, name: str) -> str:
         """Return where expressions may contain what moves, as a hint; `name` is that of a coordinate or measure."""
-        along = "angle(joint)" if is_state(name) and not is_measure(name) else name
+        own = is_state(name) and not is_measure(name)
+        along = f"angle(joint): …}} or {{vz(body.point): {name}" if own else f"{name}: …"
         return (
-            f"a force written type: expression, on: {{{along}: …}} takes them; what moves with them is a constraint, "
+            f"a force written type: expression, on: {{{along}}} takes them; what moves with them is a constraint, "
             "{holonomic: angle(joint) - …}"
         )
 
@@ -337,8 +338,9 @@ def _in_brackets(unit: str) -> str:
 
 def hint_of_factor(expression: Expression, found: units.Dimension, expected: units.Dimension) -> str:
     """Return what to do about a unit that does not fit; a number beside it may have the unit that lacks."""
-    number = units.bare_factor(expression.root)
-    if number is None:
+    factor = units.bare_factor(expression.root)
+    if factor is None:
         return "check the units declared under parameters"
-    lacking = units.show(units.times(expected, found, -1))
+    number, power = factor
+    lacking = units.show(units.times(expected, found, -1) if power > 0 else units.times(found, expected, -1))
     return f"beside a declared unit, {number} is a plain number; if it stands for {lacking}, make it a parameter"

@@ -88,6 +88,10 @@ class Renaming:
     def _of_motion(self, key: str, node: YamlNode) -> YamlNode:
         if key == "find":
             return node
+        if key == "guess":
+            return self._mapped(
+                node, lambda x, item: self._of_motion(x, item) if x == "rates" else self._values(item), self.text
+            )
         if key == "steady":
             return self._mapped(
                 node, lambda x, item: self._direction(item) if x in ("axis", "direction") else self._values(item)

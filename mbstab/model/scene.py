@@ -124,8 +124,8 @@ class Scene:
     items : list of ItemValues
         Joints, contacts, drives, forces and constraints in the order of the file.
     time : number (s)
-    coordinates, rates, guess : dict
-        Given values of the reference, by coordinate name.
+    coordinates, rates, guess, guess_rates : dict
+        Given values of the reference and starting values, by coordinate name.
     steady : SteadyValues or None
     period : number or None
         Period of a periodic motion (s).
@@ -164,6 +164,7 @@ class Scene:
     measures: dict[str, MeasureNumbers] = field(default_factory=dict)
     inputs: tuple[ItemValues, ...] = ()
     balances: tuple[BalanceValues, ...] = ()
+    guess_rates: dict[str, Number] = field(default_factory=dict)
 
     @property
     def dimension(self) -> int:

@@ -239,6 +239,8 @@ class Steady:
 class Reference:
     """The reference motion: what is given, and guesses for what is not, by name such as ``rod.theta``.
 
+    `guess_rates` are those of a steady motion that is looked for.
+
     `find` is ``equilibrium``, ``steady`` or None; `period` is that of a periodic motion.
     """
 
@@ -250,6 +252,7 @@ class Reference:
     find: str | None
     steady: Steady | None
     period: Quantity | None
+    guess_rates: dict[str, Quantity]
 
 
 @dataclass(frozen=True)
@@ -484,7 +487,8 @@ REFERENCE_FIELDS = {
     "time": "time at which the motion is looked at, 0 if not given (s)",
     "coordinates": "values by body: {body: {x: …}}; missing ones are solved from the constraints",
     "rates": "time derivatives by body; missing ones are solved from the constraints",
-    "guess": "starting values for coordinates that are solved; choose between assemblies with them",
+    "guess": "starting values for coordinates that are solved; choose between assemblies with them; under rates: "
+    "those of a steady motion that is looked for, such as its direction of travel",
     "find": "equilibrium or steady: coordinates that are not given are solved so that the forces balance",
     "steady": "the motion is a steady turn about an axis, a steady translation, or both",
     "period": "period of a periodic motion, judged by its Floquet multipliers (s)",

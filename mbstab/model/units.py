@@ -394,15 +394,16 @@ def length_beside_angle(expression: Expression, names: Mapping[str, Known]) -> i
     return None
 
 
-def bare_factor(node: Node) -> str | None:
-    """Return a number that is a factor of an expression and may be meant with a unit; None if there is none."""
+def bare_factor(node: Node, power: int = 1) -> tuple[str, int] | None:
+    """Return a number that multiplies (1) or divides (-1) an expression and may be meant with a unit; None if none."""
     match node:
         case Number():
-            return node.text if Fraction(node.text) not in (0, 1, 2, Fraction(1, 2)) else None
+            return (node.text, power) if Fraction(node.text) not in (0, 1, 2, Fraction(1, 2)) else None
         case Negative():
-            return bare_factor(node.operand)
+            return bare_factor(node.operand, power)
         case Binary(operator="*" | "/"):
-            return bare_factor(node.left) or bare_factor(node.right)
+            right = -power if node.operator == "/" else power
+            return bare_factor(node.left, power) or bare_factor(node.right, right)
         case _:
             return None
 

@@ -120,9 +120,9 @@ class _Assembly(Evaluator):
         gravity = self.vector(model.gravity)
         time = self.number(reference.time)
         bodies = tuple(self.body(entry, time) for entry in model.bodies.values())
-        coordinates, rates, guess = (
+        coordinates, rates, guess, guess_rates = (
             {name: self.number(value) for name, value in values.items()}
-            for values in (reference.coordinates, reference.rates, reference.guess)
+            for values in (reference.coordinates, reference.rates, reference.guess, reference.guess_rates)
         )
         self.poses = self.start(bodies, guess | coordinates)
         named: dict[str, ItemValues] = {}
@@ -144,7 +144,7 @@ class _Assembly(Evaluator):
         self.document.raise_problems()
         return regular(Scene(
             model, self.f, self.parameters, gravity, bodies, items, time, coordinates, rates, guess, steady,
-            period, self.points(), self.lengths, initial, inputs=inputs,
+            period, self.points(), self.lengths, initial, inputs=inputs, guess_rates=guess_rates,
             measures={name: measure_numbers(x, self, lambda joint: named[f"joints.{joint}"])
                       for name, x in model.measures.items()},
         ))  # fmt: skip

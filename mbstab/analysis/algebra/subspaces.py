@@ -287,3 +287,28 @@ def redundancies(J: Any, spaces: Subspaces, n_h: int, rows: Sequence[Row]) -> li
         weights = least_squares(unit[kept].T, row, rcond=None) if kept else np.zeros(0)
         found.append(Redundancy(rows[i], tuple(rows[k] for k, w in zip(kept, weights, strict=True) if abs(w) > 1e-7)))
     return found
+
+
+def fewest(null: Array, groups: Sequence[str]) -> list[int]:
+    """Return coordinates, as few as possible, whose values determine all others.
+
+    Parameters
+    ----------
+    null : ndarray, shape (n, k)
+        Basis of the motions that are left.
+    groups : sequence of str
+        What each coordinate belongs to: those of the first one that moves are chosen, and of these the one that moves
+        most.
+    """
+    left, found = null.copy(), list[int]()
+    for group in dict.fromkeys(groups):
+        own = [i for i, name in enumerate(groups) if name == group]
+        while left.size:
+            lengths = np.linalg.norm(left[own], axis=1)
+            k = own[int(np.argmax(lengths))]
+            if np.max(lengths) <= TOLERANCES.moving_part * np.linalg.norm(null, axis=1).max():
+                break
+            found.append(k)
+            along = left[k] / np.linalg.norm(left[k])
+            left -= np.outer(left @ along, along)
+    return found

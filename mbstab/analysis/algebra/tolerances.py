@@ -53,6 +53,8 @@ class Tolerances:
     """Weights with which squares of rows are added to forms that are factored, in turn."""
     inertia_error: Final = 0.1
     """Backward errors of factors and errors of entries may be this fraction of the smallest singular value."""
+    moving_part: Final = 1e-3
+    """A coordinate determines a motion that is left if it takes part in it by more than this, of the largest part."""
     dense_null_space: Final = 1500
     """Up to this number of coordinates a dense null space is used where sparse factors fail."""
     inertia_iterations: Final = 6

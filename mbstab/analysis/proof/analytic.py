@@ -49,7 +49,14 @@ def _expressions(model: Model, overrides: Mapping[str, BallType]) -> Iterator[Ex
     yield from (x.expression for name, x in model.parameters.items() if name not in overrides and x.given is None)
     entries = [*model.bodies.values(), *(entry for group in model.entries.values() for entry in group.values())]
     reference = model.reference
-    asked = [reference.coordinates, reference.rates, reference.guess, reference.time, reference.period]
+    asked = [
+        reference.coordinates,
+        reference.rates,
+        reference.guess,
+        reference.guess_rates,
+        reference.time,
+        reference.period,
+    ]
     yield from expressions_in([model.gravity, [entry.values for entry in entries], asked, reference.steady])
 
 

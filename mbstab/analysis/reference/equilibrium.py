@@ -19,6 +19,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, least_squares
 from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.algebra.subspaces import fewest
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.efforts import Acted, Placement, efforts
@@ -344,10 +345,10 @@ class Problem:
         rates = null[n:] - same @ (same.T @ null[n:])
         still = np.linalg.norm(null[:n], axis=0) < 1e-6
         names = [balance.family.names()[k] for k in balance.free]
-        loose = [name for name, row in zip(names, rates, strict=True) if np.any(np.abs(row[still]) > 1e-6)]
-        if loose:
-            message = f"nothing determines {', '.join(loose)} of the steady motion"
-            hint = "give it under reference; 0 for what does not turn"
+        if np.any(np.abs(rates[:, still]) > 1e-6):
+            loose = ", ".join(names[i] for i in fewest(rates[:, still], names))
+            message = f"nothing determines {loose} of the steady motion"
+            hint = f"give {loose} under reference; 0 for what does not turn"
             place = self.scene.model.reference.location
             raise ModelFileError([self.scene.model.document.problem(place, "reference", message, hint)])
 
@@ -358,7 +359,9 @@ class Problem:
         if free:
             basis = self.family.basis(q)
             given = [i for i, name in enumerate(self.system.names) if name in self.scene.rates]
-            rates = np.array([self.scene.rates[self.system.names[i]] for i in given], dtype=float)
+            given += [i for i, name in enumerate(self.system.names) if name in self.scene.guess_rates]
+            told = {**self.scene.guess_rates, **self.scene.rates}
+            rates = np.array([told[self.system.names[i]] for i in given], dtype=float)
             state = self.system.bodily.dynamics(q, basis @ c)
             left = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
             c[free] = least_squares(left, -np.concatenate([state.V, (basis @ c)[given] - rates]), rcond=1e-9)

@@ -21,7 +21,7 @@ def idle(model: Model, names: Iterable[str], start: Mapping[str, float] | None) 
     """
     asked = model.reference
     given = [asked.time, asked.coordinates, asked.rates, asked.steady, asked.period]
-    used, guesses = used_in(model, [equations_of(model), given]), used_in(model, asked.guess)
+    used, guesses = used_in(model, [equations_of(model), given]), used_in(model, [asked.guess, asked.guess_rates])
     found = []
     for name in names:
         if name in used:

@@ -21,7 +21,7 @@ from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.augmented import Augmented, mobility, sparse_mobility
 from mbstab.analysis.algebra.rank import Rank, inverse_of_part, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, scaled, sizes_times
-from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, redundancies, subspaces
+from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, fewest, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.assembly import assembled, not_satisfied, unclosed
 from mbstab.analysis.reference.imbalance import balanced_at, carrying, require_compatible, state_rounding
@@ -33,7 +33,7 @@ from mbstab.analysis.reference.refusals import (
     vanishing_rows,
 )
 from mbstab.analysis.reference.state_units import balanced_states, characteristic_sizes
-from mbstab.analysis.reference.steady import Family, Generator, not_round
+from mbstab.analysis.reference.steady import Family, Generator, not_round, off_axis
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MassError, ModelFileError, Problem, amount
@@ -260,8 +260,8 @@ class Finder:
     def _rounding(self, q: Array, u: Array) -> Array:
         return state_rounding(self.system, q, u, self.scene.time)
 
-    def _check_rates(self, q: Array, u: Array, state: Dynamics) -> None:
-        """Refuse rates that do not satisfy the constraints."""
+    def _check_rates(self, q: Array, u: Array, state: Dynamics, steady: Generator | None = None) -> None:
+        """Refuse rates that do not satisfy the constraints; `steady` is the motion that they follow from."""
         system = self.system
         fastest = float(np.max(np.abs(u / self.sizes), initial=0.0))
         allowed = TOLERANCES.residual * abs(state.J) @ (self.sizes * fastest) + self._rounding(q, u)
@@ -270,19 +270,26 @@ class Finder:
             allowed = allowed + TOLERANCES.coordinate_rounding * carrying(system, (q, u), self.scene.time, self.sizes)
             bad = [i for i in bad if not abs(state.V[i]) <= allowed[i]]
         hint = "correct the rates, or leave out those that the constraints determine"
-        self._fail([not_satisfied(system, i, state.V[i], hint, per="/s" if i < system.n_h else "") for i in bad])
+        hints = [hint if steady is None else off_axis(system, i, steady) or hint for i in bad]
+        self._fail(
+            [
+                not_satisfied(system, i, state.V[i], hint, per="/s" if i < system.n_h else "")
+                for i, hint in zip(bad, hints, strict=True)
+            ]
+        )
 
     def _check_determined(self, J: Array, columns: npt.NDArray[np.intp], speeds: Array) -> None:
         """Refuse rates that were left out although the constraints leave a choice that changes the motion."""
         lengths = np.linalg.norm(J, axis=1)
-        free = (
-            np.linalg.norm(rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null, axis=1) > TOLERANCES.residual
-        )
+        null = rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null
+        free = np.linalg.norm(null, axis=1) > TOLERANCES.residual
         moving = np.abs(speeds[columns]) > TOLERANCES.residual * np.max(np.abs(speeds), initial=0.0)
         if np.any(free & moving):
-            names = ", ".join(self.system.names[i] for i in columns[free])
-            message = f"the constraints do not determine the rates of {names}"
-            hint = "give one of them under reference.rates; 0 for what does not move"
+            names = [self.system.names[i] for i in columns]
+            few = fewest(null, [name.partition(".")[0] for name in names])
+            listed = ", ".join(names[i] for i in few)
+            message = f"the constraints do not determine all rates: {listed} {'is' if len(few) == 1 else 'are'} missing"
+            hint = f"give {listed} under reference.rates, 0 for what does not move; the others follow"
             self._fail([self._at_reference(message, hint)])
 
     def _at_reference(self, message: str, hint: str) -> Problem:
@@ -321,12 +328,11 @@ class Finder:
                 break
         if free:
             rank = rank_of(columns * weights[:, None] / np.max(np.abs(columns * weights[:, None]), initial=1e-300))
-            open_ = [
-                family.names()[free[k]] for k in np.flatnonzero(np.linalg.norm(rank.null, axis=1) > TOLERANCES.residual)
-            ]
-            if open_:
-                message = f"the constraints do not determine {', '.join(open_)} of the steady motion"
-                self._fail([self._at_reference(message, "give it under reference; 0 for what does not turn")])
+            names = [family.names()[k] for k in free]
+            if few := fewest(rank.null, names):
+                listed = ", ".join(names[i] for i in few)
+                message = f"the constraints do not determine {listed} of the steady motion"
+                self._fail([self._at_reference(message, f"give {listed} under reference; 0 for what does not turn")])
         c[np.abs(c) < 1e-13 * np.max(np.abs(c), initial=0.0)] = 0.0
         generator = family.generator(c)
         u = generator.field(q)
@@ -341,7 +347,7 @@ class Finder:
                 problems.append(self._at_reference(message, hint))
         self._fail(problems)
         state = system.dynamics(q, u, scene.time)
-        self._check_rates(q, u, state)
+        self._check_rates(q, u, state, generator)
         return generator, state
 
     # --- accelerations and multipliers ------------------------------------------------------------------------------

@@ -29,6 +29,7 @@ from mbstab.analysis.reference.rotation import (
 )
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
+from mbstab.mechanics.catalogue import GROUND
 from mbstab.model.scene import BodyValues
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
@@ -297,6 +298,29 @@ def not_round(system: System, column: int) -> str:
                 "mass on z: correct them, or turn all that turns by reference.steady (rate)"
             )
     return ""
+
+
+def off_axis(system: System, i: int, steady: Generator) -> str:
+    """Return a hint if a row belongs to a joint that holds a body to the ground beside the axis of a steady motion."""
+    row, d = system.rows[i], system.scene.dimension
+    item = next((x for x in system.scene.items if x.entry.path == f"{row.section}.{row.name}"), None)
+    if item is None or row.section != "joints" or "between" not in item.entry.values or not steady.turns:
+        return ""
+    fixed = [marker for marker in item.markers("between") if marker.body == GROUND]
+    if len(fixed) != 1:
+        return ""
+    arm = np.zeros(3)
+    arm[:d] = np.array(fixed[0].point[:d], dtype=float)
+    shown = vector_text(arm[:d])
+    arm -= steady.point
+    arm -= steady.axis * (steady.axis @ arm)
+    if np.linalg.norm(arm) <= TOLERANCES.residual * max([1e-300, *map(float, system.scene.lengths)]):
+        return ""
+    return (
+        f"it holds a body at {shown} m, which is not on the axis of the steady motion ({steady}): that turns all "
+        "bodies about one axis together; turns about several axes are a motion that repeats: leave out steady and "
+        "find, give the rates, and reference.period"
+    )
 
 
 def spun(system: System, u: Array) -> str:

@@ -173,4 +173,5 @@ def _held(reference: Reference, evaluator: Evaluator) -> Reference:
         coordinates=numbers(reference.coordinates),
         rates=numbers(reference.rates),
         guess=numbers(reference.guess),
+        guess_rates=numbers(reference.guess_rates),
     )

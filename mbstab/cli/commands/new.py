@@ -47,7 +47,8 @@ def new(kind: str | None, file: Path | None, output: Path | None) -> None:
     goal = Path(name) if file is None else file / name if file.is_dir() else file
     if goal.exists():
         raise UsageError(f"{goal} exists already\nhint: name another FILE")
-    text = (starts_folder() / name).read_text(encoding="utf-8").replace(name, goal.name)
+    text = (starts_folder() / name).read_text(encoding="utf-8")
+    text = re.sub(rf"(?<!\w){re.escape(name)}", lambda _: goal.name, text)
     save(goal, lambda path: write_bytes(path, text.encode("utf-8")), "FILE")
 
 

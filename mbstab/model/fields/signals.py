@@ -121,7 +121,7 @@ class RateField(SignalField):
             reading.nodes.complain(node, path, message, "solve the equation for the rate")
             return None
         root = Binary("-", Rate(state, 0), given.root, 0)
-        return Quantity(f"rate({state}) - ({given.text})", root, given.location, path)
+        return Quantity(given.text, root, given.location, path)
 
 
 class MadeRateField(RateField):

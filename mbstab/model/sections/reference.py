@@ -18,7 +18,7 @@ from mbstab.model.schema import (
     constant,
     unit_of,
 )
-from mbstab.model.yamlfile import Mapping, YamlNode
+from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
 
 
 def read_state(quantities: QuantityReader, node: YamlNode | None, path: str, per: str = "") -> dict[str, Quantity]:
@@ -58,15 +58,34 @@ class ReferenceReader:
         mapping = self._section(root, "reference", REFERENCE_FIELDS)
         entries = mapping.entries if mapping else {}
         time = self._optional(entries, "time", "reference", "s")
+        guess, guess_rates = self._guess(entries.get("guess"))
         return Reference(
             root.keys["reference"].location if mapping else root.location,
             time if time is not None else constant("0", root.location, "reference.time"),
             read_state(self.quantities, entries.get("coordinates"), "reference.coordinates"),
             read_state(self.quantities, entries.get("rates"), "reference.rates", "/s"),
-            read_state(self.quantities, entries.get("guess"), "reference.guess"),
+            read_state(self.quantities, guess, "reference.guess"),
             *self._search(entries),
             self._optional(entries, "period", "reference", "s"),
+            self._guessed_rates(entries, guess_rates),
         )
+
+    def _guess(self, node: YamlNode | None) -> tuple[YamlNode | None, YamlNode | None]:
+        """Return starting values of coordinates, and those of rates; a body may be called rates, too."""
+        if not isinstance(node, Mapping) or "rates" not in node.entries or "rates" in self.names.bodies:
+            return node, None
+        rest = {key: item for key, item in node.entries.items() if key != "rates"}
+        return Mapping(rest, {key: node.keys[key] for key in rest}, node.location), node.entries["rates"]
+
+    def _guessed_rates(self, entries: dict[str, YamlNode], node: YamlNode | None) -> dict[str, Quantity]:
+        """Return starting values of the rates of a steady motion; only one that is looked for has such."""
+        path = "reference.guess.rates"
+        find = entries.get("find")
+        if node is not None and not (isinstance(find, Scalar) and find.text == "steady"):
+            hint = "write find: steady, or what is known of the motion under reference.rates"
+            self.nodes.complain(node, path, "rates are guessed only of a steady motion that is looked for", hint)
+            return {}
+        return read_state(self.quantities, node, path, "/s")
 
     def initial(self, root: Mapping) -> Initial:
         """Return where a simulation starts."""
