@@ -347,11 +347,21 @@ SPRUNG = (
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("ratio", ["1e6", "1e3", "1", "1e-3", "1e-6"])
+@pytest.mark.parametrize("ratio", ["1e6", "1e3", "1", "1e-3", "1e-6", "-3", "2.64713", "-0.31416"])
 def test_ratios_may_be_extreme(ratio, dimension):
     model = in_dimension(SPRUNG.replace("TRAIN", f"type: gear, joints: [a, b], ratio: {ratio}"), dimension)
     found = [e.value.imag for e in mbstab.loads(model).eig().eigenvalues]
     assert max(found) == pytest.approx(math.sqrt(50 / (0.02 + 0.5 / float(ratio) ** 2)), rel=1e-11)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize(("one", "other"), [("gear", "internal"), ("belt", "crossed")])
+def test_a_negative_ratio_turns_in_the_other_sense(one, other, dimension):
+    rows = [
+        mbstab.loads(in_dimension(SPRUNG.replace("TRAIN", f"type: {one}, joints: [a, b], {x}"), dimension)).motion()
+        for x in ("ratio: -3/2", f"ratio: 3/2, {other}: true")
+    ]
+    assert rows[0].dynamics.J.tolist() == rows[1].dynamics.J.tolist()
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -523,7 +533,7 @@ REFUSED = {
     "teeth of one wheel": ("teeth: »3, joints: [a, b]", "expected a list of two numbers, one for each wheel"),
     "teeth and ratio": ("»joints: [a, b], teeth: [1, 2], ratio: 2", "'teeth' and 'ratio' given"),
     "no ratio": ("»joints: [a, b]", "give one of 'teeth' and 'radii' and 'ratio', none given"),
-    "a ratio below zero": ("joints: [a, b], ratio: »-2", "ratio must be positive, got -2"),
+    "a ratio of zero": ("joints: [a, b], ratio: »0", "ratio must not be zero, got 0"),
     "a stiffness without radii": ("»joints: [a, b], ratio: 2, stiffness: 3", "the key 'radii' is missing"),
     "no flag": ("joints: [a, b], ratio: 2, internal: »maybe", "unknown choice 'maybe'"),
     "sides of a differential": ("type: differential, joints: »[a, b]", "expected a list of 3 joints"),
@@ -556,11 +566,11 @@ OTHERS = """  free: {type: spherical, between: [one, two]}
 
 
 def test_in_space_a_ratio_is_a_fraction():
-    odd = PAIR.replace("TRAIN", "type: gear, joints: [a, b], ratio: 2.64713")
+    odd = PAIR.replace("TRAIN", "type: gear, joints: [a, b], ratio: sqrt(2)")
     assert mbstab.loads(odd).eig().verdict == "stable up to symmetry"
     with pytest.raises(
-        mbstab.ModelFileError, match=r"in space a ratio must be a fraction .* got 2.64713(.|\n)*teeth: \[n1"
-    ):
+        mbstab.ModelFileError, match=r"in space a ratio must be a fraction .* got 1.414(.|\n)*\[n1"
+    ) as no:
         mbstab.loads(in_space(odd)).eig()
     assert mbstab.loads(in_space(odd).replace("2.64713", "37/10")).eig().verdict == "stable up to symmetry"
 
@@ -630,3 +640,11 @@ def test_one_body_that_carries_the_wheels_is_enough(change, told):
         housings(**change).replace("mbstab: 1", "mbstab: 1\nparameters: {k: 3}").replace("ss: 3", "ss: k")
     )
     assert any("no body in common" in text for text in swept.sweep("k", np.linspace(1.0, 3.0, 3)).warnings) == told
+    assert mbstab.loads(in_space(odd).replace("sqrt(2)", "37/10")).eig().verdict == "stable up to symmetry"
+    (row,) = re.findall(r"\{nonholonomic: .*?\}", str(no.value).replace("\n", " "))
+    spring = "forces: {k: {type: joint_spring, joint: a, stiffness: 50}}\n"
+    free = (
+        re.sub(r"\n *mesh: .*", "", in_space(odd)) + f"constraints: {{r: {row.replace('ratio', 'sqrt(2)')}}}\n" + spring
+    )
+    found = max(e.value.imag for e in mbstab.loads(free).eig().eigenvalues)
+    assert found == pytest.approx(math.sqrt(50 / (0.02 + 0.25)), rel=1e-11)

@@ -276,7 +276,7 @@ def test_slip_has_no_value_at_rest(text):
         ("sigma: 0.5", "sigma: -0.5", "relaxation length must be positive, got -0.5 m"),
         ("sigma: 0.5", "sigma: 0", "relaxation length must be positive, got 0 m"),
         ("cornering_stiffness: C, ", "", "the key 'cornering_stiffness' is missing"),
-        ("C: 80000", "C: -1", "cornering stiffness must be positive, got -1 N/rad"),
+        ("C: 80000", "C: -1", "cornering stiffness must not be negative, got -1 N/rad"),
         ("t_r: 0", "front_slip: 0", "its state would be called 'front_slip', and that name is taken"),
         ("at: car.front", "contact: wheel", "unknown key 'contact'"),
         ("at: car.front", "at: ground", "expected a point of a body"),

@@ -114,8 +114,11 @@ ELEMENTS = (
 
 # --- kinds ----------------------------------------------------------------------------------------------------------
 
-SMALL = 1000
-"""Largest number of turns after which two wheels with a given ratio must stand as before, in space."""
+SMALL = 100_000
+"""Largest number of turns after which two wheels with a given ratio must stand as before, in space.
+
+The row tells positions apart that differ by less than a turn over this number; steps of a simulation stay far below.
+"""
 
 
 def whole_turns(ratio: Number) -> Number | None:
@@ -124,7 +127,7 @@ def whole_turns(ratio: Number) -> Number | None:
     Parameters
     ----------
     ratio : number
-        Turns of the first wheel in one of the second. A symbol stands for a whole number.
+        Turns of the first wheel in one of the second, not zero. A symbol stands for a whole number.
     """
     if hasattr(ratio, "free_symbols"):
         return 1
@@ -134,6 +137,10 @@ def whole_turns(ratio: Number) -> Number | None:
         found = [whole_turns(x) for x in ratio.flat]
         return None if None in found else np.reshape(np.array(found, dtype=float), ratio.shape)
     size = representative(ratio)
+    if size < 0:
+        return whole_turns(-ratio)
+    if size == 0:
+        return None
     fraction = Fraction(max(size, 1 / size)).limit_denominator(SMALL)
     if size < 1:
         fraction = 1 / fraction
@@ -350,7 +357,10 @@ def _touching(item: Item) -> Vector:
         return ()
     apart = norm(tuple(x - y for x, y in zip(one.point, other.point, strict=True)), item.functions.sqrt)
     turns, times = _ratio(item)
-    across = abs(times - turns) if item.value("internal") else turns + times
+    inside = item.value("internal")
+    if representative(times) < 0:
+        inside, times = not inside, -times
+    across = abs(times - turns) if inside else turns + times
     return (apart * turns / across, apart * times / across) if apart and across else ()
 
 
@@ -375,7 +385,9 @@ def _elastic_fields(of: str, needs: tuple[str, ...] = ()) -> tuple[Field, ...]:
 
 _RADII = Field("radii", "radii", "radii of the pitch circles of both wheels", "m", sign="positive")
 _TEETH = Field("teeth", "teeth", "numbers of teeth of both wheels")
-_RATIO = Field("ratio", "ratio", "turns of the first wheel in one of the second", sign="positive")
+_RATIO = Field(
+    "ratio", "ratio", "turns of the first wheel in one of the second; negative: in the other sense", sign="nonzero"
+)
 _WHEELS = (_TEETH, _RADII, _RATIO)
 _ONE = (("teeth", "radii", "ratio"),)
 

@@ -1,17 +1,18 @@
 """Tyres: side force and aligning moment of a wheel that rolls with a slip angle.
 
 The slip angle α is that of the speed of the contact against the plane of the wheel, tan α = v_y/|v_x| with v_x of the
-centre and v_y of the contact, positive to the left of the heading; the lean γ is positive to the right. Of the
-slip z = α + γ C_γ/C comes the side force −C z, with a peak D that of the Magic Formula,
-−D sin(S atan(x − E (x − atan x))) with x = C z/(S D), the shape factor S and the curvature factor E: it has the same
-slope C where nothing slips (Bakker, Nyborg, Pacejka, SAE 870421, 1987).
-The force acts a pneumatic trail t behind the contact: its moment there is −t cos α times the force. An aligning
-moment of its own may be added, K z at small slip and with a peak likewise by the Magic Formula; it turns the
-wheel to where it goes, until at large slip it may change its sign (shape factors above 2). Where the wheel moves astern
-of its heading, v_x < 0, the trail lies on the other side, and this moment has the other sign. With a relaxation
-length σ the slip z is a first-order state, z' = |v|/σ (α + γ C_γ/C − z): it follows over the distance travelled
-(Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7). Coefficients may be expressions of the load, and this
-one of the motion.
+centre and v_y of the contact, positive to the left of the heading; the lean γ is positive to the right. Of the slip
+comes the side force F = −C α, with a peak D that of the Magic Formula, −D sin(S atan(x − E (x − atan x))) with
+x = C α/(S D), the shape factor S and the curvature factor E: it has the same slope C where nothing slips (Bakker,
+Nyborg, Pacejka, SAE 870421, 1987). The lean adds a camber thrust −C_γ γ at the contact.
+F acts a pneumatic trail t behind the contact: its moment there is −t cos α F. An aligning moment of its own may be
+added, K α at small slip and with a peak likewise by the Magic Formula; it turns the wheel to where it goes, until at
+large slip it may change its sign (shape factors above 2). The lean may have a moment of its own, −K_γ γ, which turns
+the wheel to the side to which it leans. Where the wheel moves astern of its heading, v_x < 0, the trail lies on the
+other side, and both moments have the other sign. With a relaxation length σ side force and camber thrust follow over
+the distance travelled: the slip z = α + γ C_γ/C is a first-order state, z' = |v|/σ (α + γ C_γ/C − z), and z − γ C_γ/C
+stands for α above (Pacejka, Tire and Vehicle Dynamics, 2012, chapters 1, 4 and 7). Coefficients may be expressions of
+the load, and this one of the motion.
 """
 
 from __future__ import annotations
@@ -64,12 +65,18 @@ def _rolling(frame: Any, p: Any) -> _Rolling:
     return _Rolling(heading.dot(centre), left.dot(centre + turn.cross(arm)), p.normal.dot(turn), lean)
 
 
-def _settled(at: _Rolling, p: Any) -> Any:
-    """Return the slip without relaxation."""
+def _slip(at: _Rolling, p: Any, states: Any) -> Any:
+    """Return the slip angle, or what follows it over a relaxation length."""
     import sympy
 
-    slip = sympy.atan2(at.across, sympy.Function("abs")(at.along))
-    return slip + p.camber[0] / p.cornering[0] * at.lean if at.lean != 0 else slip
+    if not states:
+        return sympy.atan2(at.across, sympy.Function("abs")(at.along))
+    return states[0].q[0] - _of_lean(at, p)
+
+
+def _of_lean(at: _Rolling, p: Any) -> Any:
+    """Return the slip angle at which the side force is the camber thrust."""
+    return p.camber[0] / p.cornering[0] * at.lean if at.lean != 0 else 0
 
 
 def _side_force(p: Any, slip: Any) -> Any:
@@ -92,17 +99,14 @@ def _acting(at: _Rolling, p: Any, slip: Any) -> Load:
 
     force = _side_force(p, slip)
     moment = -p.trail[0] * at.along / at.speed * force
-    return Load(power=((sympy.Matrix([force, moment]), sympy.Matrix([at.across, at.turn])),))
+    thrust = -p.camber[0] * at.lean if at.lean != 0 else 0
+    return Load(power=((sympy.Matrix([force + thrust, moment]), sympy.Matrix([at.across, at.turn])),))
 
 
 def _tyre(frames: Any, p: Any, s: Any) -> Load:
-    at = _rolling(frames[0], p)
-    return _acting(at, p, _settled(at, p))
-
-
-def _relaxed_tyre(frames: Any, p: Any, s: Any) -> Load:
-    wheel, state = frames
-    return _acting(_rolling(wheel, p), p, state.q[0])
+    wheel, *states = frames
+    at = _rolling(wheel, p)
+    return _acting(at, p, _slip(at, p, states))
 
 
 def _aligning(frames: Any, p: Any, s: Any) -> Load:
@@ -110,15 +114,22 @@ def _aligning(frames: Any, p: Any, s: Any) -> Load:
 
     wheel, *states = frames
     at = _rolling(wheel, p)
-    slip = states[0].q[0] if states else _settled(at, p)
+    slip = _slip(at, p, states)
     moment = _magic(p.aligning[0], p, slip) if hasattr(p, "peak") else p.aligning[0] * slip
     return Load(power=((sympy.Matrix([at.sense * moment]), sympy.Matrix([at.turn])),))
+
+
+def _camber_moment(frames: Any, p: Any, s: Any) -> Load:
+    import sympy
+
+    at = _rolling(frames[0], p)
+    return Load(power=((sympy.Matrix([-at.sense * p.moment[0] * at.lean]), sympy.Matrix([at.turn])),))
 
 
 def _tyre_relaxation(frames: Any, p: Any, s: Any) -> Any:
     wheel, state = frames
     at = _rolling(wheel, p)
-    return [state.u[0] - at.speed / p.relaxation[0] * (_settled(at, p) - state.q[0])]
+    return [state.u[0] - at.speed / p.relaxation[0] * (_slip(at, p, ()) + _of_lean(at, p) - state.q[0])]
 
 
 _PLACES: dict[str, tuple[tuple[str, int], ...]] = {
@@ -133,8 +144,8 @@ _AT_REST = (
     "the slip of a tyre has no value where its wheel does not move over the ground, at rest or turning on the spot: "
     "give speeds under reference: rates: (or reference: steady: {direction: x, speed: …}, where a motion is looked "
     "for, or a turn about an axis beside the wheel), or hold a wheel that stands by a contact instead; an aligning "
-    "moment has none where its wheel moves straight sideways; a cornering stiffness or a peak that changes with the "
-    "motion must stay positive"
+    "or camber moment has none where its wheel moves straight sideways; with a relaxation length the cornering "
+    "stiffness must not be 0; a peak that changes with the motion must stay positive"
 )
 
 ELEMENTS = tuple(
@@ -147,7 +158,14 @@ ELEMENTS = tuple(
             for element in (
                 Element(f"{magic}tyre", "force", (frame,), 1, (*place, *law, *_CAMBER[frame]), _tyre, hint=_AT_REST),
                 Element(
-                    f"relaxed_{magic}tyre", "force", (frame,), 1, (*place, *law), _relaxed_tyre, states=1, hint=_AT_REST
+                    f"relaxed_{magic}tyre",
+                    "force",
+                    (frame,),
+                    1,
+                    (*place, *law, *_CAMBER[frame]),
+                    _tyre,
+                    states=1,
+                    hint=_AT_REST,
                 ),
             )
         ),
@@ -160,7 +178,7 @@ ELEMENTS = tuple(
                     "force",
                     (frame,),
                     1,
-                    (*place, ("aligning", 1), *law, *_CAMBER_SLIP[frame]),
+                    (*place, ("aligning", 1), *law),
                     _aligning,
                     hint=_AT_REST,
                 ),
@@ -169,7 +187,7 @@ ELEMENTS = tuple(
                     "force",
                     (frame,),
                     1,
-                    (*place, ("aligning", 1), *law),
+                    (*place, ("aligning", 1), *law, *_CAMBER_SLIP[frame]),
                     _aligning,
                     states=1,
                     hint=_AT_REST,
@@ -186,6 +204,10 @@ ELEMENTS = tuple(
             states=1,
             units=("rad/s",),
             hint=_AT_REST,
+        ),
+        *(
+            Element("camber_moment", "force", (frame,), 1, (*place, ("moment", 1)), _camber_moment, hint=_AT_REST)
+            for _ in _CAMBER[frame]
         ),
     )
 )
@@ -216,11 +238,13 @@ def _tyre_elements(item: Item) -> Iterable[ElementUse]:
         name = "magic_tyre"
         force += [item.number(key) for key, _ in _MAGIC]
     if item.given("relaxation_length"):
-        yield ElementUse(f"relaxed_{name}", (body, item.state), (*place, *force))
+        yield ElementUse(f"relaxed_{name}", (body, item.state), (*place, *force, *_camber(item)))
     else:
         yield ElementUse(name, (body,), (*place, *force, *_camber(item)))
     if item.given("aligning_stiffness"):
         yield _aligning_use(item, body, place)
+    if item.given("camber_moment"):
+        yield ElementUse("camber_moment", (body,), (*place, item.number("camber_moment")))
 
 
 def _aligning_use(item: Item, body: int, place: tuple[Any, ...]) -> ElementUse:
@@ -228,10 +252,10 @@ def _aligning_use(item: Item, body: int, place: tuple[Any, ...]) -> ElementUse:
     if item.given("aligning_peak"):
         name = f"magic_{name}"
         numbers += [item.number(f"aligning_{key}") for key, _ in _MAGIC]
-    if item.given("relaxation_length"):
-        return ElementUse(f"relaxed_{name}", (body, item.state), (*place, *numbers))
+    if not item.given("relaxation_length"):
+        return ElementUse(name, (body,), (*place, *numbers))
     slip = (item.number("cornering_stiffness"), *_camber(item)) if item.dimension == 3 else ()
-    return ElementUse(name, (body,), (*place, *numbers, *slip))
+    return ElementUse(f"relaxed_{name}", (body, item.state), (*place, *numbers, *slip))
 
 
 def _relaxation(item: Item) -> Iterable[ElementUse]:
@@ -265,16 +289,23 @@ _STIFFNESS = (
         "side force over slip angle at small slip; may change with the motion, as the load does",
         "N/rad",
         required=True,
-        sign="positive",
+        sign="nonnegative",
         instead="a positive stiffness gives a side force against the slip; data whose slip or force has the other sign "
         "have it negative",
     ),
     Field(
         "camber_stiffness",
         "number",
-        "side force over lean, towards the side to which the wheel leans",
+        "camber thrust over lean, towards the side to which the wheel leans; the trail does not count for it",
         "N/rad",
         default="0",
+        dimensions=(3,),
+    ),
+    Field(
+        "camber_moment",
+        "number",
+        "moment over lean, which turns the wheel to the side to which it leans",
+        "N*m/rad",
         dimensions=(3,),
     ),
     Field(
@@ -307,7 +338,7 @@ _STIFFNESS = (
         "moving number",
         "aligning moment over slip angle at small slip, in addition to that of the trail; may change with the motion",
         "N*m/rad",
-        sign="positive",
+        sign="nonnegative",
     ),
     Field(
         "aligning_peak",

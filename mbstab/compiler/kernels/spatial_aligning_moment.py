@@ -4,7 +4,7 @@
 def dynamics(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, cornering, camber, = p
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, = p
     w0 = f.sin(theta1)
     w1 = f.cos(psi1)
     w2 = f.sin(psi1)
@@ -55,18 +55,17 @@ def dynamics(f, q, u, p, s):
     w47 = base1_31*w39 + base1_32*w40 + base1_33*w41
     w48 = (normal_2*w16 - normal_3*w14)*(x1_t + w33 + w34 + w35 - w44*w46 + w38*w47)/w18
     w49 = (normal_3*w17 - normal_1*w16)*(y1_t + w24 + w27 + w29 - w43*w47 + w42*w46)/w18
-    w50 = camber*f.atan2(w37, w18)/cornering + f.atan2(w45 + w48 + w49, f.abs(w36))
-    w51 = aligning*w50/f.signum(w36)
-    w52 = normal_3*w51
-    w53 = normal_2*w51
-    w54 = normal_1*w51
-    w55 = base1_31*w52 + base1_21*w53 + base1_11*w54
-    w56 = base1_33*w52 + base1_23*w53 + base1_13*w54
-    w57 = base1_32*w52 + base1_22*w53 + base1_12*w54
+    w50 = aligning*f.atan2(w45 + w48 + w49, f.abs(w36))/f.signum(w36)
+    w51 = normal_3*w50
+    w52 = normal_2*w50
+    w53 = normal_1*w50
+    w54 = base1_31*w51 + base1_21*w52 + base1_11*w53
+    w55 = base1_33*w51 + base1_23*w52 + base1_13*w53
+    w56 = base1_32*w51 + base1_22*w52 + base1_12*w53
     return (
-        -w55,
-        -(w9*w56 + w7*w57),
-        -(w56*w4*w7 - w57*w4*w9 + w0*w55),
+        -w54,
+        -(w9*w55 + w7*w56),
+        -(w55*w4*w7 - w56*w4*w9 + w0*w54),
     )
 
 
@@ -78,7 +77,7 @@ DYNAMICS = {
 def linearize(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, cornering, camber, = p
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, = p
     w0 = f.sin(theta1)
     w1 = f.cos(psi1)
     w2 = f.sin(psi1)
@@ -131,218 +130,214 @@ def linearize(f, q, u, p, s):
     w49 = x1_t + w44 + w46 + w48
     w50 = w14*w35/w18 + w16*w42/w18 + w17*w49/w18
     w51 = f.signum(w50)
-    w52 = w10*base1_13 - w11*base1_12
-    w53 = w10*base1_23 - w11*base1_22
-    w54 = w10*base1_33 - base1_32*w11
-    w55 = normal_1*w52 + normal_2*w53 + normal_3*w54
-    w56 = normal_1*w13 + normal_2*w15 + w12*normal_3
-    w57 = w56*w56 + w18*w18
-    w58 = normal_1*w54 - normal_3*w52
-    w59 = normal_2*w52 - normal_1*w53
-    w60 = normal_3*w53 - normal_2*w54
-    w61 = (w14*w58 + w16*w59 + w17*w60)/w18
-    w62 = f.abs(w50)
-    w63 = normal_1*w14 - normal_2*w17
-    w64 = normal_2 - w15*w56
-    w65 = normal_2*tube + radius*w64/w18
-    w66 = phi1_t + w0*psi1_t
-    w67 = w7*theta1_t - w4*w9*psi1_t
-    w68 = w9*theta1_t + w4*w7*psi1_t
-    w69 = base1_11*w66 + base1_12*w67 + base1_13*w68
-    w70 = normal_1 - w13*w56
-    w71 = normal_1*tube + radius*w70/w18
-    w72 = base1_21*w66 + base1_22*w67 + base1_23*w68
-    w73 = z1_t + w37 + w39 + w41 - w65*w69 + w71*w72
-    w74 = phi1_t*(base1_32*w25 + base1_33*w23)
-    w75 = base1_33*w28 - base1_32*w29
-    w76 = psi1_t*w75
-    w77 = w9*base1_33*w32 + w7*base1_32*w32
-    w78 = theta1_t*w77
-    w79 = radius/w18
-    w80 = w61*radius*w64/(w18*w18) + (w56*w53 + w15*w55)*w79
-    w81 = base1_13*w67 - base1_12*w68
-    w82 = w61*radius*w70/(w18*w18) + w79*(w56*w52 + w13*w55)
-    w83 = base1_23*w67 - base1_22*w68
-    w84 = (w76 - w74 + w78 - (w65*w81 - w69*w80) + w71*w83 - w72*w82)*w63/w18
-    w85 = (normal_1*w58 - normal_2*w60)*w73/w18 - w61*w63*w73/(w18*w18) + w84
-    w86 = normal_2*w16 - normal_3*w14
-    w87 = normal_3 - w12*w56
-    w88 = normal_3*tube + radius*w87/w18
-    w89 = base1_31*w66 + base1_32*w67 + base1_33*w68
-    w90 = x1_t + w44 + w46 + w48 - w72*w88 + w65*w89
-    w91 = phi1_t*(base1_12*w25 + base1_13*w23)
-    w92 = base1_13*w28 - base1_12*w29
-    w93 = psi1_t*w92
-    w94 = w9*base1_13*w32 + w7*base1_12*w32
-    w95 = theta1_t*w94
-    w96 = w61*radius*w87/(w18*w18) + w79*(w56*w54 + w12*w55)
-    w97 = base1_33*w67 - base1_32*w68
-    w98 = (w93 - w91 + w95 - (w88*w83 - w72*w96) + w65*w97 - w89*w80)*w86/w18
-    w99 = (normal_2*w59 - normal_3*w58)*w90/w18 - w61*w86*w90/(w18*w18) + w98
-    w100 = normal_3*w17 - normal_1*w16
-    w101 = y1_t + w27 + w31 + w34 - w71*w89 + w69*w88
-    w102 = phi1_t*(base1_22*w25 + base1_23*w23)
-    w103 = base1_23*w28 - base1_22*w29
-    w104 = psi1_t*w103
-    w105 = w9*base1_23*w32 + w7*base1_22*w32
-    w106 = theta1_t*w105
-    w107 = (w104 - w102 + w106 - (w71*w97 - w89*w82) + w88*w81 - w69*w96)*w100/w18
-    w108 = (normal_3*w60 - normal_1*w59)*w101/w18 - w61*w100*w101/(w18*w18) + w107
-    w109 = w63*w73/w18 + w86*w90/w18 + w100*w101/w18
-    w110 = w109*w109 + w62*w62
-    w111 = w58*w35/w18 - w61*w14*w35/(w18*w18) + (w104 - w102 + w106)*w14/w18
-    w112 = w59*w42/w18 - w61*w16*w42/(w18*w18) + (w76 - w74 + w78)*w16/w18
-    w113 = w60*w49/w18 - w61*w17*w49/(w18*w18) + (w93 - w91 + w95)*w17/w18
-    w114 = f.abs_slope(w50)
-    w115 = w62*(w85 + w99 + w108)/w110 - w109*(w111 + w112 + w113)*w114/w110
-    w116 = (w55*w18/w57 - w61*w56/w57)*camber/cornering + w115
-    w117 = aligning*base1_31*normal_3*w116/w51 + aligning*normal_2*base1_21*w116/w51 + aligning*normal_1*base1_11*w116/w51
-    w118 = w8*base1_11 + w5*w9*base1_12 - w5*w7*base1_13
+    w52 = f.abs(w50)
+    w53 = w10*base1_33 - base1_32*w11
+    w54 = w10*base1_13 - w11*base1_12
+    w55 = normal_1*w53 - normal_3*w54
+    w56 = w10*base1_23 - w11*base1_22
+    w57 = normal_2*w54 - normal_1*w56
+    w58 = normal_3*w56 - normal_2*w53
+    w59 = (w14*w55 + w16*w57 + w17*w58)/w18
+    w60 = normal_1*w14 - normal_2*w17
+    w61 = normal_1*w13 + normal_2*w15 + w12*normal_3
+    w62 = normal_2 - w15*w61
+    w63 = normal_2*tube + radius*w62/w18
+    w64 = phi1_t + w0*psi1_t
+    w65 = w7*theta1_t - w4*w9*psi1_t
+    w66 = w9*theta1_t + w4*w7*psi1_t
+    w67 = base1_11*w64 + base1_12*w65 + base1_13*w66
+    w68 = normal_1 - w13*w61
+    w69 = normal_1*tube + radius*w68/w18
+    w70 = base1_21*w64 + base1_22*w65 + base1_23*w66
+    w71 = z1_t + w37 + w39 + w41 - w63*w67 + w69*w70
+    w72 = phi1_t*(base1_32*w25 + base1_33*w23)
+    w73 = base1_33*w28 - base1_32*w29
+    w74 = psi1_t*w73
+    w75 = w9*base1_33*w32 + w7*base1_32*w32
+    w76 = theta1_t*w75
+    w77 = normal_1*w54 + normal_2*w56 + normal_3*w53
+    w78 = radius/w18
+    w79 = w59*radius*w62/(w18*w18) + (w61*w56 + w15*w77)*w78
+    w80 = base1_13*w65 - base1_12*w66
+    w81 = w59*radius*w68/(w18*w18) + w78*(w61*w54 + w13*w77)
+    w82 = base1_23*w65 - base1_22*w66
+    w83 = (w74 - w72 + w76 - (w63*w80 - w67*w79) + w69*w82 - w70*w81)*w60/w18
+    w84 = (normal_1*w55 - normal_2*w58)*w71/w18 - w59*w60*w71/(w18*w18) + w83
+    w85 = normal_2*w16 - normal_3*w14
+    w86 = normal_3 - w12*w61
+    w87 = normal_3*tube + radius*w86/w18
+    w88 = base1_31*w64 + base1_32*w65 + base1_33*w66
+    w89 = x1_t + w44 + w46 + w48 - w70*w87 + w63*w88
+    w90 = phi1_t*(base1_12*w25 + base1_13*w23)
+    w91 = base1_13*w28 - base1_12*w29
+    w92 = psi1_t*w91
+    w93 = w9*base1_13*w32 + w7*base1_12*w32
+    w94 = theta1_t*w93
+    w95 = w59*radius*w86/(w18*w18) + w78*(w61*w53 + w12*w77)
+    w96 = base1_33*w65 - base1_32*w66
+    w97 = (w92 - w90 + w94 - (w87*w82 - w70*w95) + w63*w96 - w88*w79)*w85/w18
+    w98 = (normal_2*w57 - normal_3*w55)*w89/w18 - w59*w85*w89/(w18*w18) + w97
+    w99 = normal_3*w17 - normal_1*w16
+    w100 = y1_t + w27 + w31 + w34 - w69*w88 + w67*w87
+    w101 = phi1_t*(base1_22*w25 + base1_23*w23)
+    w102 = base1_23*w28 - base1_22*w29
+    w103 = psi1_t*w102
+    w104 = w9*base1_23*w32 + w7*base1_22*w32
+    w105 = theta1_t*w104
+    w106 = (w103 - w101 + w105 - (w69*w96 - w88*w81) + w87*w80 - w67*w95)*w99/w18
+    w107 = (normal_3*w58 - normal_1*w57)*w100/w18 - w59*w99*w100/(w18*w18) + w106
+    w108 = w60*w71/w18 + w85*w89/w18 + w99*w100/w18
+    w109 = w108*w108 + w52*w52
+    w110 = w55*w35/w18 - w59*w14*w35/(w18*w18) + (w103 - w101 + w105)*w14/w18
+    w111 = w57*w42/w18 - w59*w16*w42/(w18*w18) + (w74 - w72 + w76)*w16/w18
+    w112 = w58*w49/w18 - w59*w17*w49/(w18*w18) + (w92 - w90 + w94)*w17/w18
+    w113 = f.abs_slope(w50)
+    w114 = w52*(w84 + w98 + w107)/w109 - w108*(w110 + w111 + w112)*w113/w109
+    w115 = aligning*base1_31*normal_3*w114/w51 + aligning*normal_2*base1_21*w114/w51 + aligning*normal_1*base1_11*w114/w51
+    w116 = base1_31*w8 + w5*base1_32*w9 - w5*w7*base1_33
+    w117 = w8*base1_11 + w5*w9*base1_12 - w5*w7*base1_13
+    w118 = normal_1*w116 - normal_3*w117
     w119 = w8*base1_21 + w5*w9*base1_22 - w5*w7*base1_23
-    w120 = base1_31*w8 + w5*base1_32*w9 - w5*w7*base1_33
-    w121 = normal_1*w118 + normal_2*w119 + normal_3*w120
-    w122 = normal_1*w120 - normal_3*w118
-    w123 = normal_2*w118 - normal_1*w119
-    w124 = normal_3*w119 - normal_2*w120
-    w125 = w14*w122 + w16*w123 + w17*w124
-    w126 = phi1_t*w77
-    w127 = w4*w7*base1_33*w19 - w4*base1_32*w9*w19 + base1_31*w0*w19
-    w128 = psi1_t*w127
-    w129 = theta1_t*(base1_31*w32 + w7*base1_33*w22 - base1_32*w9*w22)
-    w130 = radius*w64*w125/(w18*w18*w18) + radius*(w56*w119 + w15*w121)/w18
-    w131 = w4*base1_11*psi1_t + w0*w9*base1_12*psi1_t - w0*w7*base1_13*psi1_t
-    w132 = radius*w70*w125/(w18*w18*w18) + radius*(w56*w118 + w13*w121)/w18
-    w133 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
-    w134 = w126 + w128 - w129 - (w65*w131 - w69*w130) + w71*w133 - w72*w132
-    w135 = w73*(normal_1*w122 - normal_2*w124)/w18 - w63*w73*w125/(w18*w18*w18) + w63*w134/w18
-    w136 = phi1_t*w94
-    w137 = w4*w7*base1_13*w19 - w4*w9*base1_12*w19 + w0*base1_11*w19
-    w138 = psi1_t*w137
-    w139 = theta1_t*(base1_11*w32 + w7*base1_13*w22 - w9*base1_12*w22)
-    w140 = radius*w87*w125/(w18*w18*w18) + radius*(w56*w120 + w12*w121)/w18
-    w141 = base1_31*w4*psi1_t + w0*base1_32*w9*psi1_t - w0*w7*base1_33*psi1_t
-    w142 = w136 + w138 - w139 - (w88*w133 - w72*w140) + w65*w141 - w89*w130
-    w143 = w90*(normal_2*w123 - normal_3*w122)/w18 - w86*w90*w125/(w18*w18*w18) + w86*w142/w18
-    w144 = phi1_t*w105
-    w145 = w4*w7*base1_23*w19 - w4*w9*base1_22*w19 + w0*base1_21*w19
-    w146 = psi1_t*w145
-    w147 = theta1_t*(base1_21*w32 + w7*base1_23*w22 - w9*base1_22*w22)
-    w148 = w144 + w146 - w147 - (w71*w141 - w89*w132) + w88*w131 - w69*w140
-    w149 = w101*(normal_3*w124 - normal_1*w123)/w18 - w100*w101*w125/(w18*w18*w18) + w100*w148/w18
-    w150 = w35*w122/w18 - w14*w35*w125/(w18*w18*w18) + w14*(w144 + w146 - w147)/w18
-    w151 = w42*w123/w18 - w16*w42*w125/(w18*w18*w18) + w16*(w126 + w128 - w129)/w18
-    w152 = w49*w124/w18 - w17*w49*w125/(w18*w18*w18) + w17*(w136 + w138 - w139)/w18
-    w153 = w62*(w135 + w143 + w149)/w110 - w109*w114*(w150 + w151 + w152)/w110
-    w154 = camber*(w18*w121/w57 - w56*w125/(w18*w57))/cornering + w153
-    w155 = aligning*base1_31*normal_3*w154/w51 + aligning*normal_2*base1_21*w154/w51 + aligning*normal_1*base1_11*w154/w51
-    w156 = w3*w7 - w0*w6*w9
-    w157 = w3*w9 + w0*w6*w7
-    w158 = base1_12*w156 - w4*w6*base1_11 + base1_13*w157
-    w159 = base1_22*w156 - w4*w6*base1_21 + base1_23*w157
-    w160 = base1_32*w156 - base1_31*w4*w6 + base1_33*w157
-    w161 = normal_1*w158 + normal_2*w159 + normal_3*w160
-    w162 = normal_1*w160 - normal_3*w158
-    w163 = normal_2*w158 - normal_1*w159
-    w164 = normal_3*w159 - normal_2*w160
-    w165 = w14*w162 + w16*w163 + w17*w164
-    w166 = phi1_t*w75
-    w167 = w24 + w0*w9*w21
-    w168 = w0*w7*w21 - w20
-    w169 = psi1_t*(base1_32*w167 - base1_33*w168 + base1_31*w4*w21)
-    w170 = theta1_t*w127
-    w171 = radius*w64*w165/(w18*w18*w18) + radius*(w56*w159 + w15*w161)/w18
-    w172 = radius*w70*w165/(w18*w18*w18) + radius*(w56*w158 + w13*w161)/w18
-    w173 = w73*(normal_1*w162 - normal_2*w164)/w18 - w63*w73*w165/(w18*w18*w18) + w63*(w166 - w169 + w170 + w69*w171 - w72*w172)/w18
-    w174 = phi1_t*w92
-    w175 = psi1_t*(base1_12*w167 - base1_13*w168 + w4*base1_11*w21)
-    w176 = theta1_t*w137
-    w177 = radius*w87*w165/(w18*w18*w18) + radius*(w56*w160 + w12*w161)/w18
-    w178 = w90*(normal_2*w163 - normal_3*w162)/w18 - w86*w90*w165/(w18*w18*w18) + w86*(w174 - w175 + w176 + w72*w177 - w89*w171)/w18
-    w179 = phi1_t*w103
-    w180 = psi1_t*(base1_22*w167 - base1_23*w168 + w4*base1_21*w21)
-    w181 = theta1_t*w145
-    w182 = w101*(normal_3*w164 - normal_1*w163)/w18 - w100*w101*w165/(w18*w18*w18) + w100*(w179 - w180 + w181 + w89*w172 - w69*w177)/w18
-    w183 = w35*w162/w18 - w14*w35*w165/(w18*w18*w18) + w14*(w179 - w180 + w181)/w18
-    w184 = w42*w163/w18 - w16*w42*w165/(w18*w18*w18) + w16*(w166 - w169 + w170)/w18
-    w185 = w49*w164/w18 - w17*w49*w165/(w18*w18*w18) + w17*(w174 - w175 + w176)/w18
-    w186 = w62*(w173 + w178 + w182)/w110 - w109*w114*(w183 + w184 + w185)/w110
-    w187 = camber*(w18*w161/w57 - w56*w165/(w18*w57))/cornering + w186
-    w188 = aligning*base1_31*normal_3*w187/w51 + aligning*normal_2*base1_21*w187/w51 + aligning*normal_1*base1_11*w187/w51
-    w189 = aligning*(camber*f.atan2(w56, w18)/cornering + f.atan2(w109, w62))/w51
-    w190 = normal_3*w189
-    w191 = normal_2*w189
-    w192 = normal_1*w189
-    w193 = base1_33*w190 + base1_23*w191 + base1_13*w192
-    w194 = aligning*base1_33*normal_3*w116/w51 + aligning*normal_2*base1_23*w116/w51 + aligning*normal_1*base1_13*w116/w51
-    w195 = base1_32*w190 + base1_22*w191 + base1_12*w192
-    w196 = aligning*base1_32*normal_3*w116/w51 + aligning*normal_2*base1_22*w116/w51 + aligning*normal_1*base1_12*w116/w51
-    w197 = aligning*base1_33*normal_3*w154/w51 + aligning*normal_2*base1_23*w154/w51 + aligning*normal_1*base1_13*w154/w51
-    w198 = aligning*base1_32*normal_3*w154/w51 + aligning*normal_2*base1_22*w154/w51 + aligning*normal_1*base1_12*w154/w51
-    w199 = aligning*base1_33*normal_3*w187/w51 + aligning*normal_2*base1_23*w187/w51 + aligning*normal_1*base1_13*w187/w51
-    w200 = aligning*base1_32*normal_3*w187/w51 + aligning*normal_2*base1_22*w187/w51 + aligning*normal_1*base1_12*w187/w51
-    w201 = w4*w7*w194 - w4*w9*w193 - (w4*w9*w196 + w4*w7*w195) + w0*w117
-    w202 = w4*w7*w197 - w0*w7*w193 - (w4*w9*w198 - w0*w9*w195) + w4*(base1_31*w190 + base1_21*w191 + base1_11*w192) + w0*w155
-    w203 = w86*w62/(w18*w110) - w17*w109*w114/(w18*w110)
+    w120 = normal_2*w117 - normal_1*w119
+    w121 = normal_3*w119 - normal_2*w116
+    w122 = w14*w118 + w16*w120 + w17*w121
+    w123 = phi1_t*w75
+    w124 = w4*w7*base1_33*w19 - w4*base1_32*w9*w19 + base1_31*w0*w19
+    w125 = psi1_t*w124
+    w126 = theta1_t*(base1_31*w32 + w7*base1_33*w22 - base1_32*w9*w22)
+    w127 = normal_1*w117 + normal_2*w119 + normal_3*w116
+    w128 = radius*w62*w122/(w18*w18*w18) + radius*(w61*w119 + w15*w127)/w18
+    w129 = w4*base1_11*psi1_t + w0*w9*base1_12*psi1_t - w0*w7*base1_13*psi1_t
+    w130 = radius*w68*w122/(w18*w18*w18) + radius*(w61*w117 + w13*w127)/w18
+    w131 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
+    w132 = w123 + w125 - w126 - (w63*w129 - w67*w128) + w69*w131 - w70*w130
+    w133 = w71*(normal_1*w118 - normal_2*w121)/w18 - w60*w71*w122/(w18*w18*w18) + w60*w132/w18
+    w134 = phi1_t*w93
+    w135 = w4*w7*base1_13*w19 - w4*w9*base1_12*w19 + w0*base1_11*w19
+    w136 = psi1_t*w135
+    w137 = theta1_t*(base1_11*w32 + w7*base1_13*w22 - w9*base1_12*w22)
+    w138 = radius*w86*w122/(w18*w18*w18) + radius*(w61*w116 + w12*w127)/w18
+    w139 = base1_31*w4*psi1_t + w0*base1_32*w9*psi1_t - w0*w7*base1_33*psi1_t
+    w140 = w134 + w136 - w137 - (w87*w131 - w70*w138) + w63*w139 - w88*w128
+    w141 = w89*(normal_2*w120 - normal_3*w118)/w18 - w85*w89*w122/(w18*w18*w18) + w85*w140/w18
+    w142 = phi1_t*w104
+    w143 = w4*w7*base1_23*w19 - w4*w9*base1_22*w19 + w0*base1_21*w19
+    w144 = psi1_t*w143
+    w145 = theta1_t*(base1_21*w32 + w7*base1_23*w22 - w9*base1_22*w22)
+    w146 = w142 + w144 - w145 - (w69*w139 - w88*w130) + w87*w129 - w67*w138
+    w147 = w100*(normal_3*w121 - normal_1*w120)/w18 - w99*w100*w122/(w18*w18*w18) + w99*w146/w18
+    w148 = w35*w118/w18 - w14*w35*w122/(w18*w18*w18) + w14*(w142 + w144 - w145)/w18
+    w149 = w42*w120/w18 - w16*w42*w122/(w18*w18*w18) + w16*(w123 + w125 - w126)/w18
+    w150 = w49*w121/w18 - w17*w49*w122/(w18*w18*w18) + w17*(w134 + w136 - w137)/w18
+    w151 = w52*(w133 + w141 + w147)/w109 - w108*w113*(w148 + w149 + w150)/w109
+    w152 = aligning*base1_31*normal_3*w151/w51 + aligning*normal_2*base1_21*w151/w51 + aligning*normal_1*base1_11*w151/w51
+    w153 = w3*w7 - w0*w6*w9
+    w154 = w3*w9 + w0*w6*w7
+    w155 = base1_32*w153 - base1_31*w4*w6 + base1_33*w154
+    w156 = base1_12*w153 - w4*w6*base1_11 + base1_13*w154
+    w157 = normal_1*w155 - normal_3*w156
+    w158 = base1_22*w153 - w4*w6*base1_21 + base1_23*w154
+    w159 = normal_2*w156 - normal_1*w158
+    w160 = normal_3*w158 - normal_2*w155
+    w161 = w14*w157 + w16*w159 + w17*w160
+    w162 = phi1_t*w73
+    w163 = w24 + w0*w9*w21
+    w164 = w0*w7*w21 - w20
+    w165 = psi1_t*(base1_32*w163 - base1_33*w164 + base1_31*w4*w21)
+    w166 = theta1_t*w124
+    w167 = normal_1*w156 + normal_2*w158 + normal_3*w155
+    w168 = radius*w62*w161/(w18*w18*w18) + radius*(w61*w158 + w15*w167)/w18
+    w169 = radius*w68*w161/(w18*w18*w18) + radius*(w61*w156 + w13*w167)/w18
+    w170 = w71*(normal_1*w157 - normal_2*w160)/w18 - w60*w71*w161/(w18*w18*w18) + w60*(w162 - w165 + w166 + w67*w168 - w70*w169)/w18
+    w171 = phi1_t*w91
+    w172 = psi1_t*(base1_12*w163 - base1_13*w164 + w4*base1_11*w21)
+    w173 = theta1_t*w135
+    w174 = radius*w86*w161/(w18*w18*w18) + radius*(w61*w155 + w12*w167)/w18
+    w175 = w89*(normal_2*w159 - normal_3*w157)/w18 - w85*w89*w161/(w18*w18*w18) + w85*(w171 - w172 + w173 + w70*w174 - w88*w168)/w18
+    w176 = phi1_t*w102
+    w177 = psi1_t*(base1_22*w163 - base1_23*w164 + w4*base1_21*w21)
+    w178 = theta1_t*w143
+    w179 = w100*(normal_3*w160 - normal_1*w159)/w18 - w99*w100*w161/(w18*w18*w18) + w99*(w176 - w177 + w178 + w88*w169 - w67*w174)/w18
+    w180 = w35*w157/w18 - w14*w35*w161/(w18*w18*w18) + w14*(w176 - w177 + w178)/w18
+    w181 = w42*w159/w18 - w16*w42*w161/(w18*w18*w18) + w16*(w162 - w165 + w166)/w18
+    w182 = w49*w160/w18 - w17*w49*w161/(w18*w18*w18) + w17*(w171 - w172 + w173)/w18
+    w183 = w52*(w170 + w175 + w179)/w109 - w108*w113*(w180 + w181 + w182)/w109
+    w184 = aligning*base1_31*normal_3*w183/w51 + aligning*normal_2*base1_21*w183/w51 + aligning*normal_1*base1_11*w183/w51
+    w185 = aligning*f.atan2(w108, w52)/w51
+    w186 = normal_3*w185
+    w187 = normal_2*w185
+    w188 = normal_1*w185
+    w189 = base1_33*w186 + base1_23*w187 + base1_13*w188
+    w190 = aligning*base1_33*normal_3*w114/w51 + aligning*normal_2*base1_23*w114/w51 + aligning*normal_1*base1_13*w114/w51
+    w191 = base1_32*w186 + base1_22*w187 + base1_12*w188
+    w192 = aligning*base1_32*normal_3*w114/w51 + aligning*normal_2*base1_22*w114/w51 + aligning*normal_1*base1_12*w114/w51
+    w193 = aligning*base1_33*normal_3*w151/w51 + aligning*normal_2*base1_23*w151/w51 + aligning*normal_1*base1_13*w151/w51
+    w194 = aligning*base1_32*normal_3*w151/w51 + aligning*normal_2*base1_22*w151/w51 + aligning*normal_1*base1_12*w151/w51
+    w195 = aligning*base1_33*normal_3*w183/w51 + aligning*normal_2*base1_23*w183/w51 + aligning*normal_1*base1_13*w183/w51
+    w196 = aligning*base1_32*normal_3*w183/w51 + aligning*normal_2*base1_22*w183/w51 + aligning*normal_1*base1_12*w183/w51
+    w197 = w4*w7*w190 - w4*w9*w189 - (w4*w9*w192 + w4*w7*w191) + w0*w115
+    w198 = w4*w7*w193 - w0*w7*w189 - (w4*w9*w194 - w0*w9*w191) + w4*(base1_31*w186 + base1_21*w187 + base1_11*w188) + w0*w152
+    w199 = w85*w52/(w18*w109) - w17*w108*w113/(w18*w109)
+    w200 = aligning*base1_31*normal_3*w199/w51 + aligning*normal_2*base1_21*w199/w51 + aligning*normal_1*base1_11*w199/w51
+    w201 = w99*w52/(w18*w109) - w14*w108*w113/(w18*w109)
+    w202 = aligning*base1_31*normal_3*w201/w51 + aligning*normal_2*base1_21*w201/w51 + aligning*normal_1*base1_11*w201/w51
+    w203 = w60*w52/(w18*w109) - w16*w108*w113/(w18*w109)
     w204 = aligning*base1_31*normal_3*w203/w51 + aligning*normal_2*base1_21*w203/w51 + aligning*normal_1*base1_11*w203/w51
-    w205 = w100*w62/(w18*w110) - w14*w109*w114/(w18*w110)
-    w206 = aligning*base1_31*normal_3*w205/w51 + aligning*normal_2*base1_21*w205/w51 + aligning*normal_1*base1_11*w205/w51
-    w207 = w63*w62/(w18*w110) - w16*w109*w114/(w18*w110)
-    w208 = aligning*base1_31*normal_3*w207/w51 + aligning*normal_2*base1_21*w207/w51 + aligning*normal_1*base1_11*w207/w51
-    w209 = w63*(w36 - base1_11*w65 + base1_21*w71)/w18 + w86*(w43 - base1_21*w88 + base1_31*w65)/w18 + w100*(w26 - base1_31*w71 + base1_11*w88)/w18
-    w210 = w62*w209/w110 - w109*w114*(w14*w26/w18 + w16*w36/w18 + w17*w43/w18)/w110
-    w211 = aligning*base1_31*normal_3*w210/w51 + aligning*normal_2*base1_21*w210/w51 + aligning*normal_1*base1_11*w210/w51
-    w212 = w7*base1_12 + w9*base1_13
-    w213 = w7*base1_22 + w9*base1_23
-    w214 = base1_32*w7 + w9*base1_33
-    w215 = w63*(w40 - w65*w212 + w71*w213)/w18 + w86*(w47 - w88*w213 + w65*w214)/w18 + w100*(w33 - w71*w214 + w88*w212)/w18
-    w216 = w62*w215/w110 - w109*w114*(w14*w33/w18 + w16*w40/w18 + w17*w47/w18)/w110
-    w217 = aligning*base1_31*normal_3*w216/w51 + aligning*normal_2*base1_21*w216/w51 + aligning*normal_1*base1_11*w216/w51
-    w218 = w0*base1_11 - w4*w9*base1_12 + w4*w7*base1_13
-    w219 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
-    w220 = base1_31*w0 - w4*base1_32*w9 + w4*w7*base1_33
-    w221 = w63*(w38 - w65*w218 + w71*w219)/w18 + w86*(w45 - w88*w219 + w65*w220)/w18 + w100*(w30 - w71*w220 + w88*w218)/w18
-    w222 = w62*w221/w110 - w109*w114*(w14*w30/w18 + w16*w38/w18 + w17*w45/w18)/w110
-    w223 = aligning*base1_31*normal_3*w222/w51 + aligning*normal_2*base1_21*w222/w51 + aligning*normal_1*base1_11*w222/w51
+    w205 = w60*(w36 - base1_11*w63 + base1_21*w69)/w18 + w85*(w43 - base1_21*w87 + base1_31*w63)/w18 + w99*(w26 - base1_31*w69 + base1_11*w87)/w18
+    w206 = w52*w205/w109 - w108*w113*(w14*w26/w18 + w16*w36/w18 + w17*w43/w18)/w109
+    w207 = aligning*base1_31*normal_3*w206/w51 + aligning*normal_2*base1_21*w206/w51 + aligning*normal_1*base1_11*w206/w51
+    w208 = w7*base1_12 + w9*base1_13
+    w209 = w7*base1_22 + w9*base1_23
+    w210 = base1_32*w7 + w9*base1_33
+    w211 = w60*(w40 - w63*w208 + w69*w209)/w18 + w85*(w47 - w87*w209 + w63*w210)/w18 + w99*(w33 - w69*w210 + w87*w208)/w18
+    w212 = w52*w211/w109 - w108*w113*(w14*w33/w18 + w16*w40/w18 + w17*w47/w18)/w109
+    w213 = aligning*base1_31*normal_3*w212/w51 + aligning*normal_2*base1_21*w212/w51 + aligning*normal_1*base1_11*w212/w51
+    w214 = w0*base1_11 - w4*w9*base1_12 + w4*w7*base1_13
+    w215 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
+    w216 = base1_31*w0 - w4*base1_32*w9 + w4*w7*base1_33
+    w217 = w60*(w38 - w63*w214 + w69*w215)/w18 + w85*(w45 - w87*w215 + w63*w216)/w18 + w99*(w30 - w69*w216 + w87*w214)/w18
+    w218 = w52*w217/w109 - w108*w113*(w14*w30/w18 + w16*w38/w18 + w17*w45/w18)/w109
+    w219 = aligning*base1_31*normal_3*w218/w51 + aligning*normal_2*base1_21*w218/w51 + aligning*normal_1*base1_11*w218/w51
+    w220 = aligning*base1_33*normal_3*w199/w51 + aligning*normal_2*base1_23*w199/w51 + aligning*normal_1*base1_13*w199/w51
+    w221 = aligning*base1_32*normal_3*w199/w51 + aligning*normal_2*base1_22*w199/w51 + aligning*normal_1*base1_12*w199/w51
+    w222 = aligning*base1_33*normal_3*w201/w51 + aligning*normal_2*base1_23*w201/w51 + aligning*normal_1*base1_13*w201/w51
+    w223 = aligning*base1_32*normal_3*w201/w51 + aligning*normal_2*base1_22*w201/w51 + aligning*normal_1*base1_12*w201/w51
     w224 = aligning*base1_33*normal_3*w203/w51 + aligning*normal_2*base1_23*w203/w51 + aligning*normal_1*base1_13*w203/w51
     w225 = aligning*base1_32*normal_3*w203/w51 + aligning*normal_2*base1_22*w203/w51 + aligning*normal_1*base1_12*w203/w51
-    w226 = aligning*base1_33*normal_3*w205/w51 + aligning*normal_2*base1_23*w205/w51 + aligning*normal_1*base1_13*w205/w51
-    w227 = aligning*base1_32*normal_3*w205/w51 + aligning*normal_2*base1_22*w205/w51 + aligning*normal_1*base1_12*w205/w51
-    w228 = aligning*base1_33*normal_3*w207/w51 + aligning*normal_2*base1_23*w207/w51 + aligning*normal_1*base1_13*w207/w51
-    w229 = aligning*base1_32*normal_3*w207/w51 + aligning*normal_2*base1_22*w207/w51 + aligning*normal_1*base1_12*w207/w51
-    w230 = aligning*base1_33*normal_3*w210/w51 + aligning*normal_2*base1_23*w210/w51 + aligning*normal_1*base1_13*w210/w51
-    w231 = aligning*base1_32*normal_3*w210/w51 + aligning*normal_2*base1_22*w210/w51 + aligning*normal_1*base1_12*w210/w51
-    w232 = aligning*base1_33*normal_3*w216/w51 + aligning*normal_2*base1_23*w216/w51 + aligning*normal_1*base1_13*w216/w51
-    w233 = aligning*base1_32*normal_3*w216/w51 + aligning*normal_2*base1_22*w216/w51 + aligning*normal_1*base1_12*w216/w51
-    w234 = aligning*base1_33*normal_3*w222/w51 + aligning*normal_2*base1_23*w222/w51 + aligning*normal_1*base1_13*w222/w51
-    w235 = aligning*base1_32*normal_3*w222/w51 + aligning*normal_2*base1_22*w222/w51 + aligning*normal_1*base1_12*w222/w51
+    w226 = aligning*base1_33*normal_3*w206/w51 + aligning*normal_2*base1_23*w206/w51 + aligning*normal_1*base1_13*w206/w51
+    w227 = aligning*base1_32*normal_3*w206/w51 + aligning*normal_2*base1_22*w206/w51 + aligning*normal_1*base1_12*w206/w51
+    w228 = aligning*base1_33*normal_3*w212/w51 + aligning*normal_2*base1_23*w212/w51 + aligning*normal_1*base1_13*w212/w51
+    w229 = aligning*base1_32*normal_3*w212/w51 + aligning*normal_2*base1_22*w212/w51 + aligning*normal_1*base1_12*w212/w51
+    w230 = aligning*base1_33*normal_3*w218/w51 + aligning*normal_2*base1_23*w218/w51 + aligning*normal_1*base1_13*w218/w51
+    w231 = aligning*base1_32*normal_3*w218/w51 + aligning*normal_2*base1_22*w218/w51 + aligning*normal_1*base1_12*w218/w51
     return (
-        -w117,
-        -w155,
-        -w188,
-        -(w7*w193 + w9*w194 + w7*w196 - w9*w195),
-        -(w9*w197 + w7*w198),
-        -(w9*w199 + w7*w200),
-        -w201,
+        -w115,
+        -w152,
+        -w184,
+        -(w7*w189 + w9*w190 + w7*w192 - w9*w191),
+        -(w9*w193 + w7*w194),
+        -(w9*w195 + w7*w196),
+        -w197,
+        -w198,
+        -(w4*w7*w195 - w4*w9*w196 + w0*w184),
+        -w200,
         -w202,
-        -(w4*w7*w199 - w4*w9*w200 + w0*w188),
         -w204,
-        -w206,
-        -w208,
-        -w211,
-        -w217,
-        -w223,
+        -w207,
+        -w213,
+        -w219,
+        -(w9*w220 + w7*w221),
+        -(w9*w222 + w7*w223),
         -(w9*w224 + w7*w225),
         -(w9*w226 + w7*w227),
         -(w9*w228 + w7*w229),
         -(w9*w230 + w7*w231),
-        -(w9*w232 + w7*w233),
-        -(w9*w234 + w7*w235),
+        -(w4*w7*w220 - w4*w9*w221 + w0*w200),
+        -(w4*w7*w222 - w4*w9*w223 + w0*w202),
         -(w4*w7*w224 - w4*w9*w225 + w0*w204),
-        -(w4*w7*w226 - w4*w9*w227 + w0*w206),
-        -(w4*w7*w228 - w4*w9*w229 + w0*w208),
-        -(w4*w7*w230 - w4*w9*w231 + w0*w211),
-        -(w4*w7*w232 - w4*w9*w233 + w0*w217),
-        -(w4*w7*w234 - w4*w9*w235 + w0*w223),
+        -(w4*w7*w226 - w4*w9*w227 + w0*w207),
+        -(w4*w7*w228 - w4*w9*w229 + w0*w213),
+        -(w4*w7*w230 - w4*w9*w231 + w0*w219),
     )
 
 

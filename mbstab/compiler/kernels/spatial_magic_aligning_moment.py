@@ -4,7 +4,7 @@
 def dynamics(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, cornering, camber, = p
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
     w0 = f.sin(theta1)
     w1 = f.cos(psi1)
     w2 = f.sin(psi1)
@@ -55,20 +55,19 @@ def dynamics(f, q, u, p, s):
     w47 = base1_31*w39 + base1_32*w40 + base1_33*w41
     w48 = (normal_2*w16 - normal_3*w14)*(x1_t + w33 + w34 + w35 - w44*w46 + w38*w47)/w18
     w49 = (normal_3*w17 - normal_1*w16)*(y1_t + w24 + w27 + w29 - w43*w47 + w42*w46)/w18
-    w50 = camber*f.atan2(w37, w18)/cornering + f.atan2(w45 + w48 + w49, f.abs(w36))
-    w51 = aligning*w50/(peak*shape_factor)
-    w52 = shape_factor*f.atan(w51 - curvature_factor*(w51 - f.atan(w51)))
-    w53 = peak*f.sin(w52)/f.signum(w36)
-    w54 = normal_3*w53
-    w55 = normal_2*w53
-    w56 = normal_1*w53
-    w57 = base1_31*w54 + base1_21*w55 + base1_11*w56
-    w58 = base1_33*w54 + base1_23*w55 + base1_13*w56
-    w59 = base1_32*w54 + base1_22*w55 + base1_12*w56
+    w50 = aligning*f.atan2(w45 + w48 + w49, f.abs(w36))/(peak*shape_factor)
+    w51 = shape_factor*f.atan(w50 - curvature_factor*(w50 - f.atan(w50)))
+    w52 = peak*f.sin(w51)/f.signum(w36)
+    w53 = normal_3*w52
+    w54 = normal_2*w52
+    w55 = normal_1*w52
+    w56 = base1_31*w53 + base1_21*w54 + base1_11*w55
+    w57 = base1_33*w53 + base1_23*w54 + base1_13*w55
+    w58 = base1_32*w53 + base1_22*w54 + base1_12*w55
     return (
-        -w57,
-        -(w9*w58 + w7*w59),
-        -(w58*w4*w7 - w59*w4*w9 + w0*w57),
+        -w56,
+        -(w9*w57 + w7*w58),
+        -(w57*w4*w7 - w58*w4*w9 + w0*w56),
     )
 
 
@@ -80,7 +79,7 @@ DYNAMICS = {
 def linearize(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, cornering, camber, = p
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
     w0 = f.sin(theta1)
     w1 = f.cos(psi1)
     w2 = f.sin(psi1)
@@ -133,253 +132,249 @@ def linearize(f, q, u, p, s):
     w49 = x1_t + w44 + w46 + w48
     w50 = w14*w35/w18 + w16*w42/w18 + w17*w49/w18
     w51 = f.signum(w50)
-    w52 = w10*base1_13 - w11*base1_12
-    w53 = w10*base1_23 - w11*base1_22
-    w54 = w10*base1_33 - base1_32*w11
-    w55 = normal_1*w52 + normal_2*w53 + normal_3*w54
-    w56 = normal_1*w13 + normal_2*w15 + w12*normal_3
-    w57 = w56*w56 + w18*w18
-    w58 = normal_1*w54 - normal_3*w52
-    w59 = normal_2*w52 - normal_1*w53
-    w60 = normal_3*w53 - normal_2*w54
-    w61 = (w14*w58 + w16*w59 + w17*w60)/w18
-    w62 = f.abs(w50)
-    w63 = normal_1*w14 - normal_2*w17
-    w64 = normal_2 - w15*w56
-    w65 = normal_2*tube + radius*w64/w18
-    w66 = phi1_t + w0*psi1_t
-    w67 = w7*theta1_t - w4*w9*psi1_t
-    w68 = w9*theta1_t + w4*w7*psi1_t
-    w69 = base1_11*w66 + base1_12*w67 + base1_13*w68
-    w70 = normal_1 - w13*w56
-    w71 = normal_1*tube + radius*w70/w18
-    w72 = base1_21*w66 + base1_22*w67 + base1_23*w68
-    w73 = z1_t + w37 + w39 + w41 - w65*w69 + w71*w72
-    w74 = phi1_t*(base1_32*w25 + base1_33*w23)
-    w75 = base1_33*w28 - base1_32*w29
-    w76 = psi1_t*w75
-    w77 = w9*base1_33*w32 + w7*base1_32*w32
-    w78 = theta1_t*w77
-    w79 = radius/w18
-    w80 = w61*radius*w64/(w18*w18) + (w56*w53 + w15*w55)*w79
-    w81 = base1_13*w67 - base1_12*w68
-    w82 = w61*radius*w70/(w18*w18) + w79*(w56*w52 + w13*w55)
-    w83 = base1_23*w67 - base1_22*w68
-    w84 = (w76 - w74 + w78 - (w65*w81 - w69*w80) + w71*w83 - w72*w82)*w63/w18
-    w85 = (normal_1*w58 - normal_2*w60)*w73/w18 - w61*w63*w73/(w18*w18) + w84
-    w86 = normal_2*w16 - normal_3*w14
-    w87 = normal_3 - w12*w56
-    w88 = normal_3*tube + radius*w87/w18
-    w89 = base1_31*w66 + base1_32*w67 + base1_33*w68
-    w90 = x1_t + w44 + w46 + w48 - w72*w88 + w65*w89
-    w91 = phi1_t*(base1_12*w25 + base1_13*w23)
-    w92 = base1_13*w28 - base1_12*w29
-    w93 = psi1_t*w92
-    w94 = w9*base1_13*w32 + w7*base1_12*w32
-    w95 = theta1_t*w94
-    w96 = w61*radius*w87/(w18*w18) + w79*(w56*w54 + w12*w55)
-    w97 = base1_33*w67 - base1_32*w68
-    w98 = (w93 - w91 + w95 - (w88*w83 - w72*w96) + w65*w97 - w89*w80)*w86/w18
-    w99 = (normal_2*w59 - normal_3*w58)*w90/w18 - w61*w86*w90/(w18*w18) + w98
-    w100 = normal_3*w17 - normal_1*w16
-    w101 = y1_t + w27 + w31 + w34 - w71*w89 + w69*w88
-    w102 = phi1_t*(base1_22*w25 + base1_23*w23)
-    w103 = base1_23*w28 - base1_22*w29
-    w104 = psi1_t*w103
-    w105 = w9*base1_23*w32 + w7*base1_22*w32
-    w106 = theta1_t*w105
-    w107 = (w104 - w102 + w106 - (w71*w97 - w89*w82) + w88*w81 - w69*w96)*w100/w18
-    w108 = (normal_3*w60 - normal_1*w59)*w101/w18 - w61*w100*w101/(w18*w18) + w107
-    w109 = w63*w73/w18 + w86*w90/w18 + w100*w101/w18
-    w110 = w109*w109 + w62*w62
-    w111 = w58*w35/w18 - w61*w14*w35/(w18*w18) + (w104 - w102 + w106)*w14/w18
-    w112 = w59*w42/w18 - w61*w16*w42/(w18*w18) + (w76 - w74 + w78)*w16/w18
-    w113 = w60*w49/w18 - w61*w17*w49/(w18*w18) + (w93 - w91 + w95)*w17/w18
-    w114 = f.abs_slope(w50)
-    w115 = w62*(w85 + w99 + w108)/w110 - w109*(w111 + w112 + w113)*w114/w110
-    w116 = (w55*w18/w57 - w61*w56/w57)*camber/cornering + w115
-    w117 = aligning*w116/(peak*shape_factor)
-    w118 = camber*f.atan2(w56, w18)/cornering + f.atan2(w109, w62)
-    w119 = aligning*aligning*w118*w118/(peak*peak*shape_factor*shape_factor)
-    w120 = 1 + w119
-    w121 = curvature_factor*(w117 - aligning*w116/(peak*shape_factor*w120))
-    w122 = w117 - w121
-    w123 = aligning*w118/(peak*shape_factor)
-    w124 = w123 - curvature_factor*(w123 - f.atan(w123))
-    w125 = 1 + w124*w124
-    w126 = shape_factor*f.atan(w124)
-    w127 = f.cos(w126)
-    w128 = peak*base1_31*normal_3*shape_factor*w122*w127/(w51*w125) + peak*normal_2*base1_21*shape_factor*w122*w127/(w51*w125) + peak*normal_1*base1_11*shape_factor*w122*w127/(w51*w125)
-    w129 = w8*base1_11 + w5*w9*base1_12 - w5*w7*base1_13
+    w52 = f.abs(w50)
+    w53 = w10*base1_33 - base1_32*w11
+    w54 = w10*base1_13 - w11*base1_12
+    w55 = normal_1*w53 - normal_3*w54
+    w56 = w10*base1_23 - w11*base1_22
+    w57 = normal_2*w54 - normal_1*w56
+    w58 = normal_3*w56 - normal_2*w53
+    w59 = (w14*w55 + w16*w57 + w17*w58)/w18
+    w60 = normal_1*w14 - normal_2*w17
+    w61 = normal_1*w13 + normal_2*w15 + w12*normal_3
+    w62 = normal_2 - w15*w61
+    w63 = normal_2*tube + radius*w62/w18
+    w64 = phi1_t + w0*psi1_t
+    w65 = w7*theta1_t - w4*w9*psi1_t
+    w66 = w9*theta1_t + w4*w7*psi1_t
+    w67 = base1_11*w64 + base1_12*w65 + base1_13*w66
+    w68 = normal_1 - w13*w61
+    w69 = normal_1*tube + radius*w68/w18
+    w70 = base1_21*w64 + base1_22*w65 + base1_23*w66
+    w71 = z1_t + w37 + w39 + w41 - w63*w67 + w69*w70
+    w72 = phi1_t*(base1_32*w25 + base1_33*w23)
+    w73 = base1_33*w28 - base1_32*w29
+    w74 = psi1_t*w73
+    w75 = w9*base1_33*w32 + w7*base1_32*w32
+    w76 = theta1_t*w75
+    w77 = normal_1*w54 + normal_2*w56 + normal_3*w53
+    w78 = radius/w18
+    w79 = w59*radius*w62/(w18*w18) + (w61*w56 + w15*w77)*w78
+    w80 = base1_13*w65 - base1_12*w66
+    w81 = w59*radius*w68/(w18*w18) + w78*(w61*w54 + w13*w77)
+    w82 = base1_23*w65 - base1_22*w66
+    w83 = (w74 - w72 + w76 - (w63*w80 - w67*w79) + w69*w82 - w70*w81)*w60/w18
+    w84 = (normal_1*w55 - normal_2*w58)*w71/w18 - w59*w60*w71/(w18*w18) + w83
+    w85 = normal_2*w16 - normal_3*w14
+    w86 = normal_3 - w12*w61
+    w87 = normal_3*tube + radius*w86/w18
+    w88 = base1_31*w64 + base1_32*w65 + base1_33*w66
+    w89 = x1_t + w44 + w46 + w48 - w70*w87 + w63*w88
+    w90 = phi1_t*(base1_12*w25 + base1_13*w23)
+    w91 = base1_13*w28 - base1_12*w29
+    w92 = psi1_t*w91
+    w93 = w9*base1_13*w32 + w7*base1_12*w32
+    w94 = theta1_t*w93
+    w95 = w59*radius*w86/(w18*w18) + w78*(w61*w53 + w12*w77)
+    w96 = base1_33*w65 - base1_32*w66
+    w97 = (w92 - w90 + w94 - (w87*w82 - w70*w95) + w63*w96 - w88*w79)*w85/w18
+    w98 = (normal_2*w57 - normal_3*w55)*w89/w18 - w59*w85*w89/(w18*w18) + w97
+    w99 = normal_3*w17 - normal_1*w16
+    w100 = y1_t + w27 + w31 + w34 - w69*w88 + w67*w87
+    w101 = phi1_t*(base1_22*w25 + base1_23*w23)
+    w102 = base1_23*w28 - base1_22*w29
+    w103 = psi1_t*w102
+    w104 = w9*base1_23*w32 + w7*base1_22*w32
+    w105 = theta1_t*w104
+    w106 = (w103 - w101 + w105 - (w69*w96 - w88*w81) + w87*w80 - w67*w95)*w99/w18
+    w107 = (normal_3*w58 - normal_1*w57)*w100/w18 - w59*w99*w100/(w18*w18) + w106
+    w108 = w60*w71/w18 + w85*w89/w18 + w99*w100/w18
+    w109 = w108*w108 + w52*w52
+    w110 = w55*w35/w18 - w59*w14*w35/(w18*w18) + (w103 - w101 + w105)*w14/w18
+    w111 = w57*w42/w18 - w59*w16*w42/(w18*w18) + (w74 - w72 + w76)*w16/w18
+    w112 = w58*w49/w18 - w59*w17*w49/(w18*w18) + (w92 - w90 + w94)*w17/w18
+    w113 = f.abs_slope(w50)
+    w114 = w52*(w84 + w98 + w107)/w109 - w108*(w110 + w111 + w112)*w113/w109
+    w115 = aligning*w114/(peak*shape_factor)
+    w116 = f.atan2(w108, w52)
+    w117 = aligning*aligning*w116*w116/(peak*peak*shape_factor*shape_factor)
+    w118 = 1 + w117
+    w119 = curvature_factor*(w115 - aligning*w114/(peak*shape_factor*w118))
+    w120 = w115 - w119
+    w121 = aligning*w116/(peak*shape_factor)
+    w122 = w121 - curvature_factor*(w121 - f.atan(w121))
+    w123 = 1 + w122*w122
+    w124 = shape_factor*f.atan(w122)
+    w125 = f.cos(w124)
+    w126 = peak*base1_31*normal_3*shape_factor*w120*w125/(w51*w123) + peak*normal_2*base1_21*shape_factor*w120*w125/(w51*w123) + peak*normal_1*base1_11*shape_factor*w120*w125/(w51*w123)
+    w127 = base1_31*w8 + w5*base1_32*w9 - w5*w7*base1_33
+    w128 = w8*base1_11 + w5*w9*base1_12 - w5*w7*base1_13
+    w129 = normal_1*w127 - normal_3*w128
     w130 = w8*base1_21 + w5*w9*base1_22 - w5*w7*base1_23
-    w131 = base1_31*w8 + w5*base1_32*w9 - w5*w7*base1_33
-    w132 = normal_1*w129 + normal_2*w130 + normal_3*w131
-    w133 = normal_1*w131 - normal_3*w129
-    w134 = normal_2*w129 - normal_1*w130
-    w135 = normal_3*w130 - normal_2*w131
-    w136 = w14*w133 + w16*w134 + w17*w135
-    w137 = phi1_t*w77
-    w138 = w4*w7*base1_33*w19 - w4*base1_32*w9*w19 + base1_31*w0*w19
-    w139 = psi1_t*w138
-    w140 = theta1_t*(base1_31*w32 + w7*base1_33*w22 - base1_32*w9*w22)
-    w141 = radius*w64*w136/(w18*w18*w18) + radius*(w56*w130 + w15*w132)/w18
-    w142 = w4*base1_11*psi1_t + w0*w9*base1_12*psi1_t - w0*w7*base1_13*psi1_t
-    w143 = radius*w70*w136/(w18*w18*w18) + radius*(w56*w129 + w13*w132)/w18
-    w144 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
-    w145 = w137 + w139 - w140 - (w65*w142 - w69*w141) + w71*w144 - w72*w143
-    w146 = w73*(normal_1*w133 - normal_2*w135)/w18 - w63*w73*w136/(w18*w18*w18) + w63*w145/w18
-    w147 = phi1_t*w94
-    w148 = w4*w7*base1_13*w19 - w4*w9*base1_12*w19 + w0*base1_11*w19
-    w149 = psi1_t*w148
-    w150 = theta1_t*(base1_11*w32 + w7*base1_13*w22 - w9*base1_12*w22)
-    w151 = radius*w87*w136/(w18*w18*w18) + radius*(w56*w131 + w12*w132)/w18
-    w152 = base1_31*w4*psi1_t + w0*base1_32*w9*psi1_t - w0*w7*base1_33*psi1_t
-    w153 = w147 + w149 - w150 - (w88*w144 - w72*w151) + w65*w152 - w89*w141
-    w154 = w90*(normal_2*w134 - normal_3*w133)/w18 - w86*w90*w136/(w18*w18*w18) + w86*w153/w18
-    w155 = phi1_t*w105
-    w156 = w4*w7*base1_23*w19 - w4*w9*base1_22*w19 + w0*base1_21*w19
-    w157 = psi1_t*w156
-    w158 = theta1_t*(base1_21*w32 + w7*base1_23*w22 - w9*base1_22*w22)
-    w159 = w155 + w157 - w158 - (w71*w152 - w89*w143) + w88*w142 - w69*w151
-    w160 = w101*(normal_3*w135 - normal_1*w134)/w18 - w100*w101*w136/(w18*w18*w18) + w100*w159/w18
-    w161 = w35*w133/w18 - w14*w35*w136/(w18*w18*w18) + w14*(w155 + w157 - w158)/w18
-    w162 = w42*w134/w18 - w16*w42*w136/(w18*w18*w18) + w16*(w137 + w139 - w140)/w18
-    w163 = w49*w135/w18 - w17*w49*w136/(w18*w18*w18) + w17*(w147 + w149 - w150)/w18
-    w164 = w62*(w146 + w154 + w160)/w110 - w109*w114*(w161 + w162 + w163)/w110
-    w165 = camber*(w18*w132/w57 - w56*w136/(w18*w57))/cornering + w164
-    w166 = aligning*w165/(peak*shape_factor)
-    w167 = curvature_factor*(w166 - aligning*w165/(peak*shape_factor*w120))
-    w168 = w166 - w167
-    w169 = peak*base1_31*normal_3*shape_factor*w127*w168/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w168/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w168/(w51*w125)
-    w170 = w3*w7 - w0*w6*w9
-    w171 = w3*w9 + w0*w6*w7
-    w172 = base1_12*w170 - w4*w6*base1_11 + base1_13*w171
-    w173 = base1_22*w170 - w4*w6*base1_21 + base1_23*w171
-    w174 = base1_32*w170 - base1_31*w4*w6 + base1_33*w171
-    w175 = normal_1*w172 + normal_2*w173 + normal_3*w174
-    w176 = normal_1*w174 - normal_3*w172
-    w177 = normal_2*w172 - normal_1*w173
-    w178 = normal_3*w173 - normal_2*w174
-    w179 = w14*w176 + w16*w177 + w17*w178
-    w180 = phi1_t*w75
-    w181 = w24 + w0*w9*w21
-    w182 = w0*w7*w21 - w20
-    w183 = psi1_t*(base1_32*w181 - base1_33*w182 + base1_31*w4*w21)
-    w184 = theta1_t*w138
-    w185 = radius*w64*w179/(w18*w18*w18) + radius*(w56*w173 + w15*w175)/w18
-    w186 = radius*w70*w179/(w18*w18*w18) + radius*(w56*w172 + w13*w175)/w18
-    w187 = w73*(normal_1*w176 - normal_2*w178)/w18 - w63*w73*w179/(w18*w18*w18) + w63*(w180 - w183 + w184 + w69*w185 - w72*w186)/w18
-    w188 = phi1_t*w92
-    w189 = psi1_t*(base1_12*w181 - base1_13*w182 + w4*base1_11*w21)
-    w190 = theta1_t*w148
-    w191 = radius*w87*w179/(w18*w18*w18) + radius*(w56*w174 + w12*w175)/w18
-    w192 = w90*(normal_2*w177 - normal_3*w176)/w18 - w86*w90*w179/(w18*w18*w18) + w86*(w188 - w189 + w190 + w72*w191 - w89*w185)/w18
-    w193 = phi1_t*w103
-    w194 = psi1_t*(base1_22*w181 - base1_23*w182 + w4*base1_21*w21)
-    w195 = theta1_t*w156
-    w196 = w101*(normal_3*w178 - normal_1*w177)/w18 - w100*w101*w179/(w18*w18*w18) + w100*(w193 - w194 + w195 + w89*w186 - w69*w191)/w18
-    w197 = w35*w176/w18 - w14*w35*w179/(w18*w18*w18) + w14*(w193 - w194 + w195)/w18
-    w198 = w42*w177/w18 - w16*w42*w179/(w18*w18*w18) + w16*(w180 - w183 + w184)/w18
-    w199 = w49*w178/w18 - w17*w49*w179/(w18*w18*w18) + w17*(w188 - w189 + w190)/w18
-    w200 = w62*(w187 + w192 + w196)/w110 - w109*w114*(w197 + w198 + w199)/w110
-    w201 = camber*(w18*w175/w57 - w56*w179/(w18*w57))/cornering + w200
-    w202 = aligning*w201/(peak*shape_factor)
-    w203 = curvature_factor*(w202 - aligning*w201/(peak*shape_factor*w120))
-    w204 = w202 - w203
-    w205 = peak*base1_31*normal_3*shape_factor*w127*w204/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w204/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w204/(w51*w125)
-    w206 = peak*f.sin(w126)/w51
-    w207 = normal_3*w206
-    w208 = normal_2*w206
-    w209 = normal_1*w206
-    w210 = base1_33*w207 + base1_23*w208 + base1_13*w209
-    w211 = peak*base1_33*normal_3*shape_factor*w122*w127/(w51*w125) + peak*normal_2*base1_23*shape_factor*w122*w127/(w51*w125) + peak*normal_1*base1_13*shape_factor*w122*w127/(w51*w125)
-    w212 = base1_32*w207 + base1_22*w208 + base1_12*w209
-    w213 = peak*base1_32*normal_3*shape_factor*w122*w127/(w51*w125) + peak*normal_2*base1_22*shape_factor*w122*w127/(w51*w125) + peak*normal_1*base1_12*shape_factor*w122*w127/(w51*w125)
-    w214 = peak*base1_33*normal_3*shape_factor*w127*w168/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w168/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w168/(w51*w125)
-    w215 = peak*base1_32*normal_3*shape_factor*w127*w168/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w168/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w168/(w51*w125)
-    w216 = peak*base1_33*normal_3*shape_factor*w127*w204/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w204/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w204/(w51*w125)
-    w217 = peak*base1_32*normal_3*shape_factor*w127*w204/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w204/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w204/(w51*w125)
-    w218 = w4*w7*w211 - w4*w9*w210 - (w4*w9*w213 + w4*w7*w212) + w0*w128
-    w219 = w4*w7*w214 - w0*w7*w210 - (w4*w9*w215 - w0*w9*w212) + w4*(base1_31*w207 + base1_21*w208 + base1_11*w209) + w0*w169
-    w220 = w86*w62/(w18*w110) - w17*w109*w114/(w18*w110)
-    w221 = aligning*w220/(peak*shape_factor)
-    w222 = curvature_factor*(w221 - aligning*w220/(peak*shape_factor*w120))
-    w223 = w221 - w222
-    w224 = peak*base1_31*normal_3*shape_factor*w127*w223/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w223/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w223/(w51*w125)
-    w225 = w100*w62/(w18*w110) - w14*w109*w114/(w18*w110)
-    w226 = aligning*w225/(peak*shape_factor)
-    w227 = curvature_factor*(w226 - aligning*w225/(peak*shape_factor*w120))
-    w228 = w226 - w227
-    w229 = peak*base1_31*normal_3*shape_factor*w127*w228/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w228/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w228/(w51*w125)
-    w230 = w63*w62/(w18*w110) - w16*w109*w114/(w18*w110)
-    w231 = aligning*w230/(peak*shape_factor)
-    w232 = curvature_factor*(w231 - aligning*w230/(peak*shape_factor*w120))
-    w233 = w231 - w232
-    w234 = peak*base1_31*normal_3*shape_factor*w127*w233/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w233/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w233/(w51*w125)
-    w235 = w63*(w36 - base1_11*w65 + base1_21*w71)/w18 + w86*(w43 - base1_21*w88 + base1_31*w65)/w18 + w100*(w26 - base1_31*w71 + base1_11*w88)/w18
-    w236 = w62*w235/w110 - w109*w114*(w14*w26/w18 + w16*w36/w18 + w17*w43/w18)/w110
-    w237 = aligning*w236/(peak*shape_factor)
-    w238 = curvature_factor*(w237 - aligning*w236/(peak*shape_factor*w120))
-    w239 = w237 - w238
-    w240 = peak*base1_31*normal_3*shape_factor*w127*w239/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w239/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w239/(w51*w125)
-    w241 = w7*base1_12 + w9*base1_13
-    w242 = w7*base1_22 + w9*base1_23
-    w243 = base1_32*w7 + w9*base1_33
-    w244 = w63*(w40 - w65*w241 + w71*w242)/w18 + w86*(w47 - w88*w242 + w65*w243)/w18 + w100*(w33 - w71*w243 + w88*w241)/w18
-    w245 = w62*w244/w110 - w109*w114*(w14*w33/w18 + w16*w40/w18 + w17*w47/w18)/w110
-    w246 = aligning*w245/(peak*shape_factor)
-    w247 = curvature_factor*(w246 - aligning*w245/(peak*shape_factor*w120))
-    w248 = w246 - w247
-    w249 = peak*base1_31*normal_3*shape_factor*w127*w248/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w248/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w248/(w51*w125)
-    w250 = w0*base1_11 - w4*w9*base1_12 + w4*w7*base1_13
-    w251 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
-    w252 = base1_31*w0 - w4*base1_32*w9 + w4*w7*base1_33
-    w253 = w63*(w38 - w65*w250 + w71*w251)/w18 + w86*(w45 - w88*w251 + w65*w252)/w18 + w100*(w30 - w71*w252 + w88*w250)/w18
-    w254 = w62*w253/w110 - w109*w114*(w14*w30/w18 + w16*w38/w18 + w17*w45/w18)/w110
-    w255 = aligning*w254/(peak*shape_factor)
-    w256 = curvature_factor*(w255 - aligning*w254/(peak*shape_factor*w120))
-    w257 = w255 - w256
-    w258 = peak*base1_31*normal_3*shape_factor*w127*w257/(w51*w125) + peak*normal_2*base1_21*shape_factor*w127*w257/(w51*w125) + peak*normal_1*base1_11*shape_factor*w127*w257/(w51*w125)
-    w259 = peak*base1_33*normal_3*shape_factor*w127*w223/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w223/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w223/(w51*w125)
-    w260 = peak*base1_32*normal_3*shape_factor*w127*w223/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w223/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w223/(w51*w125)
-    w261 = peak*base1_33*normal_3*shape_factor*w127*w228/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w228/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w228/(w51*w125)
-    w262 = peak*base1_32*normal_3*shape_factor*w127*w228/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w228/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w228/(w51*w125)
-    w263 = peak*base1_33*normal_3*shape_factor*w127*w233/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w233/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w233/(w51*w125)
-    w264 = peak*base1_32*normal_3*shape_factor*w127*w233/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w233/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w233/(w51*w125)
-    w265 = peak*base1_33*normal_3*shape_factor*w127*w239/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w239/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w239/(w51*w125)
-    w266 = peak*base1_32*normal_3*shape_factor*w127*w239/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w239/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w239/(w51*w125)
-    w267 = peak*base1_33*normal_3*shape_factor*w127*w248/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w248/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w248/(w51*w125)
-    w268 = peak*base1_32*normal_3*shape_factor*w127*w248/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w248/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w248/(w51*w125)
-    w269 = peak*base1_33*normal_3*shape_factor*w127*w257/(w51*w125) + peak*normal_2*base1_23*shape_factor*w127*w257/(w51*w125) + peak*normal_1*base1_13*shape_factor*w127*w257/(w51*w125)
-    w270 = peak*base1_32*normal_3*shape_factor*w127*w257/(w51*w125) + peak*normal_2*base1_22*shape_factor*w127*w257/(w51*w125) + peak*normal_1*base1_12*shape_factor*w127*w257/(w51*w125)
+    w131 = normal_2*w128 - normal_1*w130
+    w132 = normal_3*w130 - normal_2*w127
+    w133 = w14*w129 + w16*w131 + w17*w132
+    w134 = phi1_t*w75
+    w135 = w4*w7*base1_33*w19 - w4*base1_32*w9*w19 + base1_31*w0*w19
+    w136 = psi1_t*w135
+    w137 = theta1_t*(base1_31*w32 + w7*base1_33*w22 - base1_32*w9*w22)
+    w138 = normal_1*w128 + normal_2*w130 + normal_3*w127
+    w139 = radius*w62*w133/(w18*w18*w18) + radius*(w61*w130 + w15*w138)/w18
+    w140 = w4*base1_11*psi1_t + w0*w9*base1_12*psi1_t - w0*w7*base1_13*psi1_t
+    w141 = radius*w68*w133/(w18*w18*w18) + radius*(w61*w128 + w13*w138)/w18
+    w142 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
+    w143 = w134 + w136 - w137 - (w63*w140 - w67*w139) + w69*w142 - w70*w141
+    w144 = w71*(normal_1*w129 - normal_2*w132)/w18 - w60*w71*w133/(w18*w18*w18) + w60*w143/w18
+    w145 = phi1_t*w93
+    w146 = w4*w7*base1_13*w19 - w4*w9*base1_12*w19 + w0*base1_11*w19
+    w147 = psi1_t*w146
+    w148 = theta1_t*(base1_11*w32 + w7*base1_13*w22 - w9*base1_12*w22)
+    w149 = radius*w86*w133/(w18*w18*w18) + radius*(w61*w127 + w12*w138)/w18
+    w150 = base1_31*w4*psi1_t + w0*base1_32*w9*psi1_t - w0*w7*base1_33*psi1_t
+    w151 = w145 + w147 - w148 - (w87*w142 - w70*w149) + w63*w150 - w88*w139
+    w152 = w89*(normal_2*w131 - normal_3*w129)/w18 - w85*w89*w133/(w18*w18*w18) + w85*w151/w18
+    w153 = phi1_t*w104
+    w154 = w4*w7*base1_23*w19 - w4*w9*base1_22*w19 + w0*base1_21*w19
+    w155 = psi1_t*w154
+    w156 = theta1_t*(base1_21*w32 + w7*base1_23*w22 - w9*base1_22*w22)
+    w157 = w153 + w155 - w156 - (w69*w150 - w88*w141) + w87*w140 - w67*w149
+    w158 = w100*(normal_3*w132 - normal_1*w131)/w18 - w99*w100*w133/(w18*w18*w18) + w99*w157/w18
+    w159 = w35*w129/w18 - w14*w35*w133/(w18*w18*w18) + w14*(w153 + w155 - w156)/w18
+    w160 = w42*w131/w18 - w16*w42*w133/(w18*w18*w18) + w16*(w134 + w136 - w137)/w18
+    w161 = w49*w132/w18 - w17*w49*w133/(w18*w18*w18) + w17*(w145 + w147 - w148)/w18
+    w162 = w52*(w144 + w152 + w158)/w109 - w108*w113*(w159 + w160 + w161)/w109
+    w163 = aligning*w162/(peak*shape_factor)
+    w164 = curvature_factor*(w163 - aligning*w162/(peak*shape_factor*w118))
+    w165 = w163 - w164
+    w166 = peak*base1_31*normal_3*shape_factor*w125*w165/(w51*w123) + peak*normal_2*base1_21*shape_factor*w125*w165/(w51*w123) + peak*normal_1*base1_11*shape_factor*w125*w165/(w51*w123)
+    w167 = w3*w7 - w0*w6*w9
+    w168 = w3*w9 + w0*w6*w7
+    w169 = base1_32*w167 - base1_31*w4*w6 + base1_33*w168
+    w170 = base1_12*w167 - w4*w6*base1_11 + base1_13*w168
+    w171 = normal_1*w169 - normal_3*w170
+    w172 = base1_22*w167 - w4*w6*base1_21 + base1_23*w168
+    w173 = normal_2*w170 - normal_1*w172
+    w174 = normal_3*w172 - normal_2*w169
+    w175 = w14*w171 + w16*w173 + w17*w174
+    w176 = phi1_t*w73
+    w177 = w24 + w0*w9*w21
+    w178 = w0*w7*w21 - w20
+    w179 = psi1_t*(base1_32*w177 - base1_33*w178 + base1_31*w4*w21)
+    w180 = theta1_t*w135
+    w181 = normal_1*w170 + normal_2*w172 + normal_3*w169
+    w182 = radius*w62*w175/(w18*w18*w18) + radius*(w61*w172 + w15*w181)/w18
+    w183 = radius*w68*w175/(w18*w18*w18) + radius*(w61*w170 + w13*w181)/w18
+    w184 = w71*(normal_1*w171 - normal_2*w174)/w18 - w60*w71*w175/(w18*w18*w18) + w60*(w176 - w179 + w180 + w67*w182 - w70*w183)/w18
+    w185 = phi1_t*w91
+    w186 = psi1_t*(base1_12*w177 - base1_13*w178 + w4*base1_11*w21)
+    w187 = theta1_t*w146
+    w188 = radius*w86*w175/(w18*w18*w18) + radius*(w61*w169 + w12*w181)/w18
+    w189 = w89*(normal_2*w173 - normal_3*w171)/w18 - w85*w89*w175/(w18*w18*w18) + w85*(w185 - w186 + w187 + w70*w188 - w88*w182)/w18
+    w190 = phi1_t*w102
+    w191 = psi1_t*(base1_22*w177 - base1_23*w178 + w4*base1_21*w21)
+    w192 = theta1_t*w154
+    w193 = w100*(normal_3*w174 - normal_1*w173)/w18 - w99*w100*w175/(w18*w18*w18) + w99*(w190 - w191 + w192 + w88*w183 - w67*w188)/w18
+    w194 = w35*w171/w18 - w14*w35*w175/(w18*w18*w18) + w14*(w190 - w191 + w192)/w18
+    w195 = w42*w173/w18 - w16*w42*w175/(w18*w18*w18) + w16*(w176 - w179 + w180)/w18
+    w196 = w49*w174/w18 - w17*w49*w175/(w18*w18*w18) + w17*(w185 - w186 + w187)/w18
+    w197 = w52*(w184 + w189 + w193)/w109 - w108*w113*(w194 + w195 + w196)/w109
+    w198 = aligning*w197/(peak*shape_factor)
+    w199 = curvature_factor*(w198 - aligning*w197/(peak*shape_factor*w118))
+    w200 = w198 - w199
+    w201 = peak*base1_31*normal_3*shape_factor*w125*w200/(w51*w123) + peak*normal_2*base1_21*shape_factor*w125*w200/(w51*w123) + peak*normal_1*base1_11*shape_factor*w125*w200/(w51*w123)
+    w202 = peak*f.sin(w124)/w51
+    w203 = normal_3*w202
+    w204 = normal_2*w202
+    w205 = normal_1*w202
+    w206 = base1_33*w203 + base1_23*w204 + base1_13*w205
+    w207 = peak*base1_33*normal_3*shape_factor*w120*w125/(w51*w123) + peak*normal_2*base1_23*shape_factor*w120*w125/(w51*w123) + peak*normal_1*base1_13*shape_factor*w120*w125/(w51*w123)
+    w208 = base1_32*w203 + base1_22*w204 + base1_12*w205
+    w209 = peak*base1_32*normal_3*shape_factor*w120*w125/(w51*w123) + peak*normal_2*base1_22*shape_factor*w120*w125/(w51*w123) + peak*normal_1*base1_12*shape_factor*w120*w125/(w51*w123)
+    w210 = peak*base1_33*normal_3*shape_factor*w125*w165/(w51*w123) + peak*normal_2*base1_23*shape_factor*w125*w165/(w51*w123) + peak*normal_1*base1_13*shape_factor*w125*w165/(w51*w123)
+    w211 = peak*base1_32*normal_3*shape_factor*w125*w165/(w51*w123) + peak*normal_2*base1_22*shape_factor*w125*w165/(w51*w123) + peak*normal_1*base1_12*shape_factor*w125*w165/(w51*w123)
+    w212 = peak*base1_33*normal_3*shape_factor*w125*w200/(w51*w123) + peak*normal_2*base1_23*shape_factor*w125*w200/(w51*w123) + peak*normal_1*base1_13*shape_factor*w125*w200/(w51*w123)
+    w213 = peak*base1_32*normal_3*shape_factor*w125*w200/(w51*w123) + peak*normal_2*base1_22*shape_factor*w125*w200/(w51*w123) + peak*normal_1*base1_12*shape_factor*w125*w200/(w51*w123)
+    w214 = w4*w7*w207 - w4*w9*w206 - (w4*w9*w209 + w4*w7*w208) + w0*w126
+    w215 = w4*w7*w210 - w0*w7*w206 - (w4*w9*w211 - w0*w9*w208) + w4*(base1_31*w203 + base1_21*w204 + base1_11*w205) + w0*w166
+    w216 = w85*w52/(w18*w109) - w17*w108*w113/(w18*w109)
+    w217 = aligning*w216/(peak*shape_factor)
+    w218 = curvature_factor*(w217 - aligning*w216/(peak*shape_factor*w118))
+    w219 = w217 - w218
+    w220 = peak*base1_31*normal_3*shape_factor*w125*w219/(w51*w123) + peak*normal_2*base1_21*shape_factor*w125*w219/(w51*w123) + peak*normal_1*base1_11*shape_factor*w125*w219/(w51*w123)
+    w221 = w99*w52/(w18*w109) - w14*w108*w113/(w18*w109)
+    w222 = aligning*w221/(peak*shape_factor)
+    w223 = curvature_factor*(w222 - aligning*w221/(peak*shape_factor*w118))
+    w224 = w222 - w223
+    w225 = peak*base1_31*normal_3*shape_factor*w125*w224/(w51*w123) + peak*normal_2*base1_21*shape_factor*w125*w224/(w51*w123) + peak*normal_1*base1_11*shape_factor*w125*w224/(w51*w123)
+    w226 = w60*w52/(w18*w109) - w16*w108*w113/(w18*w109)
+    w227 = aligning*w226/(peak*shape_factor)
+    w228 = curvature_factor*(w227 - aligning*w226/(peak*shape_factor*w118))
+    w229 = w227 - w228
+    w230 = peak*base1_31*normal_3*shape_factor*w125*w229/(w51*w123) + peak*normal_2*base1_21*shape_factor*w125*w229/(w51*w123) + peak*normal_1*base1_11*shape_factor*w125*w229/(w51*w123)
+    w231 = w60*(w36 - base1_11*w63 + base1_21*w69)/w18 + w85*(w43 - base1_21*w87 + base1_31*w63)/w18 + w99*(w26 - base1_31*w69 + base1_11*w87)/w18
+    w232 = w52*w231/w109 - w108*w113*(w14*w26/w18 + w16*w36/w18 + w17*w43/w18)/w109
+    w233 = aligning*w232/(peak*shape_factor)
+    w234 = curvature_factor*(w233 - aligning*w232/(peak*shape_factor*w118))
+    w235 = w233 - w234
+    w236 = peak*base1_31*normal_3*shape_factor*w125*w235/(w51*w123) + peak*normal_2*base1_21*shape_factor*w125*w235/(w51*w123) + peak*normal_1*base1_11*shape_factor*w125*w235/(w51*w123)
+    w237 = w7*base1_12 + w9*base1_13
+    w238 = w7*base1_22 + w9*base1_23
+    w239 = base1_32*w7 + w9*base1_33
+    w240 = w60*(w40 - w63*w237 + w69*w238)/w18 + w85*(w47 - w87*w238 + w63*w239)/w18 + w99*(w33 - w69*w239 + w87*w237)/w18
+    w241 = w52*w240/w109 - w108*w113*(w14*w33/w18 + w16*w40/w18 + w17*w47/w18)/w109
+    w242 = aligning*w241/(peak*shape_factor)
+    w243 = curvature_factor*(w242 - aligning*w241/(peak*shape_factor*w118))
+    w244 = w242 - w243
+    w245 = peak*base1_31*normal_3*shape_factor*w125*w244/(w51*w123) + peak*normal_2*base1_21*shape_factor*w125*w244/(w51*w123) + peak*normal_1*base1_11*shape_factor*w125*w244/(w51*w123)
+    w246 = w0*base1_11 - w4*w9*base1_12 + w4*w7*base1_13
+    w247 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
+    w248 = base1_31*w0 - w4*base1_32*w9 + w4*w7*base1_33
+    w249 = w60*(w38 - w63*w246 + w69*w247)/w18 + w85*(w45 - w87*w247 + w63*w248)/w18 + w99*(w30 - w69*w248 + w87*w246)/w18
+    w250 = w52*w249/w109 - w108*w113*(w14*w30/w18 + w16*w38/w18 + w17*w45/w18)/w109
+    w251 = aligning*w250/(peak*shape_factor)
+    w252 = curvature_factor*(w251 - aligning*w250/(peak*shape_factor*w118))
+    w253 = w251 - w252
+    w254 = peak*base1_31*normal_3*shape_factor*w125*w253/(w51*w123) + peak*normal_2*base1_21*shape_factor*w125*w253/(w51*w123) + peak*normal_1*base1_11*shape_factor*w125*w253/(w51*w123)
+    w255 = peak*base1_33*normal_3*shape_factor*w125*w219/(w51*w123) + peak*normal_2*base1_23*shape_factor*w125*w219/(w51*w123) + peak*normal_1*base1_13*shape_factor*w125*w219/(w51*w123)
+    w256 = peak*base1_32*normal_3*shape_factor*w125*w219/(w51*w123) + peak*normal_2*base1_22*shape_factor*w125*w219/(w51*w123) + peak*normal_1*base1_12*shape_factor*w125*w219/(w51*w123)
+    w257 = peak*base1_33*normal_3*shape_factor*w125*w224/(w51*w123) + peak*normal_2*base1_23*shape_factor*w125*w224/(w51*w123) + peak*normal_1*base1_13*shape_factor*w125*w224/(w51*w123)
+    w258 = peak*base1_32*normal_3*shape_factor*w125*w224/(w51*w123) + peak*normal_2*base1_22*shape_factor*w125*w224/(w51*w123) + peak*normal_1*base1_12*shape_factor*w125*w224/(w51*w123)
+    w259 = peak*base1_33*normal_3*shape_factor*w125*w229/(w51*w123) + peak*normal_2*base1_23*shape_factor*w125*w229/(w51*w123) + peak*normal_1*base1_13*shape_factor*w125*w229/(w51*w123)
+    w260 = peak*base1_32*normal_3*shape_factor*w125*w229/(w51*w123) + peak*normal_2*base1_22*shape_factor*w125*w229/(w51*w123) + peak*normal_1*base1_12*shape_factor*w125*w229/(w51*w123)
+    w261 = peak*base1_33*normal_3*shape_factor*w125*w235/(w51*w123) + peak*normal_2*base1_23*shape_factor*w125*w235/(w51*w123) + peak*normal_1*base1_13*shape_factor*w125*w235/(w51*w123)
+    w262 = peak*base1_32*normal_3*shape_factor*w125*w235/(w51*w123) + peak*normal_2*base1_22*shape_factor*w125*w235/(w51*w123) + peak*normal_1*base1_12*shape_factor*w125*w235/(w51*w123)
+    w263 = peak*base1_33*normal_3*shape_factor*w125*w244/(w51*w123) + peak*normal_2*base1_23*shape_factor*w125*w244/(w51*w123) + peak*normal_1*base1_13*shape_factor*w125*w244/(w51*w123)
+    w264 = peak*base1_32*normal_3*shape_factor*w125*w244/(w51*w123) + peak*normal_2*base1_22*shape_factor*w125*w244/(w51*w123) + peak*normal_1*base1_12*shape_factor*w125*w244/(w51*w123)
+    w265 = peak*base1_33*normal_3*shape_factor*w125*w253/(w51*w123) + peak*normal_2*base1_23*shape_factor*w125*w253/(w51*w123) + peak*normal_1*base1_13*shape_factor*w125*w253/(w51*w123)
+    w266 = peak*base1_32*normal_3*shape_factor*w125*w253/(w51*w123) + peak*normal_2*base1_22*shape_factor*w125*w253/(w51*w123) + peak*normal_1*base1_12*shape_factor*w125*w253/(w51*w123)
     return (
-        -w128,
-        -w169,
-        -w205,
-        -(w7*w210 + w9*w211 + w7*w213 - w9*w212),
-        -(w9*w214 + w7*w215),
-        -(w9*w216 + w7*w217),
-        -w218,
-        -w219,
-        -(w4*w7*w216 - w4*w9*w217 + w0*w205),
-        -w224,
-        -w229,
-        -w234,
-        -w240,
-        -w249,
-        -w258,
+        -w126,
+        -w166,
+        -w201,
+        -(w7*w206 + w9*w207 + w7*w209 - w9*w208),
+        -(w9*w210 + w7*w211),
+        -(w9*w212 + w7*w213),
+        -w214,
+        -w215,
+        -(w4*w7*w212 - w4*w9*w213 + w0*w201),
+        -w220,
+        -w225,
+        -w230,
+        -w236,
+        -w245,
+        -w254,
+        -(w9*w255 + w7*w256),
+        -(w9*w257 + w7*w258),
         -(w9*w259 + w7*w260),
         -(w9*w261 + w7*w262),
         -(w9*w263 + w7*w264),
         -(w9*w265 + w7*w266),
-        -(w9*w267 + w7*w268),
-        -(w9*w269 + w7*w270),
-        -(w4*w7*w259 - w4*w9*w260 + w0*w224),
-        -(w4*w7*w261 - w4*w9*w262 + w0*w229),
-        -(w4*w7*w263 - w4*w9*w264 + w0*w234),
-        -(w4*w7*w265 - w4*w9*w266 + w0*w240),
-        -(w4*w7*w267 - w4*w9*w268 + w0*w249),
-        -(w4*w7*w269 - w4*w9*w270 + w0*w258),
+        -(w4*w7*w255 - w4*w9*w256 + w0*w220),
+        -(w4*w7*w257 - w4*w9*w258 + w0*w225),
+        -(w4*w7*w259 - w4*w9*w260 + w0*w230),
+        -(w4*w7*w261 - w4*w9*w262 + w0*w236),
+        -(w4*w7*w263 - w4*w9*w264 + w0*w245),
+        -(w4*w7*w265 - w4*w9*w266 + w0*w254),
     )
 
 

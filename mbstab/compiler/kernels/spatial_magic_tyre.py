@@ -65,28 +65,27 @@ def dynamics(f, q, u, p, s):
     w57 = theta1_t*w56
     w58 = w20*(z1_t + w27 + w31 + w34 - w35*w39 + w40*w41)/w19 + w42*(x1_t + w44 + w46 + w48 - w41*w49 + w35*w50)/w19 + w51*(y1_t + w53 + w55 + w57 - w40*w50 + w39*w49)/w19
     w59 = w16*(y1_t + w53 + w55 + w57)/w19 + w17*(z1_t + w27 + w31 + w34)/w19 + w18*(x1_t + w44 + w46 + w48)/w19
-    w60 = camber*f.atan2(w15, w19)/cornering + f.atan2(w58, f.abs(w59))
-    w61 = cornering*w60/(peak*shape_factor)
-    w62 = shape_factor*f.atan(w61 - curvature_factor*(w61 - f.atan(w61)))
-    w63 = f.sin(w62)
-    w64 = peak*w63
-    w65 = w64*w42/w19
-    w66 = w64*w51/w19
-    w67 = w64*w20/w19
-    w68 = peak*w59*w63*trail/f.sqrt(w58*w58 + w59*w59)
-    w69 = normal_3*w68 + w40*w66 - w35*w65
-    w70 = normal_2*w68 + w49*w65 - w40*w67
-    w71 = normal_1*w68 - w49*w66 + w35*w67
-    w72 = base1_31*w69 + base1_21*w70 + base1_11*w71
-    w73 = base1_33*w69 + base1_23*w70 + base1_13*w71
-    w74 = base1_32*w69 + base1_22*w70 + base1_12*w71
+    w60 = cornering*f.atan2(w58, f.abs(w59))/(peak*shape_factor)
+    w61 = shape_factor*f.atan(w60 - curvature_factor*(w60 - f.atan(w60)))
+    w62 = f.sin(w61)
+    w63 = camber*f.atan2(w15, w19) + peak*w62
+    w64 = w63*w42/w19
+    w65 = w63*w51/w19
+    w66 = w63*w20/w19
+    w67 = peak*w59*w62*trail/f.sqrt(w58*w58 + w59*w59)
+    w68 = normal_3*w67 + w40*w65 - w35*w64
+    w69 = normal_2*w67 + w49*w64 - w40*w66
+    w70 = normal_1*w67 - w49*w65 + w35*w66
+    w71 = base1_31*w68 + base1_21*w69 + base1_11*w70
+    w72 = base1_33*w68 + base1_23*w69 + base1_13*w70
+    w73 = base1_32*w68 + base1_22*w69 + base1_12*w70
     return (
+        w64,
         w65,
         w66,
-        w67,
-        w52*w66 + w43*w65 - w72 + w26*w67,
-        w56*w66 + w47*w65 - w9*w73 - w7*w74 + w33*w67,
-        w54*w66 + w45*w65 - w73*w4*w7 + w74*w4*w9 - w0*w72 + w30*w67,
+        w52*w65 + w43*w64 - w71 + w26*w66,
+        w56*w65 + w47*w64 - w9*w72 - w7*w73 + w33*w66,
+        w54*w65 + w45*w64 - w72*w4*w7 + w73*w4*w9 - w0*w71 + w30*w66,
     )
 
 
@@ -223,9 +222,9 @@ def linearize(f, q, u, p, s):
     w121 = w28*w61/w18 - w30*w17*w61/(w18*w18) + (w98 - w96 + w100)*w17/w18
     w122 = w119 + w120 + w121
     w123 = f.abs_slope(w62)
-    w124 = (w23*w18/w25 - w30*w24/w25)*camber/cornering + w63*w115/w118 - w116*w122*w123/w118
+    w124 = w63*w115/w118 - w116*w122*w123/w118
     w125 = cornering*w124/(peak*shape_factor)
-    w126 = camber*f.atan2(w24, w18)/cornering + f.atan2(w116, w63)
+    w126 = f.atan2(w116, w63)
     w127 = cornering*cornering*w126*w126/(peak*peak*shape_factor*shape_factor)
     w128 = 1 + w127
     w129 = curvature_factor*(w125 - cornering*w124/(peak*shape_factor*w128))
@@ -235,304 +234,307 @@ def linearize(f, q, u, p, s):
     w133 = 1 + w132*w132
     w134 = shape_factor*f.atan(w132)
     w135 = f.cos(w134)
-    w136 = f.sin(w134)
-    w137 = peak*shape_factor*w19*w130*w135/(w18*w133) + peak*w136*(w93/w18 - w19*w29/(w18*w18*w18))
-    w138 = base1_11*w8 + w5*base1_12*w9 - w5*w7*base1_13
-    w139 = w8*base1_21 + w5*w9*base1_22 - w5*w7*base1_23
-    w140 = w8*base1_31 + w5*w9*base1_32 - w5*w7*base1_33
-    w141 = normal_1*w138 + normal_2*w139 + normal_3*w140
-    w142 = normal_1*w140 - normal_3*w138
-    w143 = normal_2*w138 - normal_1*w139
-    w144 = normal_3*w139 - normal_2*w140
-    w145 = w14*w142 + w16*w143 + w17*w144
-    w146 = normal_1*w142 - normal_2*w144
-    w147 = phi1_t*w81
-    w148 = w4*w7*base1_33*w31 - w4*w9*base1_32*w31 + w0*base1_31*w31
-    w149 = psi1_t*w148
-    w150 = base1_31*w44 + w7*base1_33*w34 - w9*base1_32*w34
-    w151 = theta1_t*w150
-    w152 = radius*w65*w145/(w18*w18*w18) + radius*(w24*w139 + w15*w141)/w18
-    w153 = base1_11*w4*psi1_t + w0*base1_12*w9*psi1_t - w0*w7*base1_13*psi1_t
-    w154 = radius*w71*w145/(w18*w18*w18) + radius*(w24*w138 + w13*w141)/w18
-    w155 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
-    w156 = w147 + w149 - w151 - (w66*w153 - w70*w152) + w72*w155 - w73*w154
-    w157 = normal_2*w143 - normal_3*w142
-    w158 = phi1_t*w99
-    w159 = w4*w7*base1_13*w31 - w4*base1_12*w9*w31 + base1_11*w0*w31
-    w160 = psi1_t*w159
-    w161 = base1_11*w44 + w7*base1_13*w34 - base1_12*w9*w34
-    w162 = theta1_t*w161
-    w163 = radius*w89*w145/(w18*w18*w18) + radius*(w24*w140 + w12*w141)/w18
-    w164 = w4*base1_31*psi1_t + w0*w9*base1_32*psi1_t - w0*w7*base1_33*psi1_t
-    w165 = w158 + w160 - w162 - (w90*w155 - w73*w163) + w66*w164 - w91*w152
-    w166 = normal_3*w144 - normal_1*w143
-    w167 = phi1_t*w112
-    w168 = w4*w7*base1_23*w31 - w4*w9*base1_22*w31 + w0*base1_21*w31
-    w169 = psi1_t*w168
-    w170 = base1_21*w44 + w7*base1_23*w34 - w9*base1_22*w34
-    w171 = theta1_t*w170
-    w172 = w167 + w169 - w171 - (w72*w164 - w91*w154) + w90*w153 - w70*w163
-    w173 = w74*w146/w18 - w64*w74*w145/(w18*w18*w18) + w64*w156/w18 + w92*w157/w18 - w19*w92*w145/(w18*w18*w18) + w19*w165/w18 + w105*w166/w18 - w104*w105*w145/(w18*w18*w18) + w104*w172/w18
-    w174 = w47*w142/w18 - w14*w47*w145/(w18*w18*w18) + w14*(w167 + w169 - w171)/w18
-    w175 = w54*w143/w18 - w16*w54*w145/(w18*w18*w18) + w16*(w147 + w149 - w151)/w18
-    w176 = w61*w144/w18 - w17*w61*w145/(w18*w18*w18) + w17*(w158 + w160 - w162)/w18
-    w177 = w174 + w175 + w176
-    w178 = camber*(w18*w141/w25 - w24*w145/(w18*w25))/cornering + w63*w173/w118 - w116*w123*w177/w118
-    w179 = cornering*w178/(peak*shape_factor)
-    w180 = curvature_factor*(w179 - cornering*w178/(peak*shape_factor*w128))
-    w181 = w179 - w180
-    w182 = peak*shape_factor*w19*w135*w181/(w18*w133) + peak*w136*(w157/w18 - w19*w145/(w18*w18*w18))
-    w183 = w3*w7 - w0*w6*w9
-    w184 = w3*w9 + w0*w6*w7
-    w185 = base1_12*w183 - base1_11*w4*w6 + base1_13*w184
-    w186 = base1_22*w183 - w4*w6*base1_21 + base1_23*w184
-    w187 = base1_32*w183 - w4*w6*base1_31 + base1_33*w184
-    w188 = normal_1*w185 + normal_2*w186 + normal_3*w187
-    w189 = normal_1*w187 - normal_3*w185
-    w190 = normal_2*w185 - normal_1*w186
-    w191 = normal_3*w186 - normal_2*w187
-    w192 = w14*w189 + w16*w190 + w17*w191
-    w193 = normal_1*w189 - normal_2*w191
-    w194 = phi1_t*w79
-    w195 = w36 + w0*w9*w33
-    w196 = w0*w7*w33 - w32
-    w197 = base1_32*w195 - base1_33*w196 + w4*base1_31*w33
-    w198 = psi1_t*w197
-    w199 = theta1_t*w148
-    w200 = radius*w65*w192/(w18*w18*w18) + radius*(w24*w186 + w15*w188)/w18
-    w201 = radius*w71*w192/(w18*w18*w18) + radius*(w24*w185 + w13*w188)/w18
-    w202 = w74*w193/w18 - w64*w74*w192/(w18*w18*w18) + w64*(w194 - w198 + w199 + w70*w200 - w73*w201)/w18
-    w203 = normal_2*w190 - normal_3*w189
-    w204 = phi1_t*w97
-    w205 = base1_12*w195 - base1_13*w196 + base1_11*w4*w33
-    w206 = psi1_t*w205
-    w207 = theta1_t*w159
-    w208 = radius*w89*w192/(w18*w18*w18) + radius*(w24*w187 + w12*w188)/w18
-    w209 = w92*w203/w18 - w19*w92*w192/(w18*w18*w18) + w19*(w204 - w206 + w207 + w73*w208 - w91*w200)/w18
-    w210 = normal_3*w191 - normal_1*w190
-    w211 = phi1_t*w110
-    w212 = base1_22*w195 - base1_23*w196 + w4*base1_21*w33
-    w213 = psi1_t*w212
-    w214 = theta1_t*w168
-    w215 = w105*w210/w18 - w104*w105*w192/(w18*w18*w18) + w104*(w211 - w213 + w214 + w91*w201 - w70*w208)/w18
-    w216 = w202 + w209 + w215
-    w217 = w47*w189/w18 - w14*w47*w192/(w18*w18*w18) + w14*(w211 - w213 + w214)/w18
-    w218 = w54*w190/w18 - w16*w54*w192/(w18*w18*w18) + w16*(w194 - w198 + w199)/w18
-    w219 = w61*w191/w18 - w17*w61*w192/(w18*w18*w18) + w17*(w204 - w206 + w207)/w18
-    w220 = w217 + w218 + w219
-    w221 = camber*(w18*w188/w25 - w24*w192/(w18*w25))/cornering + w63*w216/w118 - w116*w123*w220/w118
-    w222 = cornering*w221/(peak*shape_factor)
-    w223 = curvature_factor*(w222 - cornering*w221/(peak*shape_factor*w128))
-    w224 = w222 - w223
-    w225 = peak*shape_factor*w19*w135*w224/(w18*w133) + peak*w136*(w203/w18 - w19*w192/(w18*w18*w18))
-    w226 = peak*shape_factor*w104*w130*w135/(w18*w133) + peak*w136*(w106/w18 - w104*w29/(w18*w18*w18))
-    w227 = peak*shape_factor*w104*w135*w181/(w18*w133) + peak*w136*(w166/w18 - w104*w145/(w18*w18*w18))
-    w228 = peak*shape_factor*w104*w135*w224/(w18*w133) + peak*w136*(w210/w18 - w104*w192/(w18*w18*w18))
-    w229 = peak*shape_factor*w64*w130*w135/(w18*w133) + peak*w136*(w75/w18 - w64*w29/(w18*w18*w18))
-    w230 = peak*shape_factor*w64*w135*w181/(w18*w133) + peak*w136*(w146/w18 - w64*w145/(w18*w18*w18))
-    w231 = peak*shape_factor*w64*w135*w224/(w18*w133) + peak*w136*(w193/w18 - w64*w192/(w18*w18*w18))
-    w232 = f.sqrt(w117 + w62*w62)
-    w233 = peak*w136*trail*w122/w232 + peak*shape_factor*w62*trail*w130*w135/(w232*w133) - peak*w62*w136*trail*(w116*w115 + w62*w122)/(w232*w232*w232)
-    w234 = normal_3*w233 + w72*w226 - peak*w104*w136*w86/w18 - (w66*w137 - peak*w19*w136*w84/w18)
-    w235 = normal_2*w233 + w90*w137 - peak*w19*w136*w101/w18 - (w72*w229 - peak*w64*w136*w86/w18)
-    w236 = normal_1*w233 - (w90*w226 - peak*w104*w136*w101/w18) + w66*w229 - peak*w64*w136*w84/w18
-    w237 = base1_31*w234 + base1_21*w235 + base1_11*w236
-    w238 = w38*w226 - peak*w104*w136*w108/w18 + w55*w137 - peak*w19*w136*w95/w18 - w237 + w48*w229 - peak*w64*w136*w77/w18
-    w239 = peak*w104*w136*w112/w18
-    w240 = peak*w19*w136*w99/w18
-    w241 = peak*w136*trail*w177/w232 + peak*shape_factor*w62*trail*w135*w181/(w232*w133) - peak*w62*w136*trail*(w116*w173 + w62*w177)/(w232*w232*w232)
-    w242 = normal_3*w241 + w72*w227 - peak*w104*w136*w154/w18 - (w66*w182 - peak*w19*w136*w152/w18)
-    w243 = normal_2*w241 + w90*w182 - peak*w19*w136*w163/w18 - (w72*w230 - peak*w64*w136*w154/w18)
-    w244 = normal_1*w241 - (w90*w227 - peak*w104*w136*w163/w18) + w66*w230 - peak*w64*w136*w152/w18
-    w245 = base1_31*w242 + base1_21*w243 + base1_11*w244
-    w246 = peak*w64*w136*w81/w18
-    w247 = peak*w104*w136*w110/w18
-    w248 = peak*w19*w136*w97/w18
-    w249 = peak*w136*trail*w220/w232 + peak*shape_factor*w62*trail*w135*w224/(w232*w133) - peak*w62*w136*trail*(w116*w216 + w62*w220)/(w232*w232*w232)
-    w250 = normal_3*w249 + w72*w228 - peak*w104*w136*w201/w18 - (w66*w225 - peak*w19*w136*w200/w18)
-    w251 = normal_2*w249 + w90*w225 - peak*w19*w136*w208/w18 - (w72*w231 - peak*w64*w136*w201/w18)
-    w252 = normal_1*w249 - (w90*w228 - peak*w104*w136*w208/w18) + w66*w231 - peak*w64*w136*w200/w18
-    w253 = base1_31*w250 + base1_21*w251 + base1_11*w252
-    w254 = peak*w64*w136*w79/w18
-    w255 = peak*w62*w136*trail/w232
-    w256 = peak*w136
-    w257 = w256*w107
-    w258 = w256*w94
-    w259 = normal_3*w255 + w72*w257 - w66*w258
-    w260 = w256*w76
-    w261 = normal_2*w255 + w90*w258 - w72*w260
-    w262 = normal_1*w255 - w90*w257 + w66*w260
-    w263 = base1_33*w259 + base1_23*w261 + base1_13*w262
-    w264 = base1_33*w234 + base1_23*w235 + base1_13*w236
-    w265 = base1_32*w259 + base1_22*w261 + base1_12*w262
-    w266 = base1_32*w234 + base1_22*w235 + base1_12*w236
-    w267 = w239 + w45*w226 + w240 + w59*w137 - (w7*w263 + w9*w264) - (w7*w266 - w9*w265) + w246 + w52*w229
-    w268 = base1_33*w242 + base1_23*w243 + base1_13*w244
-    w269 = base1_32*w242 + base1_22*w243 + base1_12*w244
-    w270 = w45*w227 - peak*w104*w136*w170/w18 + w59*w182 - peak*w19*w136*w161/w18 - w9*w268 - w7*w269 + w52*w230 - peak*w64*w136*w150/w18
-    w271 = peak*w104*w136*w168/w18
-    w272 = peak*w19*w136*w159/w18
-    w273 = base1_33*w250 + base1_23*w251 + base1_13*w252
-    w274 = base1_32*w250 + base1_22*w251 + base1_12*w252
-    w275 = peak*w64*w136*w148/w18
-    w276 = w271 + w45*w228 + w272 + w59*w225 - w9*w273 - w7*w274 + w275 + w52*w231
-    w277 = w247 + w42*w226 + w248 + w57*w137 - (w4*w7*w264 - w4*w9*w263) + w4*w9*w266 + w4*w7*w265 - w0*w237 + w254 + w50*w229
-    w278 = w271 + w42*w227 + w272 + w57*w182 - (w4*w7*w268 - w0*w7*w263) + w4*w9*w269 - w0*w9*w265 - (w4*(base1_31*w259 + base1_21*w261 + base1_11*w262) + w0*w245) + w275 + w50*w230
-    w279 = w42*w228 - peak*w104*w136*w212/w18 + w57*w225 - peak*w19*w136*w205/w18 - w4*w7*w273 + w4*w9*w274 - w0*w253 + w50*w231 - peak*w64*w136*w197/w18
-    w280 = w19*w63/(w18*w118) - w17*w116*w123/(w18*w118)
-    w281 = cornering*w280/(peak*shape_factor)
-    w282 = curvature_factor*(w281 - cornering*w280/(peak*shape_factor*w128))
-    w283 = w281 - w282
-    w284 = w104*w63/(w18*w118) - w14*w116*w123/(w18*w118)
-    w285 = cornering*w284/(peak*shape_factor)
-    w286 = curvature_factor*(w285 - cornering*w284/(peak*shape_factor*w128))
-    w287 = w285 - w286
-    w288 = w64*w63/(w18*w118) - w16*w116*w123/(w18*w118)
-    w289 = cornering*w288/(peak*shape_factor)
-    w290 = curvature_factor*(w289 - cornering*w288/(peak*shape_factor*w128))
-    w291 = w289 - w290
-    w292 = w64*(w48 - base1_11*w66 + base1_21*w72)/w18 + w19*(w55 - base1_21*w90 + base1_31*w66)/w18 + w104*(w38 - base1_31*w72 + base1_11*w90)/w18
-    w293 = w14*w38/w18 + w16*w48/w18 + w17*w55/w18
-    w294 = w63*w292/w118 - w116*w123*w293/w118
-    w295 = cornering*w294/(peak*shape_factor)
-    w296 = curvature_factor*(w295 - cornering*w294/(peak*shape_factor*w128))
-    w297 = w295 - w296
-    w298 = base1_12*w7 + w9*base1_13
-    w299 = w7*base1_22 + w9*base1_23
-    w300 = w7*base1_32 + w9*base1_33
-    w301 = w64*(w52 - w66*w298 + w72*w299)/w18 + w19*(w59 - w90*w299 + w66*w300)/w18 + w104*(w45 - w72*w300 + w90*w298)/w18
-    w302 = w14*w45/w18 + w16*w52/w18 + w17*w59/w18
-    w303 = w63*w301/w118 - w116*w123*w302/w118
-    w304 = cornering*w303/(peak*shape_factor)
-    w305 = curvature_factor*(w304 - cornering*w303/(peak*shape_factor*w128))
-    w306 = w304 - w305
-    w307 = base1_11*w0 - w4*base1_12*w9 + w4*w7*base1_13
-    w308 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
-    w309 = w0*base1_31 - w4*w9*base1_32 + w4*w7*base1_33
-    w310 = w64*(w50 - w66*w307 + w72*w308)/w18 + w19*(w57 - w90*w308 + w66*w309)/w18 + w104*(w42 - w72*w309 + w90*w307)/w18
-    w311 = w14*w42/w18 + w16*w50/w18 + w17*w57/w18
-    w312 = w63*w310/w118 - w116*w123*w311/w118
-    w313 = cornering*w312/(peak*shape_factor)
-    w314 = curvature_factor*(w313 - cornering*w312/(peak*shape_factor*w128))
-    w315 = w313 - w314
-    w316 = peak*w62*w136*trail*(w19*w116/w18 + w17*w62/w18)/(w232*w232*w232)
-    w317 = peak*w17*w136*trail/(w18*w232) + peak*shape_factor*w62*trail*w135*w283/(w232*w133) - w316
-    w318 = normal_3*w317 + peak*shape_factor*w72*w104*w135*w283/(w18*w133) - peak*shape_factor*w66*w19*w135*w283/(w18*w133)
-    w319 = normal_2*w317 + peak*shape_factor*w19*w90*w135*w283/(w18*w133) - peak*shape_factor*w64*w72*w135*w283/(w18*w133)
-    w320 = normal_1*w317 - peak*shape_factor*w90*w104*w135*w283/(w18*w133) + peak*shape_factor*w64*w66*w135*w283/(w18*w133)
-    w321 = base1_31*w318 + base1_21*w319 + base1_11*w320
-    w322 = peak*shape_factor*w104*w38*w135*w283/(w18*w133) + peak*shape_factor*w19*w55*w135*w283/(w18*w133) - w321 + peak*shape_factor*w64*w48*w135*w283/(w18*w133)
-    w323 = peak*w62*w136*trail*(w104*w116/w18 + w14*w62/w18)/(w232*w232*w232)
-    w324 = peak*w14*w136*trail/(w18*w232) + peak*shape_factor*w62*trail*w135*w287/(w232*w133) - w323
-    w325 = normal_3*w324 + peak*shape_factor*w72*w104*w135*w287/(w18*w133) - peak*shape_factor*w66*w19*w135*w287/(w18*w133)
-    w326 = normal_2*w324 + peak*shape_factor*w19*w90*w135*w287/(w18*w133) - peak*shape_factor*w64*w72*w135*w287/(w18*w133)
-    w327 = normal_1*w324 - peak*shape_factor*w90*w104*w135*w287/(w18*w133) + peak*shape_factor*w64*w66*w135*w287/(w18*w133)
-    w328 = base1_31*w325 + base1_21*w326 + base1_11*w327
-    w329 = peak*shape_factor*w104*w38*w135*w287/(w18*w133) + peak*shape_factor*w19*w55*w135*w287/(w18*w133) - w328 + peak*shape_factor*w64*w48*w135*w287/(w18*w133)
-    w330 = peak*w62*w136*trail*(w64*w116/w18 + w16*w62/w18)/(w232*w232*w232)
-    w331 = peak*w16*w136*trail/(w18*w232) + peak*shape_factor*w62*trail*w135*w291/(w232*w133) - w330
-    w332 = normal_3*w331 + peak*shape_factor*w72*w104*w135*w291/(w18*w133) - peak*shape_factor*w66*w19*w135*w291/(w18*w133)
-    w333 = normal_2*w331 + peak*shape_factor*w19*w90*w135*w291/(w18*w133) - peak*shape_factor*w64*w72*w135*w291/(w18*w133)
-    w334 = normal_1*w331 - peak*shape_factor*w90*w104*w135*w291/(w18*w133) + peak*shape_factor*w64*w66*w135*w291/(w18*w133)
-    w335 = base1_31*w332 + base1_21*w333 + base1_11*w334
-    w336 = peak*shape_factor*w104*w38*w135*w291/(w18*w133) + peak*shape_factor*w19*w55*w135*w291/(w18*w133) - w335 + peak*shape_factor*w64*w48*w135*w291/(w18*w133)
-    w337 = peak*w136*trail*w293/w232 + peak*shape_factor*w62*trail*w135*w297/(w232*w133) - peak*w62*w136*trail*(w116*w292 + w62*w293)/(w232*w232*w232)
-    w338 = normal_3*w337 + peak*shape_factor*w72*w104*w135*w297/(w18*w133) - peak*shape_factor*w66*w19*w135*w297/(w18*w133)
-    w339 = normal_2*w337 + peak*shape_factor*w19*w90*w135*w297/(w18*w133) - peak*shape_factor*w64*w72*w135*w297/(w18*w133)
-    w340 = normal_1*w337 - peak*shape_factor*w90*w104*w135*w297/(w18*w133) + peak*shape_factor*w64*w66*w135*w297/(w18*w133)
-    w341 = base1_31*w338 + base1_21*w339 + base1_11*w340
-    w342 = peak*shape_factor*w104*w38*w135*w297/(w18*w133) + peak*shape_factor*w19*w55*w135*w297/(w18*w133) - w341 + peak*shape_factor*w64*w48*w135*w297/(w18*w133)
-    w343 = peak*w136*trail*w302/w232 + peak*shape_factor*w62*trail*w135*w306/(w232*w133) - peak*w62*w136*trail*(w116*w301 + w62*w302)/(w232*w232*w232)
-    w344 = normal_3*w343 + peak*shape_factor*w72*w104*w135*w306/(w18*w133) - peak*shape_factor*w66*w19*w135*w306/(w18*w133)
-    w345 = normal_2*w343 + peak*shape_factor*w19*w90*w135*w306/(w18*w133) - peak*shape_factor*w64*w72*w135*w306/(w18*w133)
-    w346 = normal_1*w343 - peak*shape_factor*w90*w104*w135*w306/(w18*w133) + peak*shape_factor*w64*w66*w135*w306/(w18*w133)
-    w347 = base1_31*w344 + base1_21*w345 + base1_11*w346
-    w348 = peak*shape_factor*w104*w38*w135*w306/(w18*w133) + peak*shape_factor*w19*w55*w135*w306/(w18*w133) - w347 + peak*shape_factor*w64*w48*w135*w306/(w18*w133)
-    w349 = peak*w136*trail*w311/w232 + peak*shape_factor*w62*trail*w135*w315/(w232*w133) - peak*w62*w136*trail*(w116*w310 + w62*w311)/(w232*w232*w232)
-    w350 = normal_3*w349 + peak*shape_factor*w72*w104*w135*w315/(w18*w133) - peak*shape_factor*w66*w19*w135*w315/(w18*w133)
-    w351 = normal_2*w349 + peak*shape_factor*w19*w90*w135*w315/(w18*w133) - peak*shape_factor*w64*w72*w135*w315/(w18*w133)
-    w352 = normal_1*w349 - peak*shape_factor*w90*w104*w135*w315/(w18*w133) + peak*shape_factor*w64*w66*w135*w315/(w18*w133)
-    w353 = base1_31*w350 + base1_21*w351 + base1_11*w352
-    w354 = peak*shape_factor*w104*w38*w135*w315/(w18*w133) + peak*shape_factor*w19*w55*w135*w315/(w18*w133) - w353 + peak*shape_factor*w64*w48*w135*w315/(w18*w133)
-    w355 = base1_33*w318 + base1_23*w319 + base1_13*w320
-    w356 = base1_32*w318 + base1_22*w319 + base1_12*w320
-    w357 = peak*shape_factor*w104*w45*w135*w283/(w18*w133) + peak*shape_factor*w19*w59*w135*w283/(w18*w133) - w9*w355 - w7*w356 + peak*shape_factor*w64*w52*w135*w283/(w18*w133)
-    w358 = base1_33*w325 + base1_23*w326 + base1_13*w327
-    w359 = base1_32*w325 + base1_22*w326 + base1_12*w327
-    w360 = peak*shape_factor*w104*w45*w135*w287/(w18*w133) + peak*shape_factor*w19*w59*w135*w287/(w18*w133) - w9*w358 - w7*w359 + peak*shape_factor*w64*w52*w135*w287/(w18*w133)
-    w361 = base1_33*w332 + base1_23*w333 + base1_13*w334
-    w362 = base1_32*w332 + base1_22*w333 + base1_12*w334
-    w363 = peak*shape_factor*w104*w45*w135*w291/(w18*w133) + peak*shape_factor*w19*w59*w135*w291/(w18*w133) - w9*w361 - w7*w362 + peak*shape_factor*w64*w52*w135*w291/(w18*w133)
-    w364 = base1_33*w338 + base1_23*w339 + base1_13*w340
-    w365 = base1_32*w338 + base1_22*w339 + base1_12*w340
-    w366 = peak*shape_factor*w104*w45*w135*w297/(w18*w133) + peak*shape_factor*w19*w59*w135*w297/(w18*w133) - w9*w364 - w7*w365 + peak*shape_factor*w64*w52*w135*w297/(w18*w133)
-    w367 = base1_33*w344 + base1_23*w345 + base1_13*w346
-    w368 = base1_32*w344 + base1_22*w345 + base1_12*w346
-    w369 = peak*shape_factor*w104*w45*w135*w306/(w18*w133) + peak*shape_factor*w19*w59*w135*w306/(w18*w133) - w9*w367 - w7*w368 + peak*shape_factor*w64*w52*w135*w306/(w18*w133)
-    w370 = base1_33*w350 + base1_23*w351 + base1_13*w352
-    w371 = base1_32*w350 + base1_22*w351 + base1_12*w352
-    w372 = peak*shape_factor*w104*w45*w135*w315/(w18*w133) + peak*shape_factor*w19*w59*w135*w315/(w18*w133) - w9*w370 - w7*w371 + peak*shape_factor*w64*w52*w135*w315/(w18*w133)
-    w373 = peak*shape_factor*w104*w42*w135*w283/(w18*w133) + peak*shape_factor*w19*w57*w135*w283/(w18*w133) - w4*w7*w355 + w4*w9*w356 - w0*w321 + peak*shape_factor*w64*w50*w135*w283/(w18*w133)
-    w374 = peak*shape_factor*w104*w42*w135*w287/(w18*w133) + peak*shape_factor*w19*w57*w135*w287/(w18*w133) - w4*w7*w358 + w4*w9*w359 - w0*w328 + peak*shape_factor*w64*w50*w135*w287/(w18*w133)
-    w375 = peak*shape_factor*w104*w42*w135*w291/(w18*w133) + peak*shape_factor*w19*w57*w135*w291/(w18*w133) - w4*w7*w361 + w4*w9*w362 - w0*w335 + peak*shape_factor*w64*w50*w135*w291/(w18*w133)
-    w376 = peak*shape_factor*w104*w42*w135*w297/(w18*w133) + peak*shape_factor*w19*w57*w135*w297/(w18*w133) - w4*w7*w364 + w4*w9*w365 - w0*w341 + peak*shape_factor*w64*w50*w135*w297/(w18*w133)
-    w377 = peak*shape_factor*w104*w42*w135*w306/(w18*w133) + peak*shape_factor*w19*w57*w135*w306/(w18*w133) - w4*w7*w367 + w4*w9*w368 - w0*w347 + peak*shape_factor*w64*w50*w135*w306/(w18*w133)
-    w378 = peak*shape_factor*w104*w42*w135*w315/(w18*w133) + peak*shape_factor*w19*w57*w135*w315/(w18*w133) - w4*w7*w370 + w4*w9*w371 - w0*w353 + peak*shape_factor*w64*w50*w135*w315/(w18*w133)
+    w136 = camber*(w23*w18/w25 - w30*w24/w25) + peak*shape_factor*w130*w135/w133
+    w137 = f.sin(w134)
+    w138 = camber*f.atan2(w24, w18) + peak*w137
+    w139 = w19*w136/w18 + w138*(w93/w18 - w19*w29/(w18*w18*w18))
+    w140 = base1_11*w8 + w5*base1_12*w9 - w5*w7*base1_13
+    w141 = w8*base1_21 + w5*w9*base1_22 - w5*w7*base1_23
+    w142 = w8*base1_31 + w5*w9*base1_32 - w5*w7*base1_33
+    w143 = normal_1*w140 + normal_2*w141 + normal_3*w142
+    w144 = normal_1*w142 - normal_3*w140
+    w145 = normal_2*w140 - normal_1*w141
+    w146 = normal_3*w141 - normal_2*w142
+    w147 = w14*w144 + w16*w145 + w17*w146
+    w148 = normal_1*w144 - normal_2*w146
+    w149 = phi1_t*w81
+    w150 = w4*w7*base1_33*w31 - w4*w9*base1_32*w31 + w0*base1_31*w31
+    w151 = psi1_t*w150
+    w152 = base1_31*w44 + w7*base1_33*w34 - w9*base1_32*w34
+    w153 = theta1_t*w152
+    w154 = radius*w65*w147/(w18*w18*w18) + radius*(w24*w141 + w15*w143)/w18
+    w155 = base1_11*w4*psi1_t + w0*base1_12*w9*psi1_t - w0*w7*base1_13*psi1_t
+    w156 = radius*w71*w147/(w18*w18*w18) + radius*(w24*w140 + w13*w143)/w18
+    w157 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
+    w158 = w149 + w151 - w153 - (w66*w155 - w70*w154) + w72*w157 - w73*w156
+    w159 = normal_2*w145 - normal_3*w144
+    w160 = phi1_t*w99
+    w161 = w4*w7*base1_13*w31 - w4*base1_12*w9*w31 + base1_11*w0*w31
+    w162 = psi1_t*w161
+    w163 = base1_11*w44 + w7*base1_13*w34 - base1_12*w9*w34
+    w164 = theta1_t*w163
+    w165 = radius*w89*w147/(w18*w18*w18) + radius*(w24*w142 + w12*w143)/w18
+    w166 = w4*base1_31*psi1_t + w0*w9*base1_32*psi1_t - w0*w7*base1_33*psi1_t
+    w167 = w160 + w162 - w164 - (w90*w157 - w73*w165) + w66*w166 - w91*w154
+    w168 = normal_3*w146 - normal_1*w145
+    w169 = phi1_t*w112
+    w170 = w4*w7*base1_23*w31 - w4*w9*base1_22*w31 + w0*base1_21*w31
+    w171 = psi1_t*w170
+    w172 = base1_21*w44 + w7*base1_23*w34 - w9*base1_22*w34
+    w173 = theta1_t*w172
+    w174 = w169 + w171 - w173 - (w72*w166 - w91*w156) + w90*w155 - w70*w165
+    w175 = w74*w148/w18 - w64*w74*w147/(w18*w18*w18) + w64*w158/w18 + w92*w159/w18 - w19*w92*w147/(w18*w18*w18) + w19*w167/w18 + w105*w168/w18 - w104*w105*w147/(w18*w18*w18) + w104*w174/w18
+    w176 = w47*w144/w18 - w14*w47*w147/(w18*w18*w18) + w14*(w169 + w171 - w173)/w18
+    w177 = w54*w145/w18 - w16*w54*w147/(w18*w18*w18) + w16*(w149 + w151 - w153)/w18
+    w178 = w61*w146/w18 - w17*w61*w147/(w18*w18*w18) + w17*(w160 + w162 - w164)/w18
+    w179 = w176 + w177 + w178
+    w180 = w63*w175/w118 - w116*w123*w179/w118
+    w181 = cornering*w180/(peak*shape_factor)
+    w182 = curvature_factor*(w181 - cornering*w180/(peak*shape_factor*w128))
+    w183 = w181 - w182
+    w184 = camber*(w18*w143/w25 - w24*w147/(w18*w25)) + peak*shape_factor*w135*w183/w133
+    w185 = w19*w184/w18 + w138*(w159/w18 - w19*w147/(w18*w18*w18))
+    w186 = w3*w7 - w0*w6*w9
+    w187 = w3*w9 + w0*w6*w7
+    w188 = base1_12*w186 - base1_11*w4*w6 + base1_13*w187
+    w189 = base1_22*w186 - w4*w6*base1_21 + base1_23*w187
+    w190 = base1_32*w186 - w4*w6*base1_31 + base1_33*w187
+    w191 = normal_1*w188 + normal_2*w189 + normal_3*w190
+    w192 = normal_1*w190 - normal_3*w188
+    w193 = normal_2*w188 - normal_1*w189
+    w194 = normal_3*w189 - normal_2*w190
+    w195 = w14*w192 + w16*w193 + w17*w194
+    w196 = normal_1*w192 - normal_2*w194
+    w197 = phi1_t*w79
+    w198 = w36 + w0*w9*w33
+    w199 = w0*w7*w33 - w32
+    w200 = base1_32*w198 - base1_33*w199 + w4*base1_31*w33
+    w201 = psi1_t*w200
+    w202 = theta1_t*w150
+    w203 = radius*w65*w195/(w18*w18*w18) + radius*(w24*w189 + w15*w191)/w18
+    w204 = radius*w71*w195/(w18*w18*w18) + radius*(w24*w188 + w13*w191)/w18
+    w205 = w74*w196/w18 - w64*w74*w195/(w18*w18*w18) + w64*(w197 - w201 + w202 + w70*w203 - w73*w204)/w18
+    w206 = normal_2*w193 - normal_3*w192
+    w207 = phi1_t*w97
+    w208 = base1_12*w198 - base1_13*w199 + base1_11*w4*w33
+    w209 = psi1_t*w208
+    w210 = theta1_t*w161
+    w211 = radius*w89*w195/(w18*w18*w18) + radius*(w24*w190 + w12*w191)/w18
+    w212 = w92*w206/w18 - w19*w92*w195/(w18*w18*w18) + w19*(w207 - w209 + w210 + w73*w211 - w91*w203)/w18
+    w213 = normal_3*w194 - normal_1*w193
+    w214 = phi1_t*w110
+    w215 = base1_22*w198 - base1_23*w199 + w4*base1_21*w33
+    w216 = psi1_t*w215
+    w217 = theta1_t*w170
+    w218 = w105*w213/w18 - w104*w105*w195/(w18*w18*w18) + w104*(w214 - w216 + w217 + w91*w204 - w70*w211)/w18
+    w219 = w205 + w212 + w218
+    w220 = w47*w192/w18 - w14*w47*w195/(w18*w18*w18) + w14*(w214 - w216 + w217)/w18
+    w221 = w54*w193/w18 - w16*w54*w195/(w18*w18*w18) + w16*(w197 - w201 + w202)/w18
+    w222 = w61*w194/w18 - w17*w61*w195/(w18*w18*w18) + w17*(w207 - w209 + w210)/w18
+    w223 = w220 + w221 + w222
+    w224 = w63*w219/w118 - w116*w123*w223/w118
+    w225 = cornering*w224/(peak*shape_factor)
+    w226 = curvature_factor*(w225 - cornering*w224/(peak*shape_factor*w128))
+    w227 = w225 - w226
+    w228 = camber*(w18*w191/w25 - w24*w195/(w18*w25)) + peak*shape_factor*w135*w227/w133
+    w229 = w19*w228/w18 + w138*(w206/w18 - w19*w195/(w18*w18*w18))
+    w230 = w104*w136/w18 + w138*(w106/w18 - w104*w29/(w18*w18*w18))
+    w231 = w104*w184/w18 + w138*(w168/w18 - w104*w147/(w18*w18*w18))
+    w232 = w104*w228/w18 + w138*(w213/w18 - w104*w195/(w18*w18*w18))
+    w233 = w64*w136/w18 + w138*(w75/w18 - w64*w29/(w18*w18*w18))
+    w234 = w64*w184/w18 + w138*(w148/w18 - w64*w147/(w18*w18*w18))
+    w235 = w64*w228/w18 + w138*(w196/w18 - w64*w195/(w18*w18*w18))
+    w236 = f.sqrt(w117 + w62*w62)
+    w237 = peak*w137*trail*w122/w236 + peak*shape_factor*w62*trail*w130*w135/(w236*w133) - peak*w62*w137*trail*(w116*w115 + w62*w122)/(w236*w236*w236)
+    w238 = normal_3*w237 + w72*w230 - w104*w138*w86/w18 - (w66*w139 - w19*w138*w84/w18)
+    w239 = normal_2*w237 + w90*w139 - w19*w138*w101/w18 - (w72*w233 - w64*w138*w86/w18)
+    w240 = normal_1*w237 - (w90*w230 - w104*w138*w101/w18) + w66*w233 - w64*w138*w84/w18
+    w241 = base1_31*w238 + base1_21*w239 + base1_11*w240
+    w242 = w38*w230 - w104*w138*w108/w18 + w55*w139 - w19*w138*w95/w18 - w241 + w48*w233 - w64*w138*w77/w18
+    w243 = w104*w138*w112/w18
+    w244 = w19*w138*w99/w18
+    w245 = peak*w137*trail*w179/w236 + peak*shape_factor*w62*trail*w135*w183/(w236*w133) - peak*w62*w137*trail*(w116*w175 + w62*w179)/(w236*w236*w236)
+    w246 = normal_3*w245 + w72*w231 - w104*w138*w156/w18 - (w66*w185 - w19*w138*w154/w18)
+    w247 = normal_2*w245 + w90*w185 - w19*w138*w165/w18 - (w72*w234 - w64*w138*w156/w18)
+    w248 = normal_1*w245 - (w90*w231 - w104*w138*w165/w18) + w66*w234 - w64*w138*w154/w18
+    w249 = base1_31*w246 + base1_21*w247 + base1_11*w248
+    w250 = w64*w138*w81/w18
+    w251 = w104*w138*w110/w18
+    w252 = w19*w138*w97/w18
+    w253 = peak*w137*trail*w223/w236 + peak*shape_factor*w62*trail*w135*w227/(w236*w133) - peak*w62*w137*trail*(w116*w219 + w62*w223)/(w236*w236*w236)
+    w254 = normal_3*w253 + w72*w232 - w104*w138*w204/w18 - (w66*w229 - w19*w138*w203/w18)
+    w255 = normal_2*w253 + w90*w229 - w19*w138*w211/w18 - (w72*w235 - w64*w138*w204/w18)
+    w256 = normal_1*w253 - (w90*w232 - w104*w138*w211/w18) + w66*w235 - w64*w138*w203/w18
+    w257 = base1_31*w254 + base1_21*w255 + base1_11*w256
+    w258 = w64*w138*w79/w18
+    w259 = peak*w62*w137*trail/w236
+    w260 = w138*w107
+    w261 = w138*w94
+    w262 = normal_3*w259 + w72*w260 - w66*w261
+    w263 = w138*w76
+    w264 = normal_2*w259 + w90*w261 - w72*w263
+    w265 = normal_1*w259 - w90*w260 + w66*w263
+    w266 = base1_33*w262 + base1_23*w264 + base1_13*w265
+    w267 = base1_33*w238 + base1_23*w239 + base1_13*w240
+    w268 = base1_32*w262 + base1_22*w264 + base1_12*w265
+    w269 = base1_32*w238 + base1_22*w239 + base1_12*w240
+    w270 = w243 + w45*w230 + w244 + w59*w139 - (w7*w266 + w9*w267) - (w7*w269 - w9*w268) + w250 + w52*w233
+    w271 = base1_33*w246 + base1_23*w247 + base1_13*w248
+    w272 = base1_32*w246 + base1_22*w247 + base1_12*w248
+    w273 = w45*w231 - w104*w138*w172/w18 + w59*w185 - w19*w138*w163/w18 - w9*w271 - w7*w272 + w52*w234 - w64*w138*w152/w18
+    w274 = w104*w138*w170/w18
+    w275 = w19*w138*w161/w18
+    w276 = base1_33*w254 + base1_23*w255 + base1_13*w256
+    w277 = base1_32*w254 + base1_22*w255 + base1_12*w256
+    w278 = w64*w138*w150/w18
+    w279 = w274 + w45*w232 + w275 + w59*w229 - w9*w276 - w7*w277 + w278 + w52*w235
+    w280 = w251 + w42*w230 + w252 + w57*w139 - (w4*w7*w267 - w4*w9*w266) + w4*w9*w269 + w4*w7*w268 - w0*w241 + w258 + w50*w233
+    w281 = w274 + w42*w231 + w275 + w57*w185 - (w4*w7*w271 - w0*w7*w266) + w4*w9*w272 - w0*w9*w268 - (w4*(base1_31*w262 + base1_21*w264 + base1_11*w265) + w0*w249) + w278 + w50*w234
+    w282 = w42*w232 - w104*w138*w215/w18 + w57*w229 - w19*w138*w208/w18 - w4*w7*w276 + w4*w9*w277 - w0*w257 + w50*w235 - w64*w138*w200/w18
+    w283 = w19*w63/(w18*w118) - w17*w116*w123/(w18*w118)
+    w284 = cornering*w283/(peak*shape_factor)
+    w285 = curvature_factor*(w284 - cornering*w283/(peak*shape_factor*w128))
+    w286 = w284 - w285
+    w287 = w104*w63/(w18*w118) - w14*w116*w123/(w18*w118)
+    w288 = cornering*w287/(peak*shape_factor)
+    w289 = curvature_factor*(w288 - cornering*w287/(peak*shape_factor*w128))
+    w290 = w288 - w289
+    w291 = w64*w63/(w18*w118) - w16*w116*w123/(w18*w118)
+    w292 = cornering*w291/(peak*shape_factor)
+    w293 = curvature_factor*(w292 - cornering*w291/(peak*shape_factor*w128))
+    w294 = w292 - w293
+    w295 = w64*(w48 - base1_11*w66 + base1_21*w72)/w18 + w19*(w55 - base1_21*w90 + base1_31*w66)/w18 + w104*(w38 - base1_31*w72 + base1_11*w90)/w18
+    w296 = w14*w38/w18 + w16*w48/w18 + w17*w55/w18
+    w297 = w63*w295/w118 - w116*w123*w296/w118
+    w298 = cornering*w297/(peak*shape_factor)
+    w299 = curvature_factor*(w298 - cornering*w297/(peak*shape_factor*w128))
+    w300 = w298 - w299
+    w301 = base1_12*w7 + w9*base1_13
+    w302 = w7*base1_22 + w9*base1_23
+    w303 = w7*base1_32 + w9*base1_33
+    w304 = w64*(w52 - w66*w301 + w72*w302)/w18 + w19*(w59 - w90*w302 + w66*w303)/w18 + w104*(w45 - w72*w303 + w90*w301)/w18
+    w305 = w14*w45/w18 + w16*w52/w18 + w17*w59/w18
+    w306 = w63*w304/w118 - w116*w123*w305/w118
+    w307 = cornering*w306/(peak*shape_factor)
+    w308 = curvature_factor*(w307 - cornering*w306/(peak*shape_factor*w128))
+    w309 = w307 - w308
+    w310 = base1_11*w0 - w4*base1_12*w9 + w4*w7*base1_13
+    w311 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
+    w312 = w0*base1_31 - w4*w9*base1_32 + w4*w7*base1_33
+    w313 = w64*(w50 - w66*w310 + w72*w311)/w18 + w19*(w57 - w90*w311 + w66*w312)/w18 + w104*(w42 - w72*w312 + w90*w310)/w18
+    w314 = w14*w42/w18 + w16*w50/w18 + w17*w57/w18
+    w315 = w63*w313/w118 - w116*w123*w314/w118
+    w316 = cornering*w315/(peak*shape_factor)
+    w317 = curvature_factor*(w316 - cornering*w315/(peak*shape_factor*w128))
+    w318 = w316 - w317
+    w319 = peak*w62*w137*trail*(w19*w116/w18 + w17*w62/w18)/(w236*w236*w236)
+    w320 = w17*peak*w137*trail/(w18*w236) + peak*shape_factor*w62*trail*w135*w286/(w236*w133) - w319
+    w321 = normal_3*w320 + peak*shape_factor*w72*w104*w135*w286/(w18*w133) - peak*shape_factor*w66*w19*w135*w286/(w18*w133)
+    w322 = normal_2*w320 + peak*shape_factor*w19*w90*w135*w286/(w18*w133) - peak*shape_factor*w64*w72*w135*w286/(w18*w133)
+    w323 = normal_1*w320 - peak*shape_factor*w90*w104*w135*w286/(w18*w133) + peak*shape_factor*w64*w66*w135*w286/(w18*w133)
+    w324 = base1_31*w321 + base1_21*w322 + base1_11*w323
+    w325 = peak*shape_factor*w104*w38*w135*w286/(w18*w133) + peak*shape_factor*w19*w55*w135*w286/(w18*w133) - w324 + peak*shape_factor*w64*w48*w135*w286/(w18*w133)
+    w326 = peak*w62*w137*trail*(w104*w116/w18 + w14*w62/w18)/(w236*w236*w236)
+    w327 = w14*peak*w137*trail/(w18*w236) + peak*shape_factor*w62*trail*w135*w290/(w236*w133) - w326
+    w328 = normal_3*w327 + peak*shape_factor*w72*w104*w135*w290/(w18*w133) - peak*shape_factor*w66*w19*w135*w290/(w18*w133)
+    w329 = normal_2*w327 + peak*shape_factor*w19*w90*w135*w290/(w18*w133) - peak*shape_factor*w64*w72*w135*w290/(w18*w133)
+    w330 = normal_1*w327 - peak*shape_factor*w90*w104*w135*w290/(w18*w133) + peak*shape_factor*w64*w66*w135*w290/(w18*w133)
+    w331 = base1_31*w328 + base1_21*w329 + base1_11*w330
+    w332 = peak*shape_factor*w104*w38*w135*w290/(w18*w133) + peak*shape_factor*w19*w55*w135*w290/(w18*w133) - w331 + peak*shape_factor*w64*w48*w135*w290/(w18*w133)
+    w333 = peak*w62*w137*trail*(w64*w116/w18 + w16*w62/w18)/(w236*w236*w236)
+    w334 = w16*peak*w137*trail/(w18*w236) + peak*shape_factor*w62*trail*w135*w294/(w236*w133) - w333
+    w335 = normal_3*w334 + peak*shape_factor*w72*w104*w135*w294/(w18*w133) - peak*shape_factor*w66*w19*w135*w294/(w18*w133)
+    w336 = normal_2*w334 + peak*shape_factor*w19*w90*w135*w294/(w18*w133) - peak*shape_factor*w64*w72*w135*w294/(w18*w133)
+    w337 = normal_1*w334 - peak*shape_factor*w90*w104*w135*w294/(w18*w133) + peak*shape_factor*w64*w66*w135*w294/(w18*w133)
+    w338 = base1_31*w335 + base1_21*w336 + base1_11*w337
+    w339 = peak*shape_factor*w104*w38*w135*w294/(w18*w133) + peak*shape_factor*w19*w55*w135*w294/(w18*w133) - w338 + peak*shape_factor*w64*w48*w135*w294/(w18*w133)
+    w340 = peak*w137*trail*w296/w236 + peak*shape_factor*w62*trail*w135*w300/(w236*w133) - peak*w62*w137*trail*(w116*w295 + w62*w296)/(w236*w236*w236)
+    w341 = normal_3*w340 + peak*shape_factor*w72*w104*w135*w300/(w18*w133) - peak*shape_factor*w66*w19*w135*w300/(w18*w133)
+    w342 = normal_2*w340 + peak*shape_factor*w19*w90*w135*w300/(w18*w133) - peak*shape_factor*w64*w72*w135*w300/(w18*w133)
+    w343 = normal_1*w340 - peak*shape_factor*w90*w104*w135*w300/(w18*w133) + peak*shape_factor*w64*w66*w135*w300/(w18*w133)
+    w344 = base1_31*w341 + base1_21*w342 + base1_11*w343
+    w345 = peak*shape_factor*w104*w38*w135*w300/(w18*w133) + peak*shape_factor*w19*w55*w135*w300/(w18*w133) - w344 + peak*shape_factor*w64*w48*w135*w300/(w18*w133)
+    w346 = peak*w137*trail*w305/w236 + peak*shape_factor*w62*trail*w135*w309/(w236*w133) - peak*w62*w137*trail*(w116*w304 + w62*w305)/(w236*w236*w236)
+    w347 = normal_3*w346 + peak*shape_factor*w72*w104*w135*w309/(w18*w133) - peak*shape_factor*w66*w19*w135*w309/(w18*w133)
+    w348 = normal_2*w346 + peak*shape_factor*w19*w90*w135*w309/(w18*w133) - peak*shape_factor*w64*w72*w135*w309/(w18*w133)
+    w349 = normal_1*w346 - peak*shape_factor*w90*w104*w135*w309/(w18*w133) + peak*shape_factor*w64*w66*w135*w309/(w18*w133)
+    w350 = base1_31*w347 + base1_21*w348 + base1_11*w349
+    w351 = peak*shape_factor*w104*w38*w135*w309/(w18*w133) + peak*shape_factor*w19*w55*w135*w309/(w18*w133) - w350 + peak*shape_factor*w64*w48*w135*w309/(w18*w133)
+    w352 = peak*w137*trail*w314/w236 + peak*shape_factor*w62*trail*w135*w318/(w236*w133) - peak*w62*w137*trail*(w116*w313 + w62*w314)/(w236*w236*w236)
+    w353 = normal_3*w352 + peak*shape_factor*w72*w104*w135*w318/(w18*w133) - peak*shape_factor*w66*w19*w135*w318/(w18*w133)
+    w354 = normal_2*w352 + peak*shape_factor*w19*w90*w135*w318/(w18*w133) - peak*shape_factor*w64*w72*w135*w318/(w18*w133)
+    w355 = normal_1*w352 - peak*shape_factor*w90*w104*w135*w318/(w18*w133) + peak*shape_factor*w64*w66*w135*w318/(w18*w133)
+    w356 = base1_31*w353 + base1_21*w354 + base1_11*w355
+    w357 = peak*shape_factor*w104*w38*w135*w318/(w18*w133) + peak*shape_factor*w19*w55*w135*w318/(w18*w133) - w356 + peak*shape_factor*w64*w48*w135*w318/(w18*w133)
+    w358 = base1_33*w321 + base1_23*w322 + base1_13*w323
+    w359 = base1_32*w321 + base1_22*w322 + base1_12*w323
+    w360 = peak*shape_factor*w104*w45*w135*w286/(w18*w133) + peak*shape_factor*w19*w59*w135*w286/(w18*w133) - w9*w358 - w7*w359 + peak*shape_factor*w64*w52*w135*w286/(w18*w133)
+    w361 = base1_33*w328 + base1_23*w329 + base1_13*w330
+    w362 = base1_32*w328 + base1_22*w329 + base1_12*w330
+    w363 = peak*shape_factor*w104*w45*w135*w290/(w18*w133) + peak*shape_factor*w19*w59*w135*w290/(w18*w133) - w9*w361 - w7*w362 + peak*shape_factor*w64*w52*w135*w290/(w18*w133)
+    w364 = base1_33*w335 + base1_23*w336 + base1_13*w337
+    w365 = base1_32*w335 + base1_22*w336 + base1_12*w337
+    w366 = peak*shape_factor*w104*w45*w135*w294/(w18*w133) + peak*shape_factor*w19*w59*w135*w294/(w18*w133) - w9*w364 - w7*w365 + peak*shape_factor*w64*w52*w135*w294/(w18*w133)
+    w367 = base1_33*w341 + base1_23*w342 + base1_13*w343
+    w368 = base1_32*w341 + base1_22*w342 + base1_12*w343
+    w369 = peak*shape_factor*w104*w45*w135*w300/(w18*w133) + peak*shape_factor*w19*w59*w135*w300/(w18*w133) - w9*w367 - w7*w368 + peak*shape_factor*w64*w52*w135*w300/(w18*w133)
+    w370 = base1_33*w347 + base1_23*w348 + base1_13*w349
+    w371 = base1_32*w347 + base1_22*w348 + base1_12*w349
+    w372 = peak*shape_factor*w104*w45*w135*w309/(w18*w133) + peak*shape_factor*w19*w59*w135*w309/(w18*w133) - w9*w370 - w7*w371 + peak*shape_factor*w64*w52*w135*w309/(w18*w133)
+    w373 = base1_33*w353 + base1_23*w354 + base1_13*w355
+    w374 = base1_32*w353 + base1_22*w354 + base1_12*w355
+    w375 = peak*shape_factor*w104*w45*w135*w318/(w18*w133) + peak*shape_factor*w19*w59*w135*w318/(w18*w133) - w9*w373 - w7*w374 + peak*shape_factor*w64*w52*w135*w318/(w18*w133)
+    w376 = peak*shape_factor*w104*w42*w135*w286/(w18*w133) + peak*shape_factor*w19*w57*w135*w286/(w18*w133) - w4*w7*w358 + w4*w9*w359 - w0*w324 + peak*shape_factor*w64*w50*w135*w286/(w18*w133)
+    w377 = peak*shape_factor*w104*w42*w135*w290/(w18*w133) + peak*shape_factor*w19*w57*w135*w290/(w18*w133) - w4*w7*w361 + w4*w9*w362 - w0*w331 + peak*shape_factor*w64*w50*w135*w290/(w18*w133)
+    w378 = peak*shape_factor*w104*w42*w135*w294/(w18*w133) + peak*shape_factor*w19*w57*w135*w294/(w18*w133) - w4*w7*w364 + w4*w9*w365 - w0*w338 + peak*shape_factor*w64*w50*w135*w294/(w18*w133)
+    w379 = peak*shape_factor*w104*w42*w135*w300/(w18*w133) + peak*shape_factor*w19*w57*w135*w300/(w18*w133) - w4*w7*w367 + w4*w9*w368 - w0*w344 + peak*shape_factor*w64*w50*w135*w300/(w18*w133)
+    w380 = peak*shape_factor*w104*w42*w135*w309/(w18*w133) + peak*shape_factor*w19*w57*w135*w309/(w18*w133) - w4*w7*w370 + w4*w9*w371 - w0*w350 + peak*shape_factor*w64*w50*w135*w309/(w18*w133)
+    w381 = peak*shape_factor*w104*w42*w135*w318/(w18*w133) + peak*shape_factor*w19*w57*w135*w318/(w18*w133) - w4*w7*w373 + w4*w9*w374 - w0*w356 + peak*shape_factor*w64*w50*w135*w318/(w18*w133)
     return (
-        w137,
-        w182,
-        w225,
-        w226,
-        w227,
-        w228,
+        w139,
+        w185,
         w229,
         w230,
         w231,
-        w238,
-        w239 + w38*w227 + w240 + w55*w182 - w245 + w246 + w48*w230,
-        w247 + w38*w228 + w248 + w55*w225 - w253 + w254 + w48*w231,
-        w267,
+        w232,
+        w233,
+        w234,
+        w235,
+        w242,
+        w243 + w38*w231 + w244 + w55*w185 - w249 + w250 + w48*w234,
+        w251 + w38*w232 + w252 + w55*w229 - w257 + w258 + w48*w235,
         w270,
-        w276,
-        w277,
-        w278,
+        w273,
         w279,
-        peak*shape_factor*w19*w135*w283/(w18*w133),
-        peak*shape_factor*w19*w135*w287/(w18*w133),
-        peak*shape_factor*w19*w135*w291/(w18*w133),
-        peak*shape_factor*w19*w135*w297/(w18*w133),
-        peak*shape_factor*w19*w135*w306/(w18*w133),
-        peak*shape_factor*w19*w135*w315/(w18*w133),
-        peak*shape_factor*w104*w135*w283/(w18*w133),
-        peak*shape_factor*w104*w135*w287/(w18*w133),
-        peak*shape_factor*w104*w135*w291/(w18*w133),
-        peak*shape_factor*w104*w135*w297/(w18*w133),
-        peak*shape_factor*w104*w135*w306/(w18*w133),
-        peak*shape_factor*w104*w135*w315/(w18*w133),
-        peak*shape_factor*w64*w135*w283/(w18*w133),
-        peak*shape_factor*w64*w135*w287/(w18*w133),
-        peak*shape_factor*w64*w135*w291/(w18*w133),
-        peak*shape_factor*w64*w135*w297/(w18*w133),
-        peak*shape_factor*w64*w135*w306/(w18*w133),
-        peak*shape_factor*w64*w135*w315/(w18*w133),
-        w322,
-        w329,
-        w336,
-        w342,
-        w348,
-        w354,
+        w280,
+        w281,
+        w282,
+        peak*shape_factor*w19*w135*w286/(w18*w133),
+        peak*shape_factor*w19*w135*w290/(w18*w133),
+        peak*shape_factor*w19*w135*w294/(w18*w133),
+        peak*shape_factor*w19*w135*w300/(w18*w133),
+        peak*shape_factor*w19*w135*w309/(w18*w133),
+        peak*shape_factor*w19*w135*w318/(w18*w133),
+        peak*shape_factor*w104*w135*w286/(w18*w133),
+        peak*shape_factor*w104*w135*w290/(w18*w133),
+        peak*shape_factor*w104*w135*w294/(w18*w133),
+        peak*shape_factor*w104*w135*w300/(w18*w133),
+        peak*shape_factor*w104*w135*w309/(w18*w133),
+        peak*shape_factor*w104*w135*w318/(w18*w133),
+        peak*shape_factor*w64*w135*w286/(w18*w133),
+        peak*shape_factor*w64*w135*w290/(w18*w133),
+        peak*shape_factor*w64*w135*w294/(w18*w133),
+        peak*shape_factor*w64*w135*w300/(w18*w133),
+        peak*shape_factor*w64*w135*w309/(w18*w133),
+        peak*shape_factor*w64*w135*w318/(w18*w133),
+        w325,
+        w332,
+        w339,
+        w345,
+        w351,
         w357,
         w360,
         w363,
         w366,
         w369,
         w372,
-        w373,
-        w374,
         w375,
         w376,
         w377,
         w378,
+        w379,
+        w380,
+        w381,
     )
 
 

@@ -4,7 +4,7 @@
 def dynamics(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, c2, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, = p
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, cornering, camber, = p
     w0 = f.sin(theta1)
     w1 = f.cos(psi1)
     w2 = f.sin(psi1)
@@ -35,17 +35,18 @@ def dynamics(f, q, u, p, s):
     w27 = y1_t + phi1_t*(base1_23*w23 - base1_22*w22) + psi1_t*(base1_22*w24 + base1_23*w25 - w4*base1_21*w19) + theta1_t*(base1_21*w21 - w7*base1_23*w26 + w9*base1_22*w26)
     w28 = z1_t + phi1_t*(base1_33*w23 - base1_32*w22) + psi1_t*(base1_32*w24 + base1_33*w25 - base1_31*w4*w19) + theta1_t*(base1_31*w21 - w7*base1_33*w26 + base1_32*w9*w26)
     w29 = x1_t + phi1_t*(base1_13*w23 - base1_12*w22) + psi1_t*(base1_12*w24 + base1_13*w25 - w4*base1_11*w19) + theta1_t*(base1_11*w21 - w7*base1_13*w26 + w9*base1_12*w26)
-    w30 = aligning*c2/f.signum(w14*w27/w18 + w16*w28/w18 + w17*w29/w18)
-    w31 = normal_3*w30
-    w32 = normal_2*w30
-    w33 = normal_1*w30
-    w34 = base1_31*w31 + base1_21*w32 + base1_11*w33
-    w35 = base1_33*w31 + base1_23*w32 + base1_13*w33
-    w36 = base1_32*w31 + base1_22*w32 + base1_12*w33
+    w30 = camber*f.atan2(normal_1*w13 + normal_2*w15 + w12*normal_3, w18)/cornering
+    w31 = aligning*(c2 - w30)/f.signum(w14*w27/w18 + w16*w28/w18 + w17*w29/w18)
+    w32 = normal_3*w31
+    w33 = normal_2*w31
+    w34 = normal_1*w31
+    w35 = base1_31*w32 + base1_21*w33 + base1_11*w34
+    w36 = base1_33*w32 + base1_23*w33 + base1_13*w34
+    w37 = base1_32*w32 + base1_22*w33 + base1_12*w34
     return (
-        -w34,
-        -(w9*w35 + w7*w36),
-        -(w35*w4*w7 - w36*w4*w9 + w0*w34),
+        -w35,
+        -(w9*w36 + w7*w37),
+        -(w36*w4*w7 - w37*w4*w9 + w0*w35),
     )
 
 
@@ -57,65 +58,118 @@ DYNAMICS = {
 def linearize(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, c2, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, = p
-    w0 = f.sin(theta1)
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, cornering, camber, = p
+    w0 = f.sin(psi1)
     w1 = f.cos(psi1)
-    w2 = f.sin(psi1)
-    w3 = axle_1*w1 - axle_2*w2
-    w4 = f.cos(theta1)
-    w5 = axle_3*w0 + w3*w4
-    w6 = axle_1*w2 + w1*axle_2
-    w7 = f.cos(phi1)
-    w8 = axle_3*w4 - w0*w3
-    w9 = f.sin(phi1)
-    w10 = w6*w7 - w8*w9
-    w11 = w6*w9 + w7*w8
-    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
-    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
-    w14 = normal_1*w12 - normal_3*w13
-    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
-    w16 = w13*normal_2 - normal_1*w15
-    w17 = normal_3*w15 - w12*normal_2
-    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
-    w19 = w2*center_1 + w1*center_2
-    w20 = w1*center_1 - w2*center_2
-    w21 = w4*center_3 - w0*w20
-    w22 = w9*w19 + w7*w21
-    w23 = w7*w19 - w9*w21
-    w24 = w7*w20 - w0*w9*w19
-    w25 = w9*w20 + w0*w7*w19
-    w26 = w0*center_3 + w4*w20
-    w27 = y1_t + phi1_t*(base1_23*w23 - base1_22*w22) + psi1_t*(base1_22*w24 + base1_23*w25 - w4*base1_21*w19) + theta1_t*(base1_21*w21 - w7*base1_23*w26 + w9*base1_22*w26)
-    w28 = z1_t + phi1_t*(base1_33*w23 - base1_32*w22) + psi1_t*(base1_32*w24 + base1_33*w25 - base1_31*w4*w19) + theta1_t*(base1_31*w21 - w7*base1_33*w26 + base1_32*w9*w26)
-    w29 = x1_t + phi1_t*(base1_13*w23 - base1_12*w22) + psi1_t*(base1_12*w24 + base1_13*w25 - w4*base1_11*w19) + theta1_t*(base1_11*w21 - w7*base1_13*w26 + w9*base1_12*w26)
-    w30 = f.signum(w14*w27/w18 + w16*w28/w18 + w17*w29/w18)
-    w31 = aligning/w30
-    w32 = normal_3*w31
-    w33 = normal_2*w31
-    w34 = normal_1*w31
-    w35 = base1_31*w32 + base1_21*w33 + base1_11*w34
-    w36 = aligning*c2/w30
-    w37 = normal_3*w36
-    w38 = normal_2*w36
-    w39 = normal_1*w36
-    w40 = base1_33*w37 + base1_23*w38 + base1_13*w39
-    w41 = base1_32*w37 + base1_22*w38 + base1_12*w39
-    w42 = base1_33*w32 + base1_23*w33 + base1_13*w34
-    w43 = base1_32*w32 + base1_22*w33 + base1_12*w34
-    w44 = w4*w9
-    w45 = w4*w7
-    w46 = w41*w0*w9 - w40*w0*w7 + w4*(base1_31*w37 + base1_21*w38 + base1_11*w39)
+    w2 = axle_1*w0 + w1*axle_2
+    w3 = f.sin(phi1)
+    w4 = f.cos(phi1)
+    w5 = f.cos(theta1)
+    w6 = f.sin(theta1)
+    w7 = axle_1*w1 - axle_2*w0
+    w8 = axle_3*w5 - w6*w7
+    w9 = w2*w3 + w4*w8
+    w10 = w2*w4 - w8*w3
+    w11 = w10*base1_13 - w9*base1_12
+    w12 = w10*base1_23 - w9*base1_22
+    w13 = w10*base1_33 - base1_32*w9
+    w14 = axle_3*w6 + w7*w5
+    w15 = base1_31*w14 + base1_32*w10 + base1_33*w9
+    w16 = w14*base1_11 + w10*base1_12 + w9*base1_13
+    w17 = normal_1*w15 - normal_3*w16
+    w18 = w14*base1_21 + w10*base1_22 + w9*base1_23
+    w19 = w16*normal_2 - normal_1*w18
+    w20 = normal_3*w18 - w15*normal_2
+    w21 = f.sqrt(w17*w17 + w19*w19 + w20*w20)
+    w22 = normal_1*w16 + normal_2*w18 + w15*normal_3
+    w23 = w22*w22 + w21*w21
+    w24 = w21/w23
+    w25 = w17*(normal_1*w13 - normal_3*w11) + w19*(normal_2*w11 - normal_1*w12) + w20*(normal_3*w12 - normal_2*w13)
+    w26 = w22/w23
+    w27 = (normal_1*w11 + normal_2*w12 + normal_3*w13)*w24 - w25*w26/w21
+    w28 = camber/cornering
+    w29 = w0*center_1 + w1*center_2
+    w30 = w1*center_1 - w0*center_2
+    w31 = w5*center_3 - w6*w30
+    w32 = w3*w29 + w4*w31
+    w33 = w4*w29 - w3*w31
+    w34 = w4*w30 - w6*w3*w29
+    w35 = w3*w30 + w6*w4*w29
+    w36 = w6*center_3 + w5*w30
+    w37 = y1_t + phi1_t*(base1_23*w33 - base1_22*w32) + psi1_t*(base1_22*w34 + base1_23*w35 - w5*base1_21*w29) + theta1_t*(base1_21*w31 - w4*base1_23*w36 + w3*base1_22*w36)
+    w38 = z1_t + phi1_t*(base1_33*w33 - base1_32*w32) + psi1_t*(base1_32*w34 + base1_33*w35 - base1_31*w5*w29) + theta1_t*(base1_31*w31 - w4*base1_33*w36 + base1_32*w3*w36)
+    w39 = x1_t + phi1_t*(base1_13*w33 - base1_12*w32) + psi1_t*(base1_12*w34 + base1_13*w35 - w5*base1_11*w29) + theta1_t*(base1_11*w31 - w4*base1_13*w36 + w3*base1_12*w36)
+    w40 = f.signum(w17*w37/w21 + w19*w38/w21 + w20*w39/w21)
+    w41 = aligning/w40
+    w42 = w27*w28*w41
+    w43 = normal_3*w42
+    w44 = normal_2*w42
+    w45 = normal_1*w42
+    w46 = base1_31*w43 + base1_21*w44 + base1_11*w45
+    w47 = w14*w3
+    w48 = w14*w4
+    w49 = w8*base1_11 + base1_12*w47 - base1_13*w48
+    w50 = w8*base1_21 + base1_22*w47 - base1_23*w48
+    w51 = base1_31*w8 + base1_32*w47 - base1_33*w48
+    w52 = w17*(normal_1*w51 - normal_3*w49) + w19*(normal_2*w49 - normal_1*w50) + w20*(normal_3*w50 - normal_2*w51)
+    w53 = w24*(normal_1*w49 + normal_2*w50 + normal_3*w51) - w26*w52/w21
+    w54 = w41*w28*w53
+    w55 = normal_3*w54
+    w56 = normal_2*w54
+    w57 = normal_1*w54
+    w58 = base1_31*w55 + base1_21*w56 + base1_11*w57
+    w59 = w5*w2
+    w60 = w6*w2
+    w61 = w7*w4 - w3*w60
+    w62 = w7*w3 + w4*w60
+    w63 = base1_12*w61 - base1_11*w59 + base1_13*w62
+    w64 = base1_22*w61 - base1_21*w59 + base1_23*w62
+    w65 = base1_32*w61 - base1_31*w59 + base1_33*w62
+    w66 = w17*(normal_1*w65 - normal_3*w63) + w19*(normal_2*w63 - normal_1*w64) + w20*(normal_3*w64 - normal_2*w65)
+    w67 = w24*(normal_1*w63 + normal_2*w64 + normal_3*w65) - w26*w66/w21
+    w68 = w41*w28*w67
+    w69 = normal_3*w68
+    w70 = normal_2*w68
+    w71 = normal_1*w68
+    w72 = base1_31*w69 + base1_21*w70 + base1_11*w71
+    w73 = normal_3*w41
+    w74 = normal_2*w41
+    w75 = normal_1*w41
+    w76 = base1_31*w73 + base1_21*w74 + base1_11*w75
+    w77 = aligning*(c2 - camber*f.atan2(w22, w21)/cornering)/w40
+    w78 = normal_3*w77
+    w79 = normal_2*w77
+    w80 = normal_1*w77
+    w81 = base1_33*w78 + base1_23*w79 + base1_13*w80
+    w82 = base1_33*w43 + base1_23*w44 + base1_13*w45
+    w83 = base1_32*w78 + base1_22*w79 + base1_12*w80
+    w84 = base1_32*w43 + base1_22*w44 + base1_12*w45
+    w85 = base1_33*w55 + base1_23*w56 + base1_13*w57
+    w86 = base1_32*w55 + base1_22*w56 + base1_12*w57
+    w87 = base1_33*w69 + base1_23*w70 + base1_13*w71
+    w88 = base1_32*w69 + base1_22*w70 + base1_12*w71
+    w89 = base1_33*w73 + base1_23*w74 + base1_13*w75
+    w90 = base1_32*w73 + base1_22*w74 + base1_12*w75
+    w91 = w5*w4
+    w92 = w5*w3
+    w93 = w92*w86 + w83*w6*w3 - (w91*w85 + w81*w6*w4) + w5*(base1_31*w78 + base1_21*w79 + base1_11*w80) - w6*w58
     return (
-        -w35,
-        -(w7*w40 - w9*w41),
-        -(w9*w42 + w7*w43),
-        w40*w44 + w45*w41,
-        -w46,
-        -(w45*w42 - w44*w43 + w0*w35),
+        w46,
+        w58,
+        w72,
+        -w76,
+        -(w4*w81 - w3*w82 - (w3*w83 + w4*w84)),
+        w3*w85 + w4*w86,
+        w3*w87 + w4*w88,
+        -(w3*w89 + w4*w90),
+        w91*w82 + w81*w92 + w91*w83 - w92*w84 + w6*w46,
+        -w93,
+        w91*w87 - w92*w88 + w6*w72,
+        -(w91*w89 - w92*w90 + w6*w76),
     )
 
 
 LINEARIZE = {
-    'K': ((3, 6), (4, 3), (4, 6), (5, 3), (5, 4), (5, 6)),
+    'K': ((3, 3), (3, 4), (3, 5), (3, 6), (4, 3), (4, 4), (4, 5), (4, 6), (5, 3), (5, 4), (5, 5), (5, 6)),
     'R': (),
 }

@@ -4,7 +4,7 @@
 def dynamics(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, c2, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, cornering, camber, = p
     w0 = f.sin(theta1)
     w1 = f.cos(psi1)
     w2 = f.sin(psi1)
@@ -35,19 +35,20 @@ def dynamics(f, q, u, p, s):
     w27 = y1_t + phi1_t*(base1_23*w23 - base1_22*w22) + psi1_t*(base1_22*w24 + base1_23*w25 - w4*base1_21*w19) + theta1_t*(base1_21*w21 - w7*base1_23*w26 + w9*base1_22*w26)
     w28 = z1_t + phi1_t*(base1_33*w23 - base1_32*w22) + psi1_t*(base1_32*w24 + base1_33*w25 - base1_31*w4*w19) + theta1_t*(base1_31*w21 - w7*base1_33*w26 + base1_32*w9*w26)
     w29 = x1_t + phi1_t*(base1_13*w23 - base1_12*w22) + psi1_t*(base1_12*w24 + base1_13*w25 - w4*base1_11*w19) + theta1_t*(base1_11*w21 - w7*base1_13*w26 + w9*base1_12*w26)
-    w30 = aligning*c2/(peak*shape_factor)
-    w31 = shape_factor*f.atan(w30 - curvature_factor*(w30 - f.atan(w30)))
-    w32 = peak*f.sin(w31)/f.signum(w14*w27/w18 + w16*w28/w18 + w17*w29/w18)
-    w33 = normal_3*w32
-    w34 = normal_2*w32
-    w35 = normal_1*w32
-    w36 = base1_31*w33 + base1_21*w34 + base1_11*w35
-    w37 = base1_33*w33 + base1_23*w34 + base1_13*w35
-    w38 = base1_32*w33 + base1_22*w34 + base1_12*w35
+    w30 = camber*f.atan2(normal_1*w13 + normal_2*w15 + w12*normal_3, w18)/cornering
+    w31 = aligning*(c2 - w30)/(peak*shape_factor)
+    w32 = shape_factor*f.atan(w31 - curvature_factor*(w31 - f.atan(w31)))
+    w33 = peak*f.sin(w32)/f.signum(w14*w27/w18 + w16*w28/w18 + w17*w29/w18)
+    w34 = normal_3*w33
+    w35 = normal_2*w33
+    w36 = normal_1*w33
+    w37 = base1_31*w34 + base1_21*w35 + base1_11*w36
+    w38 = base1_33*w34 + base1_23*w35 + base1_13*w36
+    w39 = base1_32*w34 + base1_22*w35 + base1_12*w36
     return (
-        -w36,
-        -(w9*w37 + w7*w38),
-        -(w37*w4*w7 - w38*w4*w9 + w0*w36),
+        -w37,
+        -(w9*w38 + w7*w39),
+        -(w38*w4*w7 - w39*w4*w9 + w0*w37),
     )
 
 
@@ -59,70 +60,133 @@ DYNAMICS = {
 def linearize(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, c2, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, = p
-    w0 = f.sin(theta1)
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, _, _, normal_1, normal_2, normal_3, aligning, peak, shape_factor, curvature_factor, cornering, camber, = p
+    w0 = f.sin(psi1)
     w1 = f.cos(psi1)
-    w2 = f.sin(psi1)
-    w3 = axle_1*w1 - axle_2*w2
-    w4 = f.cos(theta1)
-    w5 = axle_3*w0 + w3*w4
-    w6 = axle_1*w2 + w1*axle_2
-    w7 = f.cos(phi1)
-    w8 = axle_3*w4 - w0*w3
-    w9 = f.sin(phi1)
-    w10 = w6*w7 - w8*w9
-    w11 = w6*w9 + w7*w8
-    w12 = base1_31*w5 + base1_32*w10 + base1_33*w11
-    w13 = w5*base1_11 + w10*base1_12 + w11*base1_13
-    w14 = normal_1*w12 - normal_3*w13
-    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
-    w16 = w13*normal_2 - normal_1*w15
-    w17 = normal_3*w15 - w12*normal_2
-    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
-    w19 = w2*center_1 + w1*center_2
-    w20 = w1*center_1 - w2*center_2
-    w21 = w4*center_3 - w0*w20
-    w22 = w9*w19 + w7*w21
-    w23 = w7*w19 - w9*w21
-    w24 = w7*w20 - w0*w9*w19
-    w25 = w9*w20 + w0*w7*w19
-    w26 = w0*center_3 + w4*w20
-    w27 = y1_t + phi1_t*(base1_23*w23 - base1_22*w22) + psi1_t*(base1_22*w24 + base1_23*w25 - w4*base1_21*w19) + theta1_t*(base1_21*w21 - w7*base1_23*w26 + w9*base1_22*w26)
-    w28 = z1_t + phi1_t*(base1_33*w23 - base1_32*w22) + psi1_t*(base1_32*w24 + base1_33*w25 - base1_31*w4*w19) + theta1_t*(base1_31*w21 - w7*base1_33*w26 + base1_32*w9*w26)
-    w29 = x1_t + phi1_t*(base1_13*w23 - base1_12*w22) + psi1_t*(base1_12*w24 + base1_13*w25 - w4*base1_11*w19) + theta1_t*(base1_11*w21 - w7*base1_13*w26 + w9*base1_12*w26)
-    w30 = f.signum(w14*w27/w18 + w16*w28/w18 + w17*w29/w18)
-    w31 = aligning/(peak*shape_factor)
-    w32 = aligning*c2/(peak*shape_factor)
-    w33 = w32 - curvature_factor*(w32 - f.atan(w32))
-    w34 = (w31 - curvature_factor*(w31 - w31/(1 + w32*w32)))/(1 + w33*w33)
+    w2 = axle_1*w0 + w1*axle_2
+    w3 = f.sin(phi1)
+    w4 = f.cos(phi1)
+    w5 = f.cos(theta1)
+    w6 = f.sin(theta1)
+    w7 = axle_1*w1 - axle_2*w0
+    w8 = axle_3*w5 - w6*w7
+    w9 = w2*w3 + w4*w8
+    w10 = w2*w4 - w8*w3
+    w11 = w10*base1_13 - w9*base1_12
+    w12 = w10*base1_23 - w9*base1_22
+    w13 = w10*base1_33 - base1_32*w9
+    w14 = axle_3*w6 + w7*w5
+    w15 = base1_31*w14 + base1_32*w10 + base1_33*w9
+    w16 = w14*base1_11 + w10*base1_12 + w9*base1_13
+    w17 = normal_1*w15 - normal_3*w16
+    w18 = w14*base1_21 + w10*base1_22 + w9*base1_23
+    w19 = w16*normal_2 - normal_1*w18
+    w20 = normal_3*w18 - w15*normal_2
+    w21 = f.sqrt(w17*w17 + w19*w19 + w20*w20)
+    w22 = normal_1*w16 + normal_2*w18 + w15*normal_3
+    w23 = w22*w22 + w21*w21
+    w24 = w21/w23
+    w25 = w17*(normal_1*w13 - normal_3*w11) + w19*(normal_2*w11 - normal_1*w12) + w20*(normal_3*w12 - normal_2*w13)
+    w26 = w22/w23
+    w27 = (normal_1*w11 + normal_2*w12 + normal_3*w13)*w24 - w25*w26/w21
+    w28 = camber/cornering
+    w29 = aligning/(peak*shape_factor)
+    w30 = w27*w28*w29
+    w31 = aligning*(c2 - camber*f.atan2(w22, w21)/cornering)/(peak*shape_factor)
+    w32 = 1 + w31*w31
+    w33 = w31 - curvature_factor*(w31 - f.atan(w31))
+    w34 = 1 + w33*w33
     w35 = shape_factor*f.atan(w33)
-    w36 = peak*shape_factor*w34*f.cos(w35)/w30
-    w37 = normal_3*w36
-    w38 = normal_2*w36
-    w39 = normal_1*w36
-    w40 = base1_31*w37 + base1_21*w38 + base1_11*w39
-    w41 = peak*f.sin(w35)/w30
-    w42 = normal_3*w41
-    w43 = normal_2*w41
-    w44 = normal_1*w41
-    w45 = base1_33*w42 + base1_23*w43 + base1_13*w44
-    w46 = base1_32*w42 + base1_22*w43 + base1_12*w44
-    w47 = base1_33*w37 + base1_23*w38 + base1_13*w39
-    w48 = base1_32*w37 + base1_22*w38 + base1_12*w39
-    w49 = w4*w9
-    w50 = w4*w7
-    w51 = w46*w0*w9 - w45*w0*w7 + w4*(base1_31*w42 + base1_21*w43 + base1_11*w44)
+    w36 = f.cos(w35)
+    w37 = shape_factor*(w30 + curvature_factor*(w30/w32 - w30))*w36/w34
+    w38 = w0*center_1 + w1*center_2
+    w39 = w1*center_1 - w0*center_2
+    w40 = w5*center_3 - w6*w39
+    w41 = w3*w38 + w4*w40
+    w42 = w4*w38 - w3*w40
+    w43 = w4*w39 - w6*w3*w38
+    w44 = w3*w39 + w6*w4*w38
+    w45 = w6*center_3 + w5*w39
+    w46 = y1_t + phi1_t*(base1_23*w42 - base1_22*w41) + psi1_t*(base1_22*w43 + base1_23*w44 - w5*base1_21*w38) + theta1_t*(base1_21*w40 - w4*base1_23*w45 + w3*base1_22*w45)
+    w47 = z1_t + phi1_t*(base1_33*w42 - base1_32*w41) + psi1_t*(base1_32*w43 + base1_33*w44 - base1_31*w5*w38) + theta1_t*(base1_31*w40 - w4*base1_33*w45 + base1_32*w3*w45)
+    w48 = x1_t + phi1_t*(base1_13*w42 - base1_12*w41) + psi1_t*(base1_12*w43 + base1_13*w44 - w5*base1_11*w38) + theta1_t*(base1_11*w40 - w4*base1_13*w45 + w3*base1_12*w45)
+    w49 = f.signum(w17*w46/w21 + w19*w47/w21 + w20*w48/w21)
+    w50 = peak/w49
+    w51 = w37*w50
+    w52 = normal_3*w51
+    w53 = normal_2*w51
+    w54 = normal_1*w51
+    w55 = base1_31*w52 + base1_21*w53 + base1_11*w54
+    w56 = w14*w3
+    w57 = w14*w4
+    w58 = w8*base1_11 + base1_12*w56 - base1_13*w57
+    w59 = w8*base1_21 + base1_22*w56 - base1_23*w57
+    w60 = base1_31*w8 + base1_32*w56 - base1_33*w57
+    w61 = w17*(normal_1*w60 - normal_3*w58) + w19*(normal_2*w58 - normal_1*w59) + w20*(normal_3*w59 - normal_2*w60)
+    w62 = w24*(normal_1*w58 + normal_2*w59 + normal_3*w60) - w26*w61/w21
+    w63 = w29*w28*w62
+    w64 = w36*shape_factor*(w63 + curvature_factor*(w63/w32 - w63))/w34
+    w65 = w50*w64
+    w66 = normal_3*w65
+    w67 = normal_2*w65
+    w68 = normal_1*w65
+    w69 = base1_31*w66 + base1_21*w67 + base1_11*w68
+    w70 = w5*w2
+    w71 = w6*w2
+    w72 = w7*w4 - w3*w71
+    w73 = w7*w3 + w4*w71
+    w74 = base1_12*w72 - base1_11*w70 + base1_13*w73
+    w75 = base1_22*w72 - base1_21*w70 + base1_23*w73
+    w76 = base1_32*w72 - base1_31*w70 + base1_33*w73
+    w77 = w17*(normal_1*w76 - normal_3*w74) + w19*(normal_2*w74 - normal_1*w75) + w20*(normal_3*w75 - normal_2*w76)
+    w78 = w24*(normal_1*w74 + normal_2*w75 + normal_3*w76) - w26*w77/w21
+    w79 = w29*w28*w78
+    w80 = w36*shape_factor*(w79 + curvature_factor*(w79/w32 - w79))/w34
+    w81 = w50*w80
+    w82 = normal_3*w81
+    w83 = normal_2*w81
+    w84 = normal_1*w81
+    w85 = base1_31*w82 + base1_21*w83 + base1_11*w84
+    w86 = w36*shape_factor*(w29 - curvature_factor*(w29 - w29/w32))/w34
+    w87 = w50*w86
+    w88 = normal_3*w87
+    w89 = normal_2*w87
+    w90 = normal_1*w87
+    w91 = base1_31*w88 + base1_21*w89 + base1_11*w90
+    w92 = peak*f.sin(w35)/w49
+    w93 = normal_3*w92
+    w94 = normal_2*w92
+    w95 = normal_1*w92
+    w96 = base1_33*w93 + base1_23*w94 + base1_13*w95
+    w97 = base1_33*w52 + base1_23*w53 + base1_13*w54
+    w98 = base1_32*w93 + base1_22*w94 + base1_12*w95
+    w99 = base1_32*w52 + base1_22*w53 + base1_12*w54
+    w100 = base1_33*w66 + base1_23*w67 + base1_13*w68
+    w101 = base1_32*w66 + base1_22*w67 + base1_12*w68
+    w102 = base1_33*w82 + base1_23*w83 + base1_13*w84
+    w103 = base1_32*w82 + base1_22*w83 + base1_12*w84
+    w104 = base1_33*w88 + base1_23*w89 + base1_13*w90
+    w105 = base1_32*w88 + base1_22*w89 + base1_12*w90
+    w106 = w5*w4
+    w107 = w5*w3
+    w108 = w107*w101 + w98*w6*w3 - (w106*w100 + w96*w6*w4) + w5*(base1_31*w93 + base1_21*w94 + base1_11*w95) - w6*w69
     return (
-        -w40,
-        -(w7*w45 - w9*w46),
-        -(w9*w47 + w7*w48),
-        w45*w49 + w50*w46,
-        -w51,
-        -(w50*w47 - w49*w48 + w0*w40),
+        w55,
+        w69,
+        w85,
+        -w91,
+        -(w4*w96 - w3*w97 - (w3*w98 + w4*w99)),
+        w3*w100 + w4*w101,
+        w3*w102 + w4*w103,
+        -(w3*w104 + w4*w105),
+        w106*w97 + w96*w107 + w106*w98 - w107*w99 + w6*w55,
+        -w108,
+        w106*w102 - w107*w103 + w6*w85,
+        -(w106*w104 - w107*w105 + w6*w91),
     )
 
 
 LINEARIZE = {
-    'K': ((3, 6), (4, 3), (4, 6), (5, 3), (5, 4), (5, 6)),
+    'K': ((3, 3), (3, 4), (3, 5), (3, 6), (4, 3), (4, 4), (4, 5), (4, 6), (5, 3), (5, 4), (5, 5), (5, 6)),
     'R': (),
 }

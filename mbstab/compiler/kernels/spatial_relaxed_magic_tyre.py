@@ -4,88 +4,89 @@
 def dynamics(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, c2, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, cornering, trail, peak, shape_factor, curvature_factor, = p
-    w0 = c2*cornering/(peak*shape_factor)
-    w1 = f.sin(shape_factor*f.atan(w0 - curvature_factor*(w0 - f.atan(w0))))
-    w2 = peak*w1
-    w3 = f.sin(theta1)
-    w4 = f.cos(psi1)
-    w5 = f.sin(psi1)
-    w6 = axle_1*w4 - axle_2*w5
-    w7 = f.cos(theta1)
-    w8 = axle_3*w3 + w6*w7
-    w9 = axle_1*w5 + w4*axle_2
-    w10 = f.cos(phi1)
-    w11 = axle_3*w7 - w3*w6
-    w12 = f.sin(phi1)
-    w13 = w9*w10 - w11*w12
-    w14 = w9*w12 + w10*w11
-    w15 = base1_31*w8 + base1_32*w13 + base1_33*w14
-    w16 = w8*base1_11 + w13*base1_12 + w14*base1_13
-    w17 = normal_1*w15 - normal_3*w16
-    w18 = w8*base1_21 + w13*base1_22 + w14*base1_23
-    w19 = w16*normal_2 - normal_1*w18
-    w20 = normal_3*w18 - w15*normal_2
-    w21 = f.sqrt(w17*w17 + w19*w19 + w20*w20)
-    w22 = normal_2*w19 - normal_3*w17
-    w23 = w2*w22/w21
-    w24 = normal_3*w20 - normal_1*w19
-    w25 = w2*w24/w21
-    w26 = normal_1*w17 - normal_2*w20
-    w27 = w2*w26/w21
-    w28 = w5*center_1 + w4*center_2
-    w29 = w4*center_1 - w5*center_2
-    w30 = w7*center_3 - w3*w29
-    w31 = w12*w28 + w10*w30
-    w32 = w10*w28 - w12*w30
-    w33 = base1_23*w32 - base1_22*w31
-    w34 = base1_13*w32 - base1_12*w31
-    w35 = phi1_t*w33
-    w36 = w10*w29 - w3*w12*w28
-    w37 = w12*w29 + w3*w10*w28
-    w38 = base1_22*w36 + base1_23*w37 - w7*base1_21*w28
-    w39 = psi1_t*w38
-    w40 = w3*center_3 + w7*w29
-    w41 = base1_21*w30 - w10*base1_23*w40 + w12*base1_22*w40
-    w42 = theta1_t*w41
-    w43 = base1_33*w32 - base1_32*w31
-    w44 = phi1_t*w43
-    w45 = base1_32*w36 + base1_33*w37 - base1_31*w7*w28
-    w46 = psi1_t*w45
-    w47 = base1_31*w30 - w10*base1_33*w40 + base1_32*w12*w40
-    w48 = theta1_t*w47
-    w49 = phi1_t*w34
-    w50 = base1_12*w36 + base1_13*w37 - w7*base1_11*w28
-    w51 = psi1_t*w50
-    w52 = base1_11*w30 - w10*base1_13*w40 + w12*base1_12*w40
-    w53 = theta1_t*w52
-    w54 = w17*(y1_t + w35 + w39 + w42)/w21 + w19*(z1_t + w44 + w46 + w48)/w21 + w20*(x1_t + w49 + w51 + w53)/w21
-    w55 = normal_1*w16 + normal_2*w18 + w15*normal_3
-    w56 = normal_2*tube + radius*(normal_2 - w18*w55)/w21
-    w57 = phi1_t + w3*psi1_t
-    w58 = w10*theta1_t - w7*w12*psi1_t
-    w59 = w12*theta1_t + w7*w10*psi1_t
-    w60 = base1_11*w57 + base1_12*w58 + base1_13*w59
-    w61 = normal_1*tube + radius*(normal_1 - w16*w55)/w21
-    w62 = base1_21*w57 + base1_22*w58 + base1_23*w59
-    w63 = normal_3*tube + radius*(normal_3 - w15*w55)/w21
-    w64 = base1_31*w57 + base1_32*w58 + base1_33*w59
-    w65 = w26*(z1_t + w44 + w46 + w48 - w56*w60 + w61*w62)/w21 + w22*(x1_t + w49 + w51 + w53 - w62*w63 + w56*w64)/w21 + w24*(y1_t + w35 + w39 + w42 - w61*w64 + w60*w63)/w21
-    w66 = peak*w1*trail*w54/f.sqrt(w65*w65 + w54*w54)
-    w67 = normal_3*w66 + w61*w25 - w56*w23
-    w68 = normal_2*w66 + w63*w23 - w61*w27
-    w69 = normal_1*w66 - w63*w25 + w56*w27
-    w70 = base1_31*w67 + base1_21*w68 + base1_11*w69
-    w71 = base1_33*w67 + base1_23*w68 + base1_13*w69
-    w72 = base1_32*w67 + base1_22*w68 + base1_12*w69
-    w73 = w38*w25 + w50*w23 - w71*w7*w10 + w72*w7*w12 - w3*w70 + w45*w27
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, cornering, trail, peak, shape_factor, curvature_factor, camber, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = axle_1*w1 - axle_2*w2
+    w4 = f.cos(theta1)
+    w5 = axle_3*w0 + w3*w4
+    w6 = axle_1*w2 + w1*axle_2
+    w7 = f.cos(phi1)
+    w8 = axle_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_11*w5 + base1_12*w10 + base1_13*w11
+    w13 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w14 = w5*base1_31 + w10*base1_32 + w11*base1_33
+    w15 = normal_1*w12 + normal_2*w13 + normal_3*w14
+    w16 = normal_1*w14 - w12*normal_3
+    w17 = w12*normal_2 - normal_1*w13
+    w18 = w13*normal_3 - normal_2*w14
+    w19 = f.sqrt(w16*w16 + w17*w17 + w18*w18)
+    w20 = f.atan2(w15, w19)
+    w21 = cornering*(c2 - camber*w20/cornering)/(peak*shape_factor)
+    w22 = shape_factor*f.atan(w21 - curvature_factor*(w21 - f.atan(w21)))
+    w23 = f.sin(w22)
+    w24 = camber*w20 + peak*w23
+    w25 = normal_2*w17 - normal_3*w16
+    w26 = w24*w25/w19
+    w27 = normal_3*w18 - normal_1*w17
+    w28 = w24*w27/w19
+    w29 = normal_1*w16 - normal_2*w18
+    w30 = w24*w29/w19
+    w31 = w2*center_1 + w1*center_2
+    w32 = w1*center_1 - w2*center_2
+    w33 = w4*center_3 - w0*w32
+    w34 = w9*w31 + w7*w33
+    w35 = w7*w31 - w9*w33
+    w36 = base1_23*w35 - base1_22*w34
+    w37 = base1_13*w35 - base1_12*w34
+    w38 = phi1_t*w36
+    w39 = w7*w32 - w0*w9*w31
+    w40 = w9*w32 + w0*w7*w31
+    w41 = base1_22*w39 + base1_23*w40 - w4*base1_21*w31
+    w42 = psi1_t*w41
+    w43 = w0*center_3 + w4*w32
+    w44 = base1_21*w33 - w7*base1_23*w43 + w9*base1_22*w43
+    w45 = theta1_t*w44
+    w46 = base1_33*w35 - base1_32*w34
+    w47 = phi1_t*w46
+    w48 = base1_32*w39 + base1_33*w40 - w4*base1_31*w31
+    w49 = psi1_t*w48
+    w50 = base1_31*w33 - w7*base1_33*w43 + w9*base1_32*w43
+    w51 = theta1_t*w50
+    w52 = phi1_t*w37
+    w53 = base1_12*w39 + base1_13*w40 - base1_11*w4*w31
+    w54 = psi1_t*w53
+    w55 = base1_11*w33 - w7*base1_13*w43 + base1_12*w9*w43
+    w56 = theta1_t*w55
+    w57 = w16*(y1_t + w38 + w42 + w45)/w19 + w17*(z1_t + w47 + w49 + w51)/w19 + w18*(x1_t + w52 + w54 + w56)/w19
+    w58 = normal_2*tube + radius*(normal_2 - w13*w15)/w19
+    w59 = phi1_t + w0*psi1_t
+    w60 = w7*theta1_t - w4*w9*psi1_t
+    w61 = w9*theta1_t + w4*w7*psi1_t
+    w62 = base1_11*w59 + base1_12*w60 + base1_13*w61
+    w63 = normal_1*tube + radius*(normal_1 - w12*w15)/w19
+    w64 = base1_21*w59 + base1_22*w60 + base1_23*w61
+    w65 = normal_3*tube + radius*(normal_3 - w14*w15)/w19
+    w66 = base1_31*w59 + base1_32*w60 + base1_33*w61
+    w67 = w29*(z1_t + w47 + w49 + w51 - w58*w62 + w63*w64)/w19 + w25*(x1_t + w52 + w54 + w56 - w64*w65 + w58*w66)/w19 + w27*(y1_t + w38 + w42 + w45 - w63*w66 + w62*w65)/w19
+    w68 = peak*w23*trail*w57/f.sqrt(w67*w67 + w57*w57)
+    w69 = normal_3*w68 + w63*w28 - w58*w26
+    w70 = normal_2*w68 + w65*w26 - w63*w30
+    w71 = normal_1*w68 - w65*w28 + w58*w30
+    w72 = base1_31*w69 + base1_21*w70 + base1_11*w71
+    w73 = base1_33*w69 + base1_23*w70 + base1_13*w71
+    w74 = base1_32*w69 + base1_22*w70 + base1_12*w71
     return (
-        w23,
-        w25,
-        w27,
-        w33*w25 + w34*w23 - w70 + w43*w27,
-        w41*w25 + w52*w23 - w12*w71 - w10*w72 + w47*w27,
-        w73,
+        w26,
+        w28,
+        w30,
+        w36*w28 + w37*w26 - w72 + w46*w30,
+        w44*w28 + w55*w26 - w9*w73 - w7*w74 + w50*w30,
+        w41*w28 + w53*w26 - w73*w4*w7 + w74*w4*w9 - w0*w72 + w48*w30,
     )
 
 
@@ -97,402 +98,422 @@ DYNAMICS = {
 def linearize(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, c2, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, cornering, trail, peak, shape_factor, curvature_factor, = p
-    w0 = c2*cornering/(peak*shape_factor)
-    w1 = w0 - curvature_factor*(w0 - f.atan(w0))
-    w2 = shape_factor*f.atan(w1)
-    w3 = f.sin(w2)
-    w4 = peak*w3
-    w5 = f.sin(theta1)
-    w6 = f.cos(psi1)
-    w7 = f.sin(psi1)
-    w8 = axle_1*w6 - axle_2*w7
-    w9 = f.cos(theta1)
-    w10 = axle_3*w5 + w8*w9
-    w11 = axle_1*w7 + w6*axle_2
-    w12 = f.cos(phi1)
-    w13 = axle_3*w9 - w5*w8
-    w14 = f.sin(phi1)
-    w15 = w11*w12 - w13*w14
-    w16 = w11*w14 + w12*w13
-    w17 = base1_31*w10 + base1_32*w15 + base1_33*w16
-    w18 = w10*base1_11 + w15*base1_12 + w16*base1_13
-    w19 = normal_1*w17 - normal_3*w18
-    w20 = w10*base1_21 + w15*base1_22 + w16*base1_23
-    w21 = w18*normal_2 - normal_1*w20
-    w22 = normal_3*w20 - w17*normal_2
-    w23 = f.sqrt(w19*w19 + w21*w21 + w22*w22)
-    w24 = w15*base1_33 - base1_32*w16
-    w25 = w15*base1_13 - w16*base1_12
-    w26 = normal_1*w24 - normal_3*w25
-    w27 = w15*base1_23 - w16*base1_22
-    w28 = normal_2*w25 - normal_1*w27
-    w29 = normal_3*w27 - normal_2*w24
-    w30 = (w19*w26 + w21*w28 + w22*w29)/w23
-    w31 = normal_2*w21 - normal_3*w19
-    w32 = w31/(w23*w23)
-    w33 = normal_2*w28 - normal_3*w26
-    w34 = w4*(w33/w23 - w30*w32)
-    w35 = w10*w14
-    w36 = w10*w12
-    w37 = base1_31*w13 + base1_32*w35 - base1_33*w36
-    w38 = w13*base1_11 + base1_12*w35 - base1_13*w36
-    w39 = normal_1*w37 - normal_3*w38
-    w40 = w13*base1_21 + base1_22*w35 - base1_23*w36
-    w41 = normal_2*w38 - normal_1*w40
-    w42 = normal_3*w40 - normal_2*w37
-    w43 = (w19*w39 + w21*w41 + w22*w42)/w23
-    w44 = normal_2*w41 - normal_3*w39
-    w45 = w4*(w44/w23 - w32*w43)
-    w46 = w9*w11
-    w47 = w5*w11
-    w48 = w8*w12 - w14*w47
-    w49 = w8*w14 + w12*w47
-    w50 = base1_32*w48 - base1_31*w46 + base1_33*w49
-    w51 = base1_12*w48 - base1_11*w46 + base1_13*w49
-    w52 = normal_1*w50 - normal_3*w51
-    w53 = base1_22*w48 - base1_21*w46 + base1_23*w49
-    w54 = normal_2*w51 - normal_1*w53
-    w55 = normal_3*w53 - normal_2*w50
-    w56 = (w19*w52 + w21*w54 + w22*w55)/w23
-    w57 = normal_2*w54 - normal_3*w52
-    w58 = w4*(w57/w23 - w32*w56)
-    w59 = w31/w23
-    w60 = cornering/(peak*shape_factor)
-    w61 = shape_factor*(w60 - curvature_factor*(w60 - w60/(1 + w0*w0)))/(1 + w1*w1)
-    w62 = w61*f.cos(w2)
-    w63 = peak*w62
-    w64 = w59*w63
-    w65 = normal_3*w22 - normal_1*w21
-    w66 = w65/(w23*w23)
-    w67 = normal_3*w29 - normal_1*w28
-    w68 = w4*(w67/w23 - w30*w66)
-    w69 = normal_3*w42 - normal_1*w41
-    w70 = w4*(w69/w23 - w43*w66)
-    w71 = normal_3*w55 - normal_1*w54
-    w72 = w4*(w71/w23 - w56*w66)
-    w73 = w65/w23
-    w74 = w73*w63
-    w75 = normal_1*w19 - normal_2*w22
-    w76 = w75/(w23*w23)
-    w77 = normal_1*w26 - normal_2*w29
-    w78 = w4*(w77/w23 - w30*w76)
-    w79 = normal_1*w39 - normal_2*w42
-    w80 = w4*(w79/w23 - w43*w76)
-    w81 = normal_1*w52 - normal_2*w55
-    w82 = w4*(w81/w23 - w56*w76)
-    w83 = w75/w23
-    w84 = w83*w63
-    w85 = w4*w73
-    w86 = w7*center_1 + w6*center_2
-    w87 = w12*w86
-    w88 = w6*center_1 - w7*center_2
-    w89 = w9*center_3 - w5*w88
-    w90 = w87 - w14*w89
-    w91 = w14*w86
-    w92 = w91 + w12*w89
-    w93 = base1_22*w90 + base1_23*w92
-    w94 = base1_23*w90 - base1_22*w92
-    w95 = w4*w59
-    w96 = base1_12*w90 + base1_13*w92
-    w97 = base1_13*w90 - base1_12*w92
-    w98 = phi1_t*w94
-    w99 = w12*w88 - w5*w14*w86
-    w100 = w14*w88 + w5*w12*w86
-    w101 = base1_22*w99 + base1_23*w100 - w9*base1_21*w86
-    w102 = psi1_t*w101
-    w103 = w5*center_3 + w9*w88
-    w104 = base1_21*w89 - w12*base1_23*w103 + w14*base1_22*w103
-    w105 = theta1_t*w104
-    w106 = y1_t + w98 + w102 + w105
-    w107 = w106/w23
-    w108 = w19*w106/(w23*w23)
-    w109 = phi1_t*w93
-    w110 = base1_23*w99 - base1_22*w100
-    w111 = psi1_t*w110
-    w112 = w14*base1_23*w103 + w12*base1_22*w103
-    w113 = theta1_t*w112
-    w114 = w19/w23
-    w115 = base1_33*w90 - base1_32*w92
-    w116 = phi1_t*w115
-    w117 = base1_32*w99 + base1_33*w100 - base1_31*w9*w86
-    w118 = psi1_t*w117
-    w119 = base1_31*w89 - w12*base1_33*w103 + base1_32*w14*w103
-    w120 = theta1_t*w119
-    w121 = z1_t + w116 + w118 + w120
-    w122 = w121/w23
-    w123 = w21*w121/(w23*w23)
-    w124 = base1_32*w90 + base1_33*w92
-    w125 = phi1_t*w124
-    w126 = base1_33*w99 - base1_32*w100
-    w127 = psi1_t*w126
-    w128 = w14*base1_33*w103 + w12*base1_32*w103
-    w129 = theta1_t*w128
-    w130 = w21/w23
-    w131 = phi1_t*w97
-    w132 = base1_12*w99 + base1_13*w100 - w9*base1_11*w86
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, cornering, trail, peak, shape_factor, curvature_factor, camber, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = axle_1*w1 - axle_2*w2
+    w4 = f.cos(theta1)
+    w5 = axle_3*w0 + w3*w4
+    w6 = axle_1*w2 + w1*axle_2
+    w7 = f.cos(phi1)
+    w8 = axle_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = w5*base1_31 + w10*base1_32 + w11*base1_33
+    w13 = base1_11*w5 + base1_12*w10 + base1_13*w11
+    w14 = normal_1*w12 - w13*normal_3
+    w15 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w16 = w13*normal_2 - normal_1*w15
+    w17 = w15*normal_3 - normal_2*w12
+    w18 = f.sqrt(w14*w14 + w16*w16 + w17*w17)
+    w19 = normal_2*w16 - normal_3*w14
+    w20 = w19/w18
+    w21 = w10*base1_13 - base1_12*w11
+    w22 = w10*base1_23 - w11*base1_22
+    w23 = w10*base1_33 - w11*base1_32
+    w24 = normal_1*w21 + normal_2*w22 + normal_3*w23
+    w25 = normal_1*w13 + normal_2*w15 + normal_3*w12
+    w26 = w25*w25 + w18*w18
+    w27 = w18/w26
+    w28 = normal_1*w23 - normal_3*w21
+    w29 = normal_2*w21 - normal_1*w22
+    w30 = normal_3*w22 - normal_2*w23
+    w31 = (w14*w28 + w16*w29 + w17*w30)/w18
+    w32 = w25/w26
+    w33 = w24*w27 - w31*w32
+    w34 = camber/cornering
+    w35 = cornering/(peak*shape_factor)
+    w36 = w33*w34*w35
+    w37 = f.atan2(w25, w18)
+    w38 = cornering*(c2 - camber*w37/cornering)/(peak*shape_factor)
+    w39 = 1 + w38*w38
+    w40 = w38 - curvature_factor*(w38 - f.atan(w38))
+    w41 = 1 + w40*w40
+    w42 = shape_factor*f.atan(w40)
+    w43 = f.cos(w42)
+    w44 = shape_factor*(w36 + curvature_factor*(w36/w39 - w36))*w43/w41
+    w45 = camber*w33 - peak*w44
+    w46 = f.sin(w42)
+    w47 = camber*w37 + peak*w46
+    w48 = w19/(w18*w18)
+    w49 = normal_2*w29 - normal_3*w28
+    w50 = w20*w45 + w47*(w49/w18 - w31*w48)
+    w51 = w5*w9
+    w52 = w5*w7
+    w53 = base1_11*w8 + base1_12*w51 - base1_13*w52
+    w54 = w8*base1_21 + base1_22*w51 - base1_23*w52
+    w55 = w8*base1_31 + base1_32*w51 - base1_33*w52
+    w56 = normal_1*w53 + normal_2*w54 + normal_3*w55
+    w57 = normal_1*w55 - normal_3*w53
+    w58 = normal_2*w53 - normal_1*w54
+    w59 = normal_3*w54 - normal_2*w55
+    w60 = (w14*w57 + w16*w58 + w17*w59)/w18
+    w61 = w27*w56 - w32*w60
+    w62 = w35*w34*w61
+    w63 = w43*shape_factor*(w62 + curvature_factor*(w62/w39 - w62))/w41
+    w64 = camber*w61 - peak*w63
+    w65 = normal_2*w58 - normal_3*w57
+    w66 = w20*w64 + w47*(w65/w18 - w48*w60)
+    w67 = w4*w6
+    w68 = w0*w6
+    w69 = w3*w7 - w9*w68
+    w70 = w3*w9 + w7*w68
+    w71 = base1_12*w69 - base1_11*w67 + base1_13*w70
+    w72 = base1_22*w69 - base1_21*w67 + base1_23*w70
+    w73 = base1_32*w69 - base1_31*w67 + base1_33*w70
+    w74 = normal_1*w71 + normal_2*w72 + normal_3*w73
+    w75 = normal_1*w73 - normal_3*w71
+    w76 = normal_2*w71 - normal_1*w72
+    w77 = normal_3*w72 - normal_2*w73
+    w78 = (w14*w75 + w16*w76 + w17*w77)/w18
+    w79 = w27*w74 - w32*w78
+    w80 = w35*w34*w79
+    w81 = w43*shape_factor*(w80 + curvature_factor*(w80/w39 - w80))/w41
+    w82 = camber*w79 - peak*w81
+    w83 = normal_2*w76 - normal_3*w75
+    w84 = w20*w82 + w47*(w83/w18 - w48*w78)
+    w85 = w43*shape_factor*(w35 - curvature_factor*(w35 - w35/w39))/w41
+    w86 = peak*w85
+    w87 = w20*w86
+    w88 = normal_3*w17 - normal_1*w16
+    w89 = w88/w18
+    w90 = w88/(w18*w18)
+    w91 = normal_3*w30 - normal_1*w29
+    w92 = w89*w45 + w47*(w91/w18 - w31*w90)
+    w93 = normal_3*w59 - normal_1*w58
+    w94 = w89*w64 + w47*(w93/w18 - w60*w90)
+    w95 = normal_3*w77 - normal_1*w76
+    w96 = w89*w82 + w47*(w95/w18 - w78*w90)
+    w97 = w89*w86
+    w98 = normal_1*w14 - normal_2*w17
+    w99 = w98/w18
+    w100 = w98/(w18*w18)
+    w101 = normal_1*w28 - normal_2*w30
+    w102 = w99*w45 + w47*(w101/w18 - w31*w100)
+    w103 = normal_1*w57 - normal_2*w59
+    w104 = w99*w64 + w47*(w103/w18 - w60*w100)
+    w105 = normal_1*w75 - normal_2*w77
+    w106 = w99*w82 + w47*(w105/w18 - w78*w100)
+    w107 = w99*w86
+    w108 = w47*w89
+    w109 = w2*center_1 + w1*center_2
+    w110 = w7*w109
+    w111 = w1*center_1 - w2*center_2
+    w112 = w4*center_3 - w0*w111
+    w113 = w110 - w9*w112
+    w114 = w9*w109
+    w115 = w114 + w7*w112
+    w116 = base1_22*w113 + base1_23*w115
+    w117 = base1_23*w113 - base1_22*w115
+    w118 = w47*w20
+    w119 = base1_12*w113 + base1_13*w115
+    w120 = base1_13*w113 - base1_12*w115
+    w121 = phi1_t*w117
+    w122 = w7*w111 - w0*w9*w109
+    w123 = w9*w111 + w0*w7*w109
+    w124 = base1_22*w122 + base1_23*w123 - w4*base1_21*w109
+    w125 = psi1_t*w124
+    w126 = w0*center_3 + w4*w111
+    w127 = base1_21*w112 - w7*base1_23*w126 + w9*base1_22*w126
+    w128 = theta1_t*w127
+    w129 = y1_t + w121 + w125 + w128
+    w130 = base1_33*w113 - base1_32*w115
+    w131 = phi1_t*w130
+    w132 = base1_32*w122 + base1_33*w123 - w4*base1_31*w109
     w133 = psi1_t*w132
-    w134 = base1_11*w89 - w12*base1_13*w103 + w14*base1_12*w103
+    w134 = base1_31*w112 - w7*base1_33*w126 + w9*base1_32*w126
     w135 = theta1_t*w134
-    w136 = x1_t + w131 + w133 + w135
-    w137 = w136/w23
-    w138 = w22*w136/(w23*w23)
-    w139 = phi1_t*w96
-    w140 = base1_13*w99 - base1_12*w100
-    w141 = psi1_t*w140
-    w142 = w14*base1_13*w103 + w12*base1_12*w103
-    w143 = theta1_t*w142
-    w144 = w22/w23
-    w145 = w26*w107 - w30*w108 + (w111 - w109 + w113)*w114 + w28*w122 - w30*w123 + (w127 - w125 + w129)*w130 + w29*w137 - w30*w138 + (w141 - w139 + w143)*w144
-    w146 = normal_1*w18 + normal_2*w20 + w17*normal_3
-    w147 = normal_2 - w20*w146
-    w148 = normal_2*tube + radius*w147/w23
-    w149 = phi1_t + w5*psi1_t
-    w150 = w12*theta1_t - w9*w14*psi1_t
-    w151 = w14*theta1_t + w9*w12*psi1_t
-    w152 = base1_11*w149 + base1_12*w150 + base1_13*w151
-    w153 = normal_1 - w18*w146
-    w154 = normal_1*tube + radius*w153/w23
-    w155 = base1_21*w149 + base1_22*w150 + base1_23*w151
-    w156 = z1_t + w116 + w118 + w120 - w148*w152 + w154*w155
-    w157 = normal_3 - w17*w146
-    w158 = normal_3*tube + radius*w157/w23
-    w159 = base1_31*w149 + base1_32*w150 + base1_33*w151
-    w160 = x1_t + w131 + w133 + w135 - w155*w158 + w148*w159
-    w161 = y1_t + w98 + w102 + w105 - w154*w159 + w152*w158
-    w162 = w75*w156/w23 + w31*w160/w23 + w65*w161/w23
-    w163 = w19*w106/w23 + w21*w121/w23 + w22*w136/w23
-    w164 = f.sqrt(w162*w162 + w163*w163)
-    w165 = peak*w3*trail/w164
-    w166 = w75*w156/(w23*w23)
-    w167 = w156/w23
-    w168 = radius*w147/(w23*w23)
-    w169 = normal_1*w25 + normal_2*w27 + normal_3*w24
-    w170 = radius/w23
-    w171 = w30*w168 + (w146*w27 + w20*w169)*w170
-    w172 = base1_13*w150 - base1_12*w151
-    w173 = radius*w153/(w23*w23)
-    w174 = w30*w173 + w170*(w146*w25 + w18*w169)
-    w175 = base1_23*w150 - base1_22*w151
-    w176 = w127 - w125 + w129 - (w148*w172 - w152*w171) + w154*w175 - w155*w174
-    w177 = w31*w160/(w23*w23)
-    w178 = w160/w23
-    w179 = radius*w157/(w23*w23)
-    w180 = w30*w179 + w170*(w146*w24 + w17*w169)
-    w181 = base1_33*w150 - base1_32*w151
-    w182 = w141 - w139 + w143 - (w158*w175 - w155*w180) + w148*w181 - w159*w171
-    w183 = w65*w161/(w23*w23)
-    w184 = w161/w23
-    w185 = w111 - w109 + w113 - (w154*w181 - w159*w174) + w158*w172 - w152*w180
-    w186 = w167*w77 - w166*w30 + w83*w176 + w178*w33 - w177*w30 + w59*w182 + w184*w67 - w183*w30 + w73*w185
-    w187 = peak*w3*trail*w163/(w164*w164)
-    w188 = w145*w165 - (w162*w186 + w163*w145)*w187/w164
-    w189 = normal_3*w188 + w154*w68 - w85*w174 - (w148*w34 - w95*w171)
-    w190 = w4*w83
-    w191 = normal_2*w188 + w158*w34 - w95*w180 - (w154*w78 - w190*w174)
-    w192 = normal_1*w188 - (w158*w68 - w85*w180) + w148*w78 - w190*w171
-    w193 = base1_31*w189 + base1_21*w191 + base1_11*w192
-    w194 = w94*w68 - w85*w93 + w97*w34 - w95*w96 - w193 + w115*w78 - w190*w124
-    w195 = w85*w112
-    w196 = w95*w142
-    w197 = phi1_t*w112
-    w198 = w9*w91
-    w199 = w9*w87
-    w200 = base1_23*w199 - base1_22*w198 + w5*base1_21*w86
-    w201 = psi1_t*w200
-    w202 = base1_21*w103 + w89*w12*base1_23 - w89*w14*base1_22
-    w203 = theta1_t*w202
-    w204 = phi1_t*w128
-    w205 = base1_33*w199 - base1_32*w198 + w5*base1_31*w86
-    w206 = psi1_t*w205
-    w207 = base1_31*w103 + w89*w12*base1_33 - w89*base1_32*w14
-    w208 = theta1_t*w207
-    w209 = phi1_t*w142
-    w210 = base1_13*w199 - base1_12*w198 + w5*base1_11*w86
-    w211 = psi1_t*w210
-    w212 = base1_11*w103 + w89*w12*base1_13 - w89*w14*base1_12
-    w213 = theta1_t*w212
-    w214 = w39*w107 - w43*w108 + w114*(w197 + w201 - w203) + w41*w122 - w43*w123 + w130*(w204 + w206 - w208) + w42*w137 - w43*w138 + w144*(w209 + w211 - w213)
-    w215 = normal_1*w38 + normal_2*w40 + normal_3*w37
-    w216 = w43*w168 + w170*(w146*w40 + w20*w215)
-    w217 = w9*psi1_t
-    w218 = w5*w14*psi1_t
-    w219 = w5*w12*psi1_t
-    w220 = base1_11*w217 + base1_12*w218 - base1_13*w219
-    w221 = w43*w173 + w170*(w146*w38 + w18*w215)
-    w222 = base1_21*w217 + base1_22*w218 - base1_23*w219
-    w223 = w204 + w206 - w208 - (w148*w220 - w152*w216) + w154*w222 - w155*w221
-    w224 = w43*w179 + w170*(w146*w37 + w17*w215)
-    w225 = base1_31*w217 + base1_32*w218 - base1_33*w219
-    w226 = w209 + w211 - w213 - (w158*w222 - w155*w224) + w148*w225 - w159*w216
-    w227 = w197 + w201 - w203 - (w154*w225 - w159*w221) + w158*w220 - w152*w224
-    w228 = w167*w79 - w166*w43 + w83*w223 + w178*w44 - w177*w43 + w59*w226 + w184*w69 - w183*w43 + w73*w227
-    w229 = w165*w214 - w187*(w162*w228 + w163*w214)/w164
-    w230 = normal_3*w229 + w154*w70 - w85*w221 - (w148*w45 - w95*w216)
-    w231 = normal_2*w229 + w158*w45 - w95*w224 - (w154*w80 - w190*w221)
-    w232 = normal_1*w229 - (w158*w70 - w85*w224) + w148*w80 - w190*w216
-    w233 = base1_31*w230 + base1_21*w231 + base1_11*w232
-    w234 = w190*w128
-    w235 = w85*w110
-    w236 = w95*w140
-    w237 = phi1_t*w110
-    w238 = w5*w14
-    w239 = w87 + w88*w238
-    w240 = w5*w12
-    w241 = w88*w240 - w91
-    w242 = base1_22*w239 - base1_23*w241 + w88*w9*base1_21
-    w243 = psi1_t*w242
-    w244 = theta1_t*w200
-    w245 = phi1_t*w126
-    w246 = base1_32*w239 - base1_33*w241 + w88*base1_31*w9
-    w247 = psi1_t*w246
-    w248 = theta1_t*w205
-    w249 = phi1_t*w140
-    w250 = base1_12*w239 - base1_13*w241 + w88*w9*base1_11
-    w251 = psi1_t*w250
-    w252 = theta1_t*w210
-    w253 = w52*w107 - w56*w108 + w114*(w237 - w243 + w244) + w54*w122 - w56*w123 + w130*(w245 - w247 + w248) + w55*w137 - w56*w138 + w144*(w249 - w251 + w252)
-    w254 = normal_1*w51 + normal_2*w53 + normal_3*w50
-    w255 = w56*w168 + w170*(w146*w53 + w20*w254)
-    w256 = w56*w173 + w170*(w146*w51 + w18*w254)
-    w257 = w167*w81 - w166*w56 + w83*(w245 - w247 + w248 + w152*w255 - w155*w256)
-    w258 = w56*w179 + w170*(w146*w50 + w17*w254)
-    w259 = w178*w57 - w177*w56 + w59*(w249 - w251 + w252 + w155*w258 - w159*w255)
-    w260 = w184*w71 - w183*w56 + w73*(w237 - w243 + w244 + w159*w256 - w152*w258)
-    w261 = w165*w253 - w187*(w162*(w257 + w259 + w260) + w163*w253)/w164
-    w262 = normal_3*w261 + w154*w72 - w85*w256 - (w148*w58 - w95*w255)
-    w263 = normal_2*w261 + w158*w58 - w95*w258 - (w154*w82 - w190*w256)
-    w264 = normal_1*w261 - (w158*w72 - w85*w258) + w148*w82 - w190*w255
-    w265 = base1_31*w262 + base1_21*w263 + base1_11*w264
-    w266 = w190*w126
-    w267 = w62*peak*trail*w163/w164
-    w268 = normal_3*w267 + w154*w74 - w148*w64
-    w269 = normal_2*w267 + w158*w64 - w154*w84
-    w270 = normal_1*w267 - w158*w74 + w148*w84
-    w271 = base1_31*w268 + base1_21*w269 + base1_11*w270
-    w272 = peak*w3*trail*w163/w164
-    w273 = normal_3*w272 + w154*w85 - w148*w95
-    w274 = normal_2*w272 + w158*w95 - w154*w190
-    w275 = normal_1*w272 - w158*w85 + w148*w190
-    w276 = base1_33*w273 + base1_23*w274 + base1_13*w275
-    w277 = base1_33*w189 + base1_23*w191 + base1_13*w192
-    w278 = base1_32*w273 + base1_22*w274 + base1_12*w275
-    w279 = base1_32*w189 + base1_22*w191 + base1_12*w192
-    w280 = w195 + w104*w68 + w196 + w134*w34 - (w12*w276 + w14*w277) - (w12*w279 - w14*w278) + w234 + w119*w78
-    w281 = base1_33*w230 + base1_23*w231 + base1_13*w232
-    w282 = base1_32*w230 + base1_22*w231 + base1_12*w232
-    w283 = w104*w70 - w85*w202 + w134*w45 - w95*w212 - w14*w281 - w12*w282 + w119*w80 - w190*w207
-    w284 = w85*w200
-    w285 = w95*w210
-    w286 = base1_33*w262 + base1_23*w263 + base1_13*w264
-    w287 = base1_32*w262 + base1_22*w263 + base1_12*w264
-    w288 = w190*w205
-    w289 = w284 + w104*w72 + w285 + w134*w58 - w14*w286 - w12*w287 + w288 + w119*w82
-    w290 = base1_33*w268 + base1_23*w269 + base1_13*w270
-    w291 = base1_32*w268 + base1_22*w269 + base1_12*w270
-    w292 = w9*w12
-    w293 = w9*w14
-    w294 = w235 + w101*w68 + w236 + w132*w34 - (w292*w277 - w276*w293) + w293*w279 + w292*w278 - w5*w193 + w266 + w117*w78
-    w295 = w284 + w101*w70 + w285 + w132*w45 - (w292*w281 - w276*w240) + w293*w282 - w278*w238 - (w9*(base1_31*w273 + base1_21*w274 + base1_11*w275) + w5*w233) + w288 + w117*w80
-    w296 = w101*w72 - w85*w242 + w132*w58 - w95*w250 - w292*w286 + w293*w287 - w5*w265 + w117*w82 - w190*w246
-    w297 = w101*w74 + w132*w64 - w292*w290 + w293*w291 - w5*w271 + w117*w84
-    w298 = w144*w165 - w187*(w162*w59 + w163*w144)/w164
-    w299 = normal_3*w298
-    w300 = normal_2*w298
-    w301 = normal_1*w298
-    w302 = base1_31*w299 + base1_21*w300 + base1_11*w301
-    w303 = w114*w165 - w187*(w162*w73 + w163*w114)/w164
-    w304 = normal_3*w303
-    w305 = normal_2*w303
-    w306 = normal_1*w303
-    w307 = base1_31*w304 + base1_21*w305 + base1_11*w306
-    w308 = w130*w165 - w187*(w162*w83 + w163*w130)/w164
-    w309 = normal_3*w308
-    w310 = normal_2*w308
-    w311 = normal_1*w308
-    w312 = base1_31*w309 + base1_21*w310 + base1_11*w311
-    w313 = w94*w114 + w115*w130 + w97*w144
-    w314 = w83*(w115 - base1_11*w148 + base1_21*w154) + w59*(w97 - base1_21*w158 + base1_31*w148) + w73*(w94 - base1_31*w154 + base1_11*w158)
-    w315 = w165*w313 - w187*(w162*w314 + w163*w313)/w164
-    w316 = normal_3*w315
-    w317 = normal_2*w315
-    w318 = normal_1*w315
-    w319 = base1_31*w316 + base1_21*w317 + base1_11*w318
-    w320 = w104*w114 + w119*w130 + w134*w144
-    w321 = w12*base1_12 + w14*base1_13
-    w322 = w12*base1_22 + w14*base1_23
-    w323 = base1_32*w12 + w14*base1_33
-    w324 = w83*(w119 - w148*w321 + w154*w322) + w59*(w134 - w158*w322 + w148*w323) + w73*(w104 - w154*w323 + w158*w321)
-    w325 = w165*w320 - w187*(w162*w324 + w163*w320)/w164
-    w326 = normal_3*w325
-    w327 = normal_2*w325
-    w328 = normal_1*w325
-    w329 = base1_31*w326 + base1_21*w327 + base1_11*w328
-    w330 = w101*w114 + w117*w130 + w132*w144
-    w331 = w5*base1_11 - base1_12*w293 + base1_13*w292
-    w332 = w5*base1_21 - base1_22*w293 + base1_23*w292
-    w333 = base1_31*w5 - base1_32*w293 + base1_33*w292
-    w334 = w83*(w117 - w148*w331 + w154*w332) + w59*(w132 - w158*w332 + w148*w333) + w73*(w101 - w154*w333 + w158*w331)
-    w335 = w165*w330 - w187*(w162*w334 + w163*w330)/w164
+    w136 = z1_t + w131 + w133 + w135
+    w137 = phi1_t*w120
+    w138 = base1_12*w122 + base1_13*w123 - base1_11*w4*w109
+    w139 = psi1_t*w138
+    w140 = base1_11*w112 - w7*base1_13*w126 + base1_12*w9*w126
+    w141 = theta1_t*w140
+    w142 = x1_t + w137 + w139 + w141
+    w143 = w14*w129/w18 + w16*w136/w18 + w17*w142/w18
+    w144 = normal_2 - w15*w25
+    w145 = normal_2*tube + radius*w144/w18
+    w146 = phi1_t + w0*psi1_t
+    w147 = w7*theta1_t - w4*w9*psi1_t
+    w148 = w9*theta1_t + w4*w7*psi1_t
+    w149 = base1_11*w146 + base1_12*w147 + base1_13*w148
+    w150 = normal_1 - w13*w25
+    w151 = normal_1*tube + radius*w150/w18
+    w152 = base1_21*w146 + base1_22*w147 + base1_23*w148
+    w153 = z1_t + w131 + w133 + w135 - w145*w149 + w151*w152
+    w154 = normal_3 - w12*w25
+    w155 = normal_3*tube + radius*w154/w18
+    w156 = base1_31*w146 + base1_32*w147 + base1_33*w148
+    w157 = x1_t + w137 + w139 + w141 - w152*w155 + w145*w156
+    w158 = y1_t + w121 + w125 + w128 - w151*w156 + w149*w155
+    w159 = w98*w153/w18 + w19*w157/w18 + w88*w158/w18
+    w160 = f.sqrt(w159*w159 + w143*w143)
+    w161 = peak*trail*w143/w160
+    w162 = w129/w18
+    w163 = w14*w129/(w18*w18)
+    w164 = phi1_t*w116
+    w165 = base1_23*w122 - base1_22*w123
+    w166 = psi1_t*w165
+    w167 = w9*base1_23*w126 + w7*base1_22*w126
+    w168 = theta1_t*w167
+    w169 = w14/w18
+    w170 = w136/w18
+    w171 = w16*w136/(w18*w18)
+    w172 = base1_32*w113 + base1_33*w115
+    w173 = phi1_t*w172
+    w174 = base1_33*w122 - base1_32*w123
+    w175 = psi1_t*w174
+    w176 = w9*base1_33*w126 + w7*base1_32*w126
+    w177 = theta1_t*w176
+    w178 = w16/w18
+    w179 = w142/w18
+    w180 = w17*w142/(w18*w18)
+    w181 = phi1_t*w119
+    w182 = base1_13*w122 - base1_12*w123
+    w183 = psi1_t*w182
+    w184 = w9*base1_13*w126 + w7*base1_12*w126
+    w185 = theta1_t*w184
+    w186 = w17/w18
+    w187 = w28*w162 - w31*w163 + (w166 - w164 + w168)*w169 + w29*w170 - w31*w171 + (w175 - w173 + w177)*w178 + w30*w179 - w31*w180 + (w183 - w181 + w185)*w186
+    w188 = peak*w46*trail/w160
+    w189 = w98*w153/(w18*w18)
+    w190 = w153/w18
+    w191 = radius*w144/(w18*w18)
+    w192 = radius/w18
+    w193 = w31*w191 + (w25*w22 + w15*w24)*w192
+    w194 = base1_13*w147 - base1_12*w148
+    w195 = radius*w150/(w18*w18)
+    w196 = w31*w195 + w192*(w25*w21 + w13*w24)
+    w197 = base1_23*w147 - base1_22*w148
+    w198 = w175 - w173 + w177 - (w145*w194 - w149*w193) + w151*w197 - w152*w196
+    w199 = w19*w157/(w18*w18)
+    w200 = w157/w18
+    w201 = radius*w154/(w18*w18)
+    w202 = w31*w201 + w192*(w25*w23 + w12*w24)
+    w203 = base1_33*w147 - base1_32*w148
+    w204 = w183 - w181 + w185 - (w155*w197 - w152*w202) + w145*w203 - w156*w193
+    w205 = w88*w158/(w18*w18)
+    w206 = w158/w18
+    w207 = w166 - w164 + w168 - (w151*w203 - w156*w196) + w155*w194 - w149*w202
+    w208 = w190*w101 - w189*w31 + w99*w198 + w200*w49 - w199*w31 + w20*w204 + w206*w91 - w205*w31 + w89*w207
+    w209 = peak*w46*trail*w143/(w160*w160)
+    w210 = w44*w161 - w187*w188 + (w159*w208 + w143*w187)*w209/w160
+    w211 = normal_3*w210 - (w151*w92 - w108*w196) + w145*w50 - w118*w193
+    w212 = w47*w99
+    w213 = normal_2*w210 - (w155*w50 - w118*w202) + w151*w102 - w212*w196
+    w214 = normal_1*w210 + w155*w92 - w108*w202 - (w145*w102 - w212*w193)
+    w215 = base1_31*w211 + base1_21*w213 + base1_11*w214
+    w216 = w117*w92 - w108*w116 + w120*w50 - w118*w119 + w215 + w130*w102 - w212*w172
+    w217 = w108*w167
+    w218 = w118*w184
+    w219 = phi1_t*w167
+    w220 = w4*w114
+    w221 = w4*w110
+    w222 = base1_23*w221 - base1_22*w220 + w0*base1_21*w109
+    w223 = psi1_t*w222
+    w224 = base1_21*w126 + w112*w7*base1_23 - w112*w9*base1_22
+    w225 = theta1_t*w224
+    w226 = phi1_t*w176
+    w227 = base1_33*w221 - base1_32*w220 + w0*base1_31*w109
+    w228 = psi1_t*w227
+    w229 = base1_31*w126 + w112*w7*base1_33 - w112*w9*base1_32
+    w230 = theta1_t*w229
+    w231 = phi1_t*w184
+    w232 = base1_13*w221 - base1_12*w220 + w0*base1_11*w109
+    w233 = psi1_t*w232
+    w234 = base1_11*w126 + w112*w7*base1_13 - w112*base1_12*w9
+    w235 = theta1_t*w234
+    w236 = w57*w162 - w60*w163 + w169*(w219 + w223 - w225) + w58*w170 - w60*w171 + w178*(w226 + w228 - w230) + w59*w179 - w60*w180 + w186*(w231 + w233 - w235)
+    w237 = w60*w191 + w192*(w25*w54 + w15*w56)
+    w238 = w4*psi1_t
+    w239 = w0*w9*psi1_t
+    w240 = w0*w7*psi1_t
+    w241 = base1_11*w238 + base1_12*w239 - base1_13*w240
+    w242 = w60*w195 + w192*(w25*w53 + w13*w56)
+    w243 = base1_21*w238 + base1_22*w239 - base1_23*w240
+    w244 = w226 + w228 - w230 - (w145*w241 - w149*w237) + w151*w243 - w152*w242
+    w245 = w60*w201 + w192*(w25*w55 + w12*w56)
+    w246 = base1_31*w238 + base1_32*w239 - base1_33*w240
+    w247 = w231 + w233 - w235 - (w155*w243 - w152*w245) + w145*w246 - w156*w237
+    w248 = w219 + w223 - w225 - (w151*w246 - w156*w242) + w155*w241 - w149*w245
+    w249 = w190*w103 - w189*w60 + w99*w244 + w200*w65 - w199*w60 + w20*w247 + w206*w93 - w205*w60 + w89*w248
+    w250 = w63*w161 - w188*w236 + w209*(w159*w249 + w143*w236)/w160
+    w251 = normal_3*w250 - (w151*w94 - w108*w242) + w145*w66 - w118*w237
+    w252 = normal_2*w250 - (w155*w66 - w118*w245) + w151*w104 - w212*w242
+    w253 = normal_1*w250 + w155*w94 - w108*w245 - (w145*w104 - w212*w237)
+    w254 = base1_31*w251 + base1_21*w252 + base1_11*w253
+    w255 = w212*w176
+    w256 = w108*w165
+    w257 = w118*w182
+    w258 = phi1_t*w165
+    w259 = w0*w9
+    w260 = w110 + w111*w259
+    w261 = w0*w7
+    w262 = w111*w261 - w114
+    w263 = base1_22*w260 - base1_23*w262 + w111*w4*base1_21
+    w264 = psi1_t*w263
+    w265 = theta1_t*w222
+    w266 = phi1_t*w174
+    w267 = base1_32*w260 - base1_33*w262 + w111*w4*base1_31
+    w268 = psi1_t*w267
+    w269 = theta1_t*w227
+    w270 = phi1_t*w182
+    w271 = base1_12*w260 - base1_13*w262 + w111*base1_11*w4
+    w272 = psi1_t*w271
+    w273 = theta1_t*w232
+    w274 = w75*w162 - w78*w163 + w169*(w258 - w264 + w265) + w76*w170 - w78*w171 + w178*(w266 - w268 + w269) + w77*w179 - w78*w180 + w186*(w270 - w272 + w273)
+    w275 = w78*w191 + w192*(w25*w72 + w15*w74)
+    w276 = w78*w195 + w192*(w25*w71 + w13*w74)
+    w277 = w190*w105 - w189*w78 + w99*(w266 - w268 + w269 + w149*w275 - w152*w276)
+    w278 = w78*w201 + w192*(w25*w73 + w12*w74)
+    w279 = w200*w83 - w199*w78 + w20*(w270 - w272 + w273 + w152*w278 - w156*w275)
+    w280 = w206*w95 - w205*w78 + w89*(w258 - w264 + w265 + w156*w276 - w149*w278)
+    w281 = w81*w161 - w188*w274 + w209*(w159*(w277 + w279 + w280) + w143*w274)/w160
+    w282 = normal_3*w281 - (w151*w96 - w108*w276) + w145*w84 - w118*w275
+    w283 = normal_2*w281 - (w155*w84 - w118*w278) + w151*w106 - w212*w276
+    w284 = normal_1*w281 + w155*w96 - w108*w278 - (w145*w106 - w212*w275)
+    w285 = base1_31*w282 + base1_21*w283 + base1_11*w284
+    w286 = w212*w174
+    w287 = w85*w161
+    w288 = normal_3*w287 + w151*w97 - w145*w87
+    w289 = normal_2*w287 + w155*w87 - w151*w107
+    w290 = normal_1*w287 - w155*w97 + w145*w107
+    w291 = base1_31*w288 + base1_21*w289 + base1_11*w290
+    w292 = peak*w46*trail*w143/w160
+    w293 = normal_3*w292 + w151*w108 - w145*w118
+    w294 = normal_2*w292 + w155*w118 - w151*w212
+    w295 = normal_1*w292 - w155*w108 + w145*w212
+    w296 = base1_33*w293 + base1_23*w294 + base1_13*w295
+    w297 = base1_33*w211 + base1_23*w213 + base1_13*w214
+    w298 = base1_32*w293 + base1_22*w294 + base1_12*w295
+    w299 = base1_32*w211 + base1_22*w213 + base1_12*w214
+    w300 = w217 + w127*w92 + w218 + w140*w50 - (w7*w296 - w9*w297) + w9*w298 + w7*w299 + w255 + w134*w102
+    w301 = base1_33*w251 + base1_23*w252 + base1_13*w253
+    w302 = base1_32*w251 + base1_22*w252 + base1_12*w253
+    w303 = w127*w94 - w108*w224 + w140*w66 - w118*w234 + w9*w301 + w7*w302 + w134*w104 - w212*w229
+    w304 = w108*w222
+    w305 = w118*w232
+    w306 = base1_33*w282 + base1_23*w283 + base1_13*w284
+    w307 = base1_32*w282 + base1_22*w283 + base1_12*w284
+    w308 = w212*w227
+    w309 = w304 + w127*w96 + w305 + w140*w84 + w9*w306 + w7*w307 + w308 + w134*w106
+    w310 = base1_33*w288 + base1_23*w289 + base1_13*w290
+    w311 = base1_32*w288 + base1_22*w289 + base1_12*w290
+    w312 = w4*w7
+    w313 = w4*w9
+    w314 = w256 + w124*w92 + w257 + w138*w50 + w312*w297 + w296*w313 + w312*w298 - w313*w299 + w0*w215 + w286 + w132*w102
+    w315 = w304 + w124*w94 + w305 + w138*w66 + w312*w301 + w296*w261 - (w313*w302 + w298*w259) - (w4*(base1_31*w293 + base1_21*w294 + base1_11*w295) - w0*w254) + w308 + w132*w104
+    w316 = w124*w96 - w108*w263 + w138*w84 - w118*w271 + w312*w306 - w313*w307 + w0*w285 + w132*w106 - w212*w267
+    w317 = w124*w97 + w138*w87 - w312*w310 + w313*w311 - w0*w291 + w132*w107
+    w318 = w186*w188 - w209*(w159*w20 + w143*w186)/w160
+    w319 = normal_3*w318
+    w320 = normal_2*w318
+    w321 = normal_1*w318
+    w322 = base1_31*w319 + base1_21*w320 + base1_11*w321
+    w323 = w169*w188 - w209*(w159*w89 + w143*w169)/w160
+    w324 = normal_3*w323
+    w325 = normal_2*w323
+    w326 = normal_1*w323
+    w327 = base1_31*w324 + base1_21*w325 + base1_11*w326
+    w328 = w178*w188 - w209*(w159*w99 + w143*w178)/w160
+    w329 = normal_3*w328
+    w330 = normal_2*w328
+    w331 = normal_1*w328
+    w332 = base1_31*w329 + base1_21*w330 + base1_11*w331
+    w333 = w117*w169 + w130*w178 + w120*w186
+    w334 = w99*(w130 - base1_11*w145 + base1_21*w151) + w20*(w120 - base1_21*w155 + base1_31*w145) + w89*(w117 - base1_31*w151 + base1_11*w155)
+    w335 = w188*w333 - w209*(w159*w334 + w143*w333)/w160
     w336 = normal_3*w335
     w337 = normal_2*w335
     w338 = normal_1*w335
     w339 = base1_31*w336 + base1_21*w337 + base1_11*w338
-    w340 = base1_33*w299 + base1_23*w300 + base1_13*w301
-    w341 = base1_32*w299 + base1_22*w300 + base1_12*w301
-    w342 = base1_33*w304 + base1_23*w305 + base1_13*w306
-    w343 = base1_32*w304 + base1_22*w305 + base1_12*w306
-    w344 = base1_33*w309 + base1_23*w310 + base1_13*w311
-    w345 = base1_32*w309 + base1_22*w310 + base1_12*w311
-    w346 = base1_33*w316 + base1_23*w317 + base1_13*w318
-    w347 = base1_32*w316 + base1_22*w317 + base1_12*w318
-    w348 = base1_33*w326 + base1_23*w327 + base1_13*w328
-    w349 = base1_32*w326 + base1_22*w327 + base1_12*w328
-    w350 = base1_33*w336 + base1_23*w337 + base1_13*w338
-    w351 = base1_32*w336 + base1_22*w337 + base1_12*w338
+    w340 = w127*w169 + w134*w178 + w140*w186
+    w341 = base1_12*w7 + w9*base1_13
+    w342 = w7*base1_22 + w9*base1_23
+    w343 = w7*base1_32 + w9*base1_33
+    w344 = w99*(w134 - w145*w341 + w151*w342) + w20*(w140 - w155*w342 + w145*w343) + w89*(w127 - w151*w343 + w155*w341)
+    w345 = w188*w340 - w209*(w159*w344 + w143*w340)/w160
+    w346 = normal_3*w345
+    w347 = normal_2*w345
+    w348 = normal_1*w345
+    w349 = base1_31*w346 + base1_21*w347 + base1_11*w348
+    w350 = w124*w169 + w132*w178 + w138*w186
+    w351 = base1_11*w0 - base1_12*w313 + base1_13*w312
+    w352 = w0*base1_21 - base1_22*w313 + base1_23*w312
+    w353 = w0*base1_31 - base1_32*w313 + base1_33*w312
+    w354 = w99*(w132 - w145*w351 + w151*w352) + w20*(w138 - w155*w352 + w145*w353) + w89*(w124 - w151*w353 + w155*w351)
+    w355 = w188*w350 - w209*(w159*w354 + w143*w350)/w160
+    w356 = normal_3*w355
+    w357 = normal_2*w355
+    w358 = normal_1*w355
+    w359 = base1_31*w356 + base1_21*w357 + base1_11*w358
+    w360 = base1_33*w319 + base1_23*w320 + base1_13*w321
+    w361 = base1_32*w319 + base1_22*w320 + base1_12*w321
+    w362 = base1_33*w324 + base1_23*w325 + base1_13*w326
+    w363 = base1_32*w324 + base1_22*w325 + base1_12*w326
+    w364 = base1_33*w329 + base1_23*w330 + base1_13*w331
+    w365 = base1_32*w329 + base1_22*w330 + base1_12*w331
+    w366 = base1_33*w336 + base1_23*w337 + base1_13*w338
+    w367 = base1_32*w336 + base1_22*w337 + base1_12*w338
+    w368 = base1_33*w346 + base1_23*w347 + base1_13*w348
+    w369 = base1_32*w346 + base1_22*w347 + base1_12*w348
+    w370 = base1_33*w356 + base1_23*w357 + base1_13*w358
+    w371 = base1_32*w356 + base1_22*w357 + base1_12*w358
     return (
-        w34,
-        w45,
-        w58,
-        w64,
-        w68,
-        w70,
-        w72,
-        w74,
-        w78,
-        w80,
-        w82,
+        w50,
+        w66,
         w84,
-        w194,
-        w195 + w94*w70 + w196 + w97*w45 - w233 + w234 + w115*w80,
-        w235 + w94*w72 + w236 + w97*w58 - w265 + w266 + w115*w82,
-        w94*w74 + w97*w64 - w271 + w115*w84,
-        w280,
-        w283,
-        w289,
-        w104*w74 + w134*w64 - w14*w290 - w12*w291 + w119*w84,
-        w294,
-        w295,
-        w296,
-        w297,
-        -w302,
-        -w307,
-        -w312,
-        -w319,
-        -w329,
+        w87,
+        w92,
+        w94,
+        w96,
+        w97,
+        w102,
+        w104,
+        w106,
+        w107,
+        w216,
+        w217 + w117*w94 + w218 + w120*w66 + w254 + w255 + w130*w104,
+        w256 + w117*w96 + w257 + w120*w84 + w285 + w286 + w130*w106,
+        w117*w97 + w120*w87 - w291 + w130*w107,
+        w300,
+        w303,
+        w309,
+        w127*w97 + w140*w87 - w9*w310 - w7*w311 + w134*w107,
+        w314,
+        w315,
+        w316,
+        w317,
+        -w322,
+        -w327,
+        -w332,
         -w339,
-        -(w14*w340 + w12*w341),
-        -(w14*w342 + w12*w343),
-        -(w14*w344 + w12*w345),
-        -(w14*w346 + w12*w347),
-        -(w14*w348 + w12*w349),
-        -(w14*w350 + w12*w351),
-        -(w292*w340 - w293*w341 + w5*w302),
-        -(w292*w342 - w293*w343 + w5*w307),
-        -(w292*w344 - w293*w345 + w5*w312),
-        -(w292*w346 - w293*w347 + w5*w319),
-        -(w292*w348 - w293*w349 + w5*w329),
-        -(w292*w350 - w293*w351 + w5*w339),
+        -w349,
+        -w359,
+        -(w9*w360 + w7*w361),
+        -(w9*w362 + w7*w363),
+        -(w9*w364 + w7*w365),
+        -(w9*w366 + w7*w367),
+        -(w9*w368 + w7*w369),
+        -(w9*w370 + w7*w371),
+        -(w312*w360 - w313*w361 + w0*w322),
+        -(w312*w362 - w313*w363 + w0*w327),
+        -(w312*w364 - w313*w365 + w0*w332),
+        -(w312*w366 - w313*w367 + w0*w339),
+        -(w312*w368 - w313*w369 + w0*w349),
+        -(w312*w370 - w313*w371 + w0*w359),
     )
 
 

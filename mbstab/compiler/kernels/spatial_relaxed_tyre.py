@@ -4,86 +4,87 @@
 def dynamics(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, c2, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, cornering, trail, = p
-    w0 = c2*cornering
-    w1 = f.sin(theta1)
-    w2 = f.cos(psi1)
-    w3 = f.sin(psi1)
-    w4 = axle_1*w2 - axle_2*w3
-    w5 = f.cos(theta1)
-    w6 = axle_3*w1 + w4*w5
-    w7 = axle_1*w3 + w2*axle_2
-    w8 = f.cos(phi1)
-    w9 = axle_3*w5 - w1*w4
-    w10 = f.sin(phi1)
-    w11 = w7*w8 - w9*w10
-    w12 = w7*w10 + w8*w9
-    w13 = base1_31*w6 + base1_32*w11 + base1_33*w12
-    w14 = w6*base1_11 + w11*base1_12 + w12*base1_13
-    w15 = normal_1*w13 - normal_3*w14
-    w16 = w6*base1_21 + w11*base1_22 + w12*base1_23
-    w17 = w14*normal_2 - normal_1*w16
-    w18 = normal_3*w16 - w13*normal_2
-    w19 = f.sqrt(w15*w15 + w17*w17 + w18*w18)
-    w20 = normal_2*w17 - normal_3*w15
-    w21 = w0*w20/w19
-    w22 = normal_3*w18 - normal_1*w17
-    w23 = w0*w22/w19
-    w24 = normal_1*w15 - normal_2*w18
-    w25 = w0*w24/w19
-    w26 = w3*center_1 + w2*center_2
-    w27 = w2*center_1 - w3*center_2
-    w28 = w5*center_3 - w1*w27
-    w29 = w10*w26 + w8*w28
-    w30 = w8*w26 - w10*w28
-    w31 = base1_23*w30 - base1_22*w29
-    w32 = base1_13*w30 - base1_12*w29
-    w33 = phi1_t*w31
-    w34 = w8*w27 - w1*w10*w26
-    w35 = w10*w27 + w1*w8*w26
-    w36 = base1_22*w34 + base1_23*w35 - w5*base1_21*w26
-    w37 = psi1_t*w36
-    w38 = w1*center_3 + w5*w27
-    w39 = base1_21*w28 - w8*base1_23*w38 + w10*base1_22*w38
-    w40 = theta1_t*w39
-    w41 = base1_33*w30 - base1_32*w29
-    w42 = phi1_t*w41
-    w43 = base1_32*w34 + base1_33*w35 - base1_31*w5*w26
-    w44 = psi1_t*w43
-    w45 = base1_31*w28 - w8*base1_33*w38 + base1_32*w10*w38
-    w46 = theta1_t*w45
-    w47 = phi1_t*w32
-    w48 = base1_12*w34 + base1_13*w35 - w5*base1_11*w26
-    w49 = psi1_t*w48
-    w50 = base1_11*w28 - w8*base1_13*w38 + w10*base1_12*w38
-    w51 = theta1_t*w50
-    w52 = w15*(y1_t + w33 + w37 + w40)/w19 + w17*(z1_t + w42 + w44 + w46)/w19 + w18*(x1_t + w47 + w49 + w51)/w19
-    w53 = normal_1*w14 + normal_2*w16 + w13*normal_3
-    w54 = normal_2*tube + radius*(normal_2 - w16*w53)/w19
-    w55 = phi1_t + w1*psi1_t
-    w56 = w8*theta1_t - w5*w10*psi1_t
-    w57 = w10*theta1_t + w5*w8*psi1_t
-    w58 = base1_11*w55 + base1_12*w56 + base1_13*w57
-    w59 = normal_1*tube + radius*(normal_1 - w14*w53)/w19
-    w60 = base1_21*w55 + base1_22*w56 + base1_23*w57
-    w61 = normal_3*tube + radius*(normal_3 - w13*w53)/w19
-    w62 = base1_31*w55 + base1_32*w56 + base1_33*w57
-    w63 = w24*(z1_t + w42 + w44 + w46 - w54*w58 + w59*w60)/w19 + w20*(x1_t + w47 + w49 + w51 - w60*w61 + w54*w62)/w19 + w22*(y1_t + w33 + w37 + w40 - w59*w62 + w58*w61)/w19
-    w64 = c2*cornering*trail*w52/f.sqrt(w63*w63 + w52*w52)
-    w65 = normal_3*w64 + w59*w23 - w54*w21
-    w66 = normal_2*w64 + w61*w21 - w59*w25
-    w67 = normal_1*w64 - w61*w23 + w54*w25
-    w68 = base1_31*w65 + base1_21*w66 + base1_11*w67
-    w69 = base1_33*w65 + base1_23*w66 + base1_13*w67
-    w70 = base1_32*w65 + base1_22*w66 + base1_12*w67
-    w71 = w36*w23 + w48*w21 - w69*w5*w8 + w70*w5*w10 - w1*w68 + w43*w25
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, cornering, trail, camber, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = axle_1*w1 - axle_2*w2
+    w4 = f.cos(theta1)
+    w5 = axle_3*w0 + w3*w4
+    w6 = axle_1*w2 + w1*axle_2
+    w7 = f.cos(phi1)
+    w8 = axle_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_11*w5 + base1_12*w10 + base1_13*w11
+    w13 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w14 = w5*base1_31 + w10*base1_32 + w11*base1_33
+    w15 = normal_1*w12 + normal_2*w13 + normal_3*w14
+    w16 = normal_1*w14 - w12*normal_3
+    w17 = w12*normal_2 - normal_1*w13
+    w18 = w13*normal_3 - normal_2*w14
+    w19 = f.sqrt(w16*w16 + w17*w17 + w18*w18)
+    w20 = f.atan2(w15, w19)
+    w21 = c2 - camber*w20/cornering
+    w22 = camber*w20 + cornering*w21
+    w23 = normal_2*w17 - normal_3*w16
+    w24 = w22*w23/w19
+    w25 = normal_3*w18 - normal_1*w17
+    w26 = w22*w25/w19
+    w27 = normal_1*w16 - normal_2*w18
+    w28 = w22*w27/w19
+    w29 = w2*center_1 + w1*center_2
+    w30 = w1*center_1 - w2*center_2
+    w31 = w4*center_3 - w0*w30
+    w32 = w9*w29 + w7*w31
+    w33 = w7*w29 - w9*w31
+    w34 = base1_23*w33 - base1_22*w32
+    w35 = base1_13*w33 - base1_12*w32
+    w36 = phi1_t*w34
+    w37 = w7*w30 - w0*w9*w29
+    w38 = w9*w30 + w0*w7*w29
+    w39 = base1_22*w37 + base1_23*w38 - w4*base1_21*w29
+    w40 = psi1_t*w39
+    w41 = w0*center_3 + w4*w30
+    w42 = base1_21*w31 - w7*base1_23*w41 + w9*base1_22*w41
+    w43 = theta1_t*w42
+    w44 = base1_33*w33 - base1_32*w32
+    w45 = phi1_t*w44
+    w46 = base1_32*w37 + base1_33*w38 - w4*base1_31*w29
+    w47 = psi1_t*w46
+    w48 = base1_31*w31 - w7*base1_33*w41 + w9*base1_32*w41
+    w49 = theta1_t*w48
+    w50 = phi1_t*w35
+    w51 = base1_12*w37 + base1_13*w38 - base1_11*w4*w29
+    w52 = psi1_t*w51
+    w53 = base1_11*w31 - w7*base1_13*w41 + base1_12*w9*w41
+    w54 = theta1_t*w53
+    w55 = w16*(y1_t + w36 + w40 + w43)/w19 + w17*(z1_t + w45 + w47 + w49)/w19 + w18*(x1_t + w50 + w52 + w54)/w19
+    w56 = normal_2*tube + radius*(normal_2 - w13*w15)/w19
+    w57 = phi1_t + w0*psi1_t
+    w58 = w7*theta1_t - w4*w9*psi1_t
+    w59 = w9*theta1_t + w4*w7*psi1_t
+    w60 = base1_11*w57 + base1_12*w58 + base1_13*w59
+    w61 = normal_1*tube + radius*(normal_1 - w12*w15)/w19
+    w62 = base1_21*w57 + base1_22*w58 + base1_23*w59
+    w63 = normal_3*tube + radius*(normal_3 - w14*w15)/w19
+    w64 = base1_31*w57 + base1_32*w58 + base1_33*w59
+    w65 = w27*(z1_t + w45 + w47 + w49 - w56*w60 + w61*w62)/w19 + w23*(x1_t + w50 + w52 + w54 - w62*w63 + w56*w64)/w19 + w25*(y1_t + w36 + w40 + w43 - w61*w64 + w60*w63)/w19
+    w66 = cornering*w21*trail*w55/f.sqrt(w65*w65 + w55*w55)
+    w67 = normal_3*w66 + w61*w26 - w56*w24
+    w68 = normal_2*w66 + w63*w24 - w61*w28
+    w69 = normal_1*w66 - w63*w26 + w56*w28
+    w70 = base1_31*w67 + base1_21*w68 + base1_11*w69
+    w71 = base1_33*w67 + base1_23*w68 + base1_13*w69
+    w72 = base1_32*w67 + base1_22*w68 + base1_12*w69
     return (
-        w21,
-        w23,
-        w25,
-        w31*w23 + w32*w21 - w68 + w41*w25,
-        w39*w23 + w50*w21 - w10*w69 - w8*w70 + w45*w25,
-        w71,
+        w24,
+        w26,
+        w28,
+        w34*w26 + w35*w24 - w70 + w44*w28,
+        w42*w26 + w53*w24 - w9*w71 - w7*w72 + w48*w28,
+        w39*w26 + w51*w24 - w71*w4*w7 + w72*w4*w9 - w0*w70 + w46*w28,
     )
 
 
@@ -95,394 +96,400 @@ DYNAMICS = {
 def linearize(f, q, u, p, s):
     _, _, _, phi1, theta1, psi1, c2, = q
     x1_t, y1_t, z1_t, phi1_t, theta1_t, psi1_t, *_ = u
-    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, cornering, trail, = p
-    w0 = c2*cornering
-    w1 = f.sin(theta1)
-    w2 = f.cos(psi1)
-    w3 = f.sin(psi1)
-    w4 = axle_1*w2 - axle_2*w3
-    w5 = f.cos(theta1)
-    w6 = axle_3*w1 + w4*w5
-    w7 = axle_1*w3 + w2*axle_2
-    w8 = f.cos(phi1)
-    w9 = axle_3*w5 - w1*w4
-    w10 = f.sin(phi1)
-    w11 = w7*w8 - w9*w10
-    w12 = w7*w10 + w8*w9
-    w13 = base1_31*w6 + base1_32*w11 + base1_33*w12
-    w14 = w6*base1_11 + w11*base1_12 + w12*base1_13
-    w15 = normal_1*w13 - normal_3*w14
-    w16 = w6*base1_21 + w11*base1_22 + w12*base1_23
-    w17 = w14*normal_2 - normal_1*w16
-    w18 = normal_3*w16 - w13*normal_2
-    w19 = f.sqrt(w15*w15 + w17*w17 + w18*w18)
-    w20 = w11*base1_33 - base1_32*w12
-    w21 = w11*base1_13 - w12*base1_12
-    w22 = normal_1*w20 - normal_3*w21
-    w23 = w11*base1_23 - w12*base1_22
-    w24 = normal_2*w21 - normal_1*w23
-    w25 = normal_3*w23 - normal_2*w20
-    w26 = (w15*w22 + w17*w24 + w18*w25)/w19
-    w27 = normal_2*w17 - normal_3*w15
-    w28 = w27/(w19*w19)
-    w29 = normal_2*w24 - normal_3*w22
-    w30 = w0*(w29/w19 - w26*w28)
-    w31 = w6*w10
-    w32 = w6*w8
-    w33 = base1_31*w9 + base1_32*w31 - base1_33*w32
-    w34 = w9*base1_11 + base1_12*w31 - base1_13*w32
-    w35 = normal_1*w33 - normal_3*w34
-    w36 = w9*base1_21 + base1_22*w31 - base1_23*w32
-    w37 = normal_2*w34 - normal_1*w36
-    w38 = normal_3*w36 - normal_2*w33
-    w39 = (w15*w35 + w17*w37 + w18*w38)/w19
-    w40 = normal_2*w37 - normal_3*w35
-    w41 = w0*(w40/w19 - w28*w39)
-    w42 = w5*w7
-    w43 = w1*w7
-    w44 = w4*w8 - w10*w43
-    w45 = w4*w10 + w8*w43
-    w46 = base1_32*w44 - base1_31*w42 + base1_33*w45
-    w47 = base1_12*w44 - base1_11*w42 + base1_13*w45
-    w48 = normal_1*w46 - normal_3*w47
-    w49 = base1_22*w44 - base1_21*w42 + base1_23*w45
-    w50 = normal_2*w47 - normal_1*w49
-    w51 = normal_3*w49 - normal_2*w46
-    w52 = (w15*w48 + w17*w50 + w18*w51)/w19
-    w53 = normal_2*w50 - normal_3*w48
-    w54 = w0*(w53/w19 - w28*w52)
-    w55 = w27/w19
-    w56 = cornering*w55
-    w57 = normal_3*w18 - normal_1*w17
-    w58 = w57/(w19*w19)
-    w59 = normal_3*w25 - normal_1*w24
-    w60 = w0*(w59/w19 - w26*w58)
-    w61 = normal_3*w38 - normal_1*w37
-    w62 = w0*(w61/w19 - w39*w58)
-    w63 = normal_3*w51 - normal_1*w50
-    w64 = w0*(w63/w19 - w52*w58)
-    w65 = w57/w19
-    w66 = cornering*w65
-    w67 = normal_1*w15 - normal_2*w18
-    w68 = w67/(w19*w19)
-    w69 = normal_1*w22 - normal_2*w25
-    w70 = w0*(w69/w19 - w26*w68)
-    w71 = normal_1*w35 - normal_2*w38
-    w72 = w0*(w71/w19 - w39*w68)
-    w73 = normal_1*w48 - normal_2*w51
-    w74 = w0*(w73/w19 - w52*w68)
-    w75 = w67/w19
-    w76 = cornering*w75
-    w77 = w0*w65
-    w78 = w3*center_1 + w2*center_2
-    w79 = w8*w78
-    w80 = w2*center_1 - w3*center_2
-    w81 = w5*center_3 - w1*w80
-    w82 = w79 - w10*w81
-    w83 = w10*w78
-    w84 = w83 + w8*w81
-    w85 = base1_22*w82 + base1_23*w84
-    w86 = base1_23*w82 - base1_22*w84
-    w87 = w0*w55
-    w88 = base1_12*w82 + base1_13*w84
-    w89 = base1_13*w82 - base1_12*w84
-    w90 = phi1_t*w86
-    w91 = w8*w80 - w1*w10*w78
-    w92 = w10*w80 + w1*w8*w78
-    w93 = base1_22*w91 + base1_23*w92 - w5*base1_21*w78
-    w94 = psi1_t*w93
-    w95 = w1*center_3 + w5*w80
-    w96 = base1_21*w81 - w8*base1_23*w95 + w10*base1_22*w95
-    w97 = theta1_t*w96
-    w98 = y1_t + w90 + w94 + w97
-    w99 = w98/w19
-    w100 = w15*w98/(w19*w19)
-    w101 = phi1_t*w85
-    w102 = base1_23*w91 - base1_22*w92
-    w103 = psi1_t*w102
-    w104 = w10*base1_23*w95 + w8*base1_22*w95
+    base1_11, base1_12, base1_13, base1_21, base1_22, base1_23, base1_31, base1_32, base1_33, center_1, center_2, center_3, axle_1, axle_2, axle_3, radius, tube, normal_1, normal_2, normal_3, cornering, trail, camber, = p
+    w0 = f.sin(theta1)
+    w1 = f.cos(psi1)
+    w2 = f.sin(psi1)
+    w3 = axle_1*w1 - axle_2*w2
+    w4 = f.cos(theta1)
+    w5 = axle_3*w0 + w3*w4
+    w6 = axle_1*w2 + w1*axle_2
+    w7 = f.cos(phi1)
+    w8 = axle_3*w4 - w0*w3
+    w9 = f.sin(phi1)
+    w10 = w6*w7 - w8*w9
+    w11 = w6*w9 + w7*w8
+    w12 = base1_11*w5 + base1_12*w10 + base1_13*w11
+    w13 = w5*base1_21 + w10*base1_22 + w11*base1_23
+    w14 = w5*base1_31 + w10*base1_32 + w11*base1_33
+    w15 = normal_1*w12 + normal_2*w13 + normal_3*w14
+    w16 = normal_1*w14 - w12*normal_3
+    w17 = w12*normal_2 - normal_1*w13
+    w18 = w13*normal_3 - normal_2*w14
+    w19 = f.sqrt(w16*w16 + w17*w17 + w18*w18)
+    w20 = f.atan2(w15, w19)
+    w21 = c2 - camber*w20/cornering
+    w22 = camber*w20 + cornering*w21
+    w23 = w10*base1_33 - w11*base1_32
+    w24 = w10*base1_13 - base1_12*w11
+    w25 = normal_1*w23 - normal_3*w24
+    w26 = w10*base1_23 - w11*base1_22
+    w27 = normal_2*w24 - normal_1*w26
+    w28 = normal_3*w26 - normal_2*w23
+    w29 = (w16*w25 + w17*w27 + w18*w28)/w19
+    w30 = normal_2*w17 - normal_3*w16
+    w31 = w30/(w19*w19)
+    w32 = normal_2*w27 - normal_3*w25
+    w33 = w22*(w32/w19 - w29*w31)
+    w34 = w5*w9
+    w35 = w5*w7
+    w36 = w8*base1_31 + base1_32*w34 - base1_33*w35
+    w37 = base1_11*w8 + base1_12*w34 - base1_13*w35
+    w38 = normal_1*w36 - normal_3*w37
+    w39 = w8*base1_21 + base1_22*w34 - base1_23*w35
+    w40 = normal_2*w37 - normal_1*w39
+    w41 = normal_3*w39 - normal_2*w36
+    w42 = (w16*w38 + w17*w40 + w18*w41)/w19
+    w43 = normal_2*w40 - normal_3*w38
+    w44 = w22*(w43/w19 - w31*w42)
+    w45 = w4*w6
+    w46 = w0*w6
+    w47 = w3*w7 - w9*w46
+    w48 = w3*w9 + w7*w46
+    w49 = base1_32*w47 - base1_31*w45 + base1_33*w48
+    w50 = base1_12*w47 - base1_11*w45 + base1_13*w48
+    w51 = normal_1*w49 - normal_3*w50
+    w52 = base1_22*w47 - base1_21*w45 + base1_23*w48
+    w53 = normal_2*w50 - normal_1*w52
+    w54 = normal_3*w52 - normal_2*w49
+    w55 = (w16*w51 + w17*w53 + w18*w54)/w19
+    w56 = normal_2*w53 - normal_3*w51
+    w57 = w22*(w56/w19 - w31*w55)
+    w58 = w30/w19
+    w59 = cornering*w58
+    w60 = normal_3*w18 - normal_1*w17
+    w61 = w60/(w19*w19)
+    w62 = normal_3*w28 - normal_1*w27
+    w63 = w22*(w62/w19 - w29*w61)
+    w64 = normal_3*w41 - normal_1*w40
+    w65 = w22*(w64/w19 - w42*w61)
+    w66 = normal_3*w54 - normal_1*w53
+    w67 = w22*(w66/w19 - w55*w61)
+    w68 = w60/w19
+    w69 = cornering*w68
+    w70 = normal_1*w16 - normal_2*w18
+    w71 = w70/(w19*w19)
+    w72 = normal_1*w25 - normal_2*w28
+    w73 = w22*(w72/w19 - w29*w71)
+    w74 = normal_1*w38 - normal_2*w41
+    w75 = w22*(w74/w19 - w42*w71)
+    w76 = normal_1*w51 - normal_2*w54
+    w77 = w22*(w76/w19 - w55*w71)
+    w78 = w70/w19
+    w79 = cornering*w78
+    w80 = w22*w68
+    w81 = w2*center_1 + w1*center_2
+    w82 = w7*w81
+    w83 = w1*center_1 - w2*center_2
+    w84 = w4*center_3 - w0*w83
+    w85 = w82 - w9*w84
+    w86 = w9*w81
+    w87 = w86 + w7*w84
+    w88 = base1_22*w85 + base1_23*w87
+    w89 = base1_23*w85 - base1_22*w87
+    w90 = w22*w58
+    w91 = base1_12*w85 + base1_13*w87
+    w92 = base1_13*w85 - base1_12*w87
+    w93 = normal_1*w24 + normal_2*w26 + normal_3*w23
+    w94 = w15*w15 + w19*w19
+    w95 = w19/w94
+    w96 = w15/w94
+    w97 = camber/cornering
+    w98 = phi1_t*w89
+    w99 = w7*w83 - w0*w9*w81
+    w100 = w9*w83 + w0*w7*w81
+    w101 = base1_22*w99 + base1_23*w100 - w4*base1_21*w81
+    w102 = psi1_t*w101
+    w103 = w0*center_3 + w4*w83
+    w104 = base1_21*w84 - w7*base1_23*w103 + w9*base1_22*w103
     w105 = theta1_t*w104
-    w106 = w15/w19
-    w107 = base1_33*w82 - base1_32*w84
+    w106 = y1_t + w98 + w102 + w105
+    w107 = base1_33*w85 - base1_32*w87
     w108 = phi1_t*w107
-    w109 = base1_32*w91 + base1_33*w92 - base1_31*w5*w78
+    w109 = base1_32*w99 + base1_33*w100 - w4*base1_31*w81
     w110 = psi1_t*w109
-    w111 = base1_31*w81 - w8*base1_33*w95 + base1_32*w10*w95
+    w111 = base1_31*w84 - w7*base1_33*w103 + w9*base1_32*w103
     w112 = theta1_t*w111
     w113 = z1_t + w108 + w110 + w112
-    w114 = w113/w19
-    w115 = w17*w113/(w19*w19)
-    w116 = base1_32*w82 + base1_33*w84
-    w117 = phi1_t*w116
-    w118 = base1_33*w91 - base1_32*w92
-    w119 = psi1_t*w118
-    w120 = w10*base1_33*w95 + w8*base1_32*w95
-    w121 = theta1_t*w120
-    w122 = w17/w19
-    w123 = phi1_t*w89
-    w124 = base1_12*w91 + base1_13*w92 - w5*base1_11*w78
-    w125 = psi1_t*w124
-    w126 = base1_11*w81 - w8*base1_13*w95 + w10*base1_12*w95
-    w127 = theta1_t*w126
-    w128 = x1_t + w123 + w125 + w127
-    w129 = w128/w19
-    w130 = w18*w128/(w19*w19)
-    w131 = phi1_t*w88
-    w132 = base1_13*w91 - base1_12*w92
-    w133 = psi1_t*w132
-    w134 = w10*base1_13*w95 + w8*base1_12*w95
-    w135 = theta1_t*w134
-    w136 = w18/w19
-    w137 = w22*w99 - w26*w100 + (w103 - w101 + w105)*w106 + w24*w114 - w26*w115 + (w119 - w117 + w121)*w122 + w25*w129 - w26*w130 + (w133 - w131 + w135)*w136
-    w138 = normal_1*w14 + normal_2*w16 + w13*normal_3
-    w139 = normal_2 - w16*w138
-    w140 = normal_2*tube + radius*w139/w19
-    w141 = phi1_t + w1*psi1_t
-    w142 = w8*theta1_t - w5*w10*psi1_t
-    w143 = w10*theta1_t + w5*w8*psi1_t
-    w144 = base1_11*w141 + base1_12*w142 + base1_13*w143
-    w145 = normal_1 - w14*w138
-    w146 = normal_1*tube + radius*w145/w19
-    w147 = base1_21*w141 + base1_22*w142 + base1_23*w143
-    w148 = z1_t + w108 + w110 + w112 - w140*w144 + w146*w147
-    w149 = normal_3 - w13*w138
-    w150 = normal_3*tube + radius*w149/w19
-    w151 = base1_31*w141 + base1_32*w142 + base1_33*w143
-    w152 = x1_t + w123 + w125 + w127 - w147*w150 + w140*w151
-    w153 = y1_t + w90 + w94 + w97 - w146*w151 + w144*w150
-    w154 = w67*w148/w19 + w27*w152/w19 + w57*w153/w19
-    w155 = w15*w98/w19 + w17*w113/w19 + w18*w128/w19
-    w156 = f.sqrt(w154*w154 + w155*w155)
-    w157 = c2*cornering*trail/w156
-    w158 = w67*w148/(w19*w19)
-    w159 = w148/w19
-    w160 = radius*w139/(w19*w19)
-    w161 = normal_1*w21 + normal_2*w23 + normal_3*w20
-    w162 = radius/w19
-    w163 = w26*w160 + (w138*w23 + w16*w161)*w162
-    w164 = base1_13*w142 - base1_12*w143
-    w165 = radius*w145/(w19*w19)
-    w166 = w26*w165 + w162*(w138*w21 + w14*w161)
-    w167 = base1_23*w142 - base1_22*w143
-    w168 = w119 - w117 + w121 - (w140*w164 - w144*w163) + w146*w167 - w147*w166
-    w169 = w27*w152/(w19*w19)
-    w170 = w152/w19
-    w171 = radius*w149/(w19*w19)
-    w172 = w26*w171 + w162*(w138*w20 + w13*w161)
-    w173 = base1_33*w142 - base1_32*w143
-    w174 = w133 - w131 + w135 - (w150*w167 - w147*w172) + w140*w173 - w151*w163
-    w175 = w57*w153/(w19*w19)
-    w176 = w153/w19
-    w177 = w103 - w101 + w105 - (w146*w173 - w151*w166) + w150*w164 - w144*w172
-    w178 = w159*w69 - w158*w26 + w75*w168 + w170*w29 - w169*w26 + w55*w174 + w176*w59 - w175*w26 + w65*w177
-    w179 = c2*cornering*trail*w155/(w156*w156)
-    w180 = w137*w157 - (w154*w178 + w155*w137)*w179/w156
-    w181 = normal_3*w180 + w146*w60 - w77*w166 - (w140*w30 - w87*w163)
-    w182 = w0*w75
-    w183 = normal_2*w180 + w150*w30 - w87*w172 - (w146*w70 - w182*w166)
-    w184 = normal_1*w180 - (w150*w60 - w77*w172) + w140*w70 - w182*w163
-    w185 = base1_31*w181 + base1_21*w183 + base1_11*w184
-    w186 = w86*w60 - w77*w85 + w89*w30 - w87*w88 - w185 + w107*w70 - w182*w116
-    w187 = w77*w104
-    w188 = w87*w134
-    w189 = phi1_t*w104
-    w190 = w5*w83
-    w191 = w5*w79
-    w192 = base1_23*w191 - base1_22*w190 + w1*base1_21*w78
-    w193 = psi1_t*w192
-    w194 = base1_21*w95 + w81*w8*base1_23 - w81*w10*base1_22
-    w195 = theta1_t*w194
-    w196 = phi1_t*w120
-    w197 = base1_33*w191 - base1_32*w190 + w1*base1_31*w78
-    w198 = psi1_t*w197
-    w199 = base1_31*w95 + w81*w8*base1_33 - w81*base1_32*w10
-    w200 = theta1_t*w199
-    w201 = phi1_t*w134
-    w202 = base1_13*w191 - base1_12*w190 + w1*base1_11*w78
-    w203 = psi1_t*w202
-    w204 = base1_11*w95 + w81*w8*base1_13 - w81*w10*base1_12
-    w205 = theta1_t*w204
-    w206 = w35*w99 - w39*w100 + w106*(w189 + w193 - w195) + w37*w114 - w39*w115 + w122*(w196 + w198 - w200) + w38*w129 - w39*w130 + w136*(w201 + w203 - w205)
-    w207 = normal_1*w34 + normal_2*w36 + normal_3*w33
-    w208 = w39*w160 + w162*(w138*w36 + w16*w207)
-    w209 = w5*psi1_t
-    w210 = w1*w10*psi1_t
-    w211 = w1*w8*psi1_t
-    w212 = base1_11*w209 + base1_12*w210 - base1_13*w211
-    w213 = w39*w165 + w162*(w138*w34 + w14*w207)
-    w214 = base1_21*w209 + base1_22*w210 - base1_23*w211
-    w215 = w196 + w198 - w200 - (w140*w212 - w144*w208) + w146*w214 - w147*w213
-    w216 = w39*w171 + w162*(w138*w33 + w13*w207)
-    w217 = base1_31*w209 + base1_32*w210 - base1_33*w211
-    w218 = w201 + w203 - w205 - (w150*w214 - w147*w216) + w140*w217 - w151*w208
-    w219 = w189 + w193 - w195 - (w146*w217 - w151*w213) + w150*w212 - w144*w216
-    w220 = w159*w71 - w158*w39 + w75*w215 + w170*w40 - w169*w39 + w55*w218 + w176*w61 - w175*w39 + w65*w219
-    w221 = w157*w206 - w179*(w154*w220 + w155*w206)/w156
-    w222 = normal_3*w221 + w146*w62 - w77*w213 - (w140*w41 - w87*w208)
-    w223 = normal_2*w221 + w150*w41 - w87*w216 - (w146*w72 - w182*w213)
-    w224 = normal_1*w221 - (w150*w62 - w77*w216) + w140*w72 - w182*w208
-    w225 = base1_31*w222 + base1_21*w223 + base1_11*w224
-    w226 = w182*w120
-    w227 = w77*w102
-    w228 = w87*w132
-    w229 = phi1_t*w102
-    w230 = w1*w10
-    w231 = w79 + w80*w230
-    w232 = w1*w8
-    w233 = w80*w232 - w83
-    w234 = base1_22*w231 - base1_23*w233 + w80*w5*base1_21
-    w235 = psi1_t*w234
-    w236 = theta1_t*w192
-    w237 = phi1_t*w118
-    w238 = base1_32*w231 - base1_33*w233 + w80*base1_31*w5
-    w239 = psi1_t*w238
-    w240 = theta1_t*w197
-    w241 = phi1_t*w132
-    w242 = base1_12*w231 - base1_13*w233 + w80*w5*base1_11
+    w114 = phi1_t*w92
+    w115 = base1_12*w99 + base1_13*w100 - base1_11*w4*w81
+    w116 = psi1_t*w115
+    w117 = base1_11*w84 - w7*base1_13*w103 + base1_12*w9*w103
+    w118 = theta1_t*w117
+    w119 = x1_t + w114 + w116 + w118
+    w120 = w16*w106/w19 + w17*w113/w19 + w18*w119/w19
+    w121 = normal_2 - w13*w15
+    w122 = normal_2*tube + radius*w121/w19
+    w123 = phi1_t + w0*psi1_t
+    w124 = w7*theta1_t - w4*w9*psi1_t
+    w125 = w9*theta1_t + w4*w7*psi1_t
+    w126 = base1_11*w123 + base1_12*w124 + base1_13*w125
+    w127 = normal_1 - w12*w15
+    w128 = normal_1*tube + radius*w127/w19
+    w129 = base1_21*w123 + base1_22*w124 + base1_23*w125
+    w130 = z1_t + w108 + w110 + w112 - w122*w126 + w128*w129
+    w131 = normal_3 - w14*w15
+    w132 = normal_3*tube + radius*w131/w19
+    w133 = base1_31*w123 + base1_32*w124 + base1_33*w125
+    w134 = x1_t + w114 + w116 + w118 - w129*w132 + w122*w133
+    w135 = y1_t + w98 + w102 + w105 - w128*w133 + w126*w132
+    w136 = w70*w130/w19 + w30*w134/w19 + w60*w135/w19
+    w137 = f.sqrt(w136*w136 + w120*w120)
+    w138 = cornering*trail*w120/w137
+    w139 = w106/w19
+    w140 = w16*w106/(w19*w19)
+    w141 = phi1_t*w88
+    w142 = base1_23*w99 - base1_22*w100
+    w143 = psi1_t*w142
+    w144 = w9*base1_23*w103 + w7*base1_22*w103
+    w145 = theta1_t*w144
+    w146 = w16/w19
+    w147 = w113/w19
+    w148 = w17*w113/(w19*w19)
+    w149 = base1_32*w85 + base1_33*w87
+    w150 = phi1_t*w149
+    w151 = base1_33*w99 - base1_32*w100
+    w152 = psi1_t*w151
+    w153 = w9*base1_33*w103 + w7*base1_32*w103
+    w154 = theta1_t*w153
+    w155 = w17/w19
+    w156 = w119/w19
+    w157 = w18*w119/(w19*w19)
+    w158 = phi1_t*w91
+    w159 = base1_13*w99 - base1_12*w100
+    w160 = psi1_t*w159
+    w161 = w9*base1_13*w103 + w7*base1_12*w103
+    w162 = theta1_t*w161
+    w163 = w18/w19
+    w164 = w25*w139 - w29*w140 + (w143 - w141 + w145)*w146 + w27*w147 - w29*w148 + (w152 - w150 + w154)*w155 + w28*w156 - w29*w157 + (w160 - w158 + w162)*w163
+    w165 = cornering*w21*trail/w137
+    w166 = w70*w130/(w19*w19)
+    w167 = w130/w19
+    w168 = radius*w121/(w19*w19)
+    w169 = radius/w19
+    w170 = w29*w168 + (w15*w26 + w13*w93)*w169
+    w171 = base1_13*w124 - base1_12*w125
+    w172 = radius*w127/(w19*w19)
+    w173 = w29*w172 + w169*(w15*w24 + w12*w93)
+    w174 = base1_23*w124 - base1_22*w125
+    w175 = w152 - w150 + w154 - (w122*w171 - w126*w170) + w128*w174 - w129*w173
+    w176 = w30*w134/(w19*w19)
+    w177 = w134/w19
+    w178 = radius*w131/(w19*w19)
+    w179 = w29*w178 + w169*(w15*w23 + w14*w93)
+    w180 = base1_33*w124 - base1_32*w125
+    w181 = w160 - w158 + w162 - (w132*w174 - w129*w179) + w122*w180 - w133*w170
+    w182 = w60*w135/(w19*w19)
+    w183 = w135/w19
+    w184 = w143 - w141 + w145 - (w128*w180 - w133*w173) + w132*w171 - w126*w179
+    w185 = w167*w72 - w166*w29 + w78*w175 + w177*w32 - w176*w29 + w58*w181 + w183*w62 - w182*w29 + w68*w184
+    w186 = cornering*w21*trail*w120/(w137*w137)
+    w187 = (w93*w95 - w29*w96)*w97*w138 - w164*w165 + (w136*w185 + w120*w164)*w186/w137
+    w188 = normal_3*w187 - (w128*w63 - w80*w173) + w122*w33 - w90*w170
+    w189 = w22*w78
+    w190 = normal_2*w187 - (w132*w33 - w90*w179) + w128*w73 - w189*w173
+    w191 = normal_1*w187 + w132*w63 - w80*w179 - (w122*w73 - w189*w170)
+    w192 = base1_31*w188 + base1_21*w190 + base1_11*w191
+    w193 = w89*w63 - w80*w88 + w92*w33 - w90*w91 + w192 + w107*w73 - w189*w149
+    w194 = w80*w144
+    w195 = w90*w161
+    w196 = normal_1*w37 + normal_2*w39 + normal_3*w36
+    w197 = phi1_t*w144
+    w198 = w4*w86
+    w199 = w4*w82
+    w200 = base1_23*w199 - base1_22*w198 + w0*base1_21*w81
+    w201 = psi1_t*w200
+    w202 = base1_21*w103 + w84*w7*base1_23 - w84*w9*base1_22
+    w203 = theta1_t*w202
+    w204 = phi1_t*w153
+    w205 = base1_33*w199 - base1_32*w198 + w0*base1_31*w81
+    w206 = psi1_t*w205
+    w207 = base1_31*w103 + w84*w7*base1_33 - w84*w9*base1_32
+    w208 = theta1_t*w207
+    w209 = phi1_t*w161
+    w210 = base1_13*w199 - base1_12*w198 + w0*base1_11*w81
+    w211 = psi1_t*w210
+    w212 = base1_11*w103 + w84*w7*base1_13 - w84*base1_12*w9
+    w213 = theta1_t*w212
+    w214 = w38*w139 - w42*w140 + w146*(w197 + w201 - w203) + w40*w147 - w42*w148 + w155*(w204 + w206 - w208) + w41*w156 - w42*w157 + w163*(w209 + w211 - w213)
+    w215 = w42*w168 + w169*(w15*w39 + w13*w196)
+    w216 = w4*psi1_t
+    w217 = w0*w9*psi1_t
+    w218 = w0*w7*psi1_t
+    w219 = base1_11*w216 + base1_12*w217 - base1_13*w218
+    w220 = w42*w172 + w169*(w15*w37 + w12*w196)
+    w221 = base1_21*w216 + base1_22*w217 - base1_23*w218
+    w222 = w204 + w206 - w208 - (w122*w219 - w126*w215) + w128*w221 - w129*w220
+    w223 = w42*w178 + w169*(w15*w36 + w14*w196)
+    w224 = base1_31*w216 + base1_32*w217 - base1_33*w218
+    w225 = w209 + w211 - w213 - (w132*w221 - w129*w223) + w122*w224 - w133*w215
+    w226 = w197 + w201 - w203 - (w128*w224 - w133*w220) + w132*w219 - w126*w223
+    w227 = w167*w74 - w166*w42 + w78*w222 + w177*w43 - w176*w42 + w58*w225 + w183*w64 - w182*w42 + w68*w226
+    w228 = w97*(w95*w196 - w96*w42)*w138 - w165*w214 + w186*(w136*w227 + w120*w214)/w137
+    w229 = normal_3*w228 - (w128*w65 - w80*w220) + w122*w44 - w90*w215
+    w230 = normal_2*w228 - (w132*w44 - w90*w223) + w128*w75 - w189*w220
+    w231 = normal_1*w228 + w132*w65 - w80*w223 - (w122*w75 - w189*w215)
+    w232 = base1_31*w229 + base1_21*w230 + base1_11*w231
+    w233 = w189*w153
+    w234 = w80*w142
+    w235 = w90*w159
+    w236 = normal_1*w50 + normal_2*w52 + normal_3*w49
+    w237 = phi1_t*w142
+    w238 = w0*w9
+    w239 = w82 + w83*w238
+    w240 = w0*w7
+    w241 = w83*w240 - w86
+    w242 = base1_22*w239 - base1_23*w241 + w83*w4*base1_21
     w243 = psi1_t*w242
-    w244 = theta1_t*w202
-    w245 = w48*w99 - w52*w100 + w106*(w229 - w235 + w236) + w50*w114 - w52*w115 + w122*(w237 - w239 + w240) + w51*w129 - w52*w130 + w136*(w241 - w243 + w244)
-    w246 = normal_1*w47 + normal_2*w49 + normal_3*w46
-    w247 = w52*w160 + w162*(w138*w49 + w16*w246)
-    w248 = w52*w165 + w162*(w138*w47 + w14*w246)
-    w249 = w159*w73 - w158*w52 + w75*(w237 - w239 + w240 + w144*w247 - w147*w248)
-    w250 = w52*w171 + w162*(w138*w46 + w13*w246)
-    w251 = w170*w53 - w169*w52 + w55*(w241 - w243 + w244 + w147*w250 - w151*w247)
-    w252 = w176*w63 - w175*w52 + w65*(w229 - w235 + w236 + w151*w248 - w144*w250)
-    w253 = w157*w245 - w179*(w154*(w249 + w251 + w252) + w155*w245)/w156
-    w254 = normal_3*w253 + w146*w64 - w77*w248 - (w140*w54 - w87*w247)
-    w255 = normal_2*w253 + w150*w54 - w87*w250 - (w146*w74 - w182*w248)
-    w256 = normal_1*w253 - (w150*w64 - w77*w250) + w140*w74 - w182*w247
-    w257 = base1_31*w254 + base1_21*w255 + base1_11*w256
-    w258 = w182*w118
-    w259 = cornering*trail*w155/w156
-    w260 = normal_3*w259 + w146*w66 - w140*w56
-    w261 = normal_2*w259 + w150*w56 - w146*w76
-    w262 = normal_1*w259 - w150*w66 + w140*w76
-    w263 = base1_31*w260 + base1_21*w261 + base1_11*w262
-    w264 = c2*cornering*trail*w155/w156
-    w265 = normal_3*w264 + w146*w77 - w140*w87
-    w266 = normal_2*w264 + w150*w87 - w146*w182
-    w267 = normal_1*w264 - w150*w77 + w140*w182
-    w268 = base1_33*w265 + base1_23*w266 + base1_13*w267
-    w269 = base1_33*w181 + base1_23*w183 + base1_13*w184
-    w270 = base1_32*w265 + base1_22*w266 + base1_12*w267
-    w271 = base1_32*w181 + base1_22*w183 + base1_12*w184
-    w272 = w187 + w96*w60 + w188 + w126*w30 - (w8*w268 + w10*w269) - (w8*w271 - w10*w270) + w226 + w111*w70
-    w273 = base1_33*w222 + base1_23*w223 + base1_13*w224
-    w274 = base1_32*w222 + base1_22*w223 + base1_12*w224
-    w275 = w96*w62 - w77*w194 + w126*w41 - w87*w204 - w10*w273 - w8*w274 + w111*w72 - w182*w199
-    w276 = w77*w192
-    w277 = w87*w202
-    w278 = base1_33*w254 + base1_23*w255 + base1_13*w256
-    w279 = base1_32*w254 + base1_22*w255 + base1_12*w256
-    w280 = w182*w197
-    w281 = w276 + w96*w64 + w277 + w126*w54 - w10*w278 - w8*w279 + w280 + w111*w74
-    w282 = base1_33*w260 + base1_23*w261 + base1_13*w262
-    w283 = base1_32*w260 + base1_22*w261 + base1_12*w262
-    w284 = w5*w8
-    w285 = w5*w10
-    w286 = w227 + w93*w60 + w228 + w124*w30 - (w284*w269 - w268*w285) + w285*w271 + w284*w270 - w1*w185 + w258 + w109*w70
-    w287 = w276 + w93*w62 + w277 + w124*w41 - (w284*w273 - w268*w232) + w285*w274 - w270*w230 - (w5*(base1_31*w265 + base1_21*w266 + base1_11*w267) + w1*w225) + w280 + w109*w72
-    w288 = w93*w64 - w77*w234 + w124*w54 - w87*w242 - w284*w278 + w285*w279 - w1*w257 + w109*w74 - w182*w238
-    w289 = w93*w66 + w124*w56 - w284*w282 + w285*w283 - w1*w263 + w109*w76
-    w290 = w136*w157 - w179*(w154*w55 + w155*w136)/w156
-    w291 = normal_3*w290
-    w292 = normal_2*w290
-    w293 = normal_1*w290
-    w294 = base1_31*w291 + base1_21*w292 + base1_11*w293
-    w295 = w106*w157 - w179*(w154*w65 + w155*w106)/w156
-    w296 = normal_3*w295
-    w297 = normal_2*w295
-    w298 = normal_1*w295
-    w299 = base1_31*w296 + base1_21*w297 + base1_11*w298
-    w300 = w122*w157 - w179*(w154*w75 + w155*w122)/w156
-    w301 = normal_3*w300
-    w302 = normal_2*w300
-    w303 = normal_1*w300
-    w304 = base1_31*w301 + base1_21*w302 + base1_11*w303
-    w305 = w86*w106 + w107*w122 + w89*w136
-    w306 = w75*(w107 - base1_11*w140 + base1_21*w146) + w55*(w89 - base1_21*w150 + base1_31*w140) + w65*(w86 - base1_31*w146 + base1_11*w150)
-    w307 = w157*w305 - w179*(w154*w306 + w155*w305)/w156
-    w308 = normal_3*w307
-    w309 = normal_2*w307
-    w310 = normal_1*w307
-    w311 = base1_31*w308 + base1_21*w309 + base1_11*w310
-    w312 = w96*w106 + w111*w122 + w126*w136
-    w313 = w8*base1_12 + w10*base1_13
-    w314 = w8*base1_22 + w10*base1_23
-    w315 = base1_32*w8 + w10*base1_33
-    w316 = w75*(w111 - w140*w313 + w146*w314) + w55*(w126 - w150*w314 + w140*w315) + w65*(w96 - w146*w315 + w150*w313)
-    w317 = w157*w312 - w179*(w154*w316 + w155*w312)/w156
-    w318 = normal_3*w317
-    w319 = normal_2*w317
-    w320 = normal_1*w317
-    w321 = base1_31*w318 + base1_21*w319 + base1_11*w320
-    w322 = w93*w106 + w109*w122 + w124*w136
-    w323 = w1*base1_11 - base1_12*w285 + base1_13*w284
-    w324 = w1*base1_21 - base1_22*w285 + base1_23*w284
-    w325 = base1_31*w1 - base1_32*w285 + base1_33*w284
-    w326 = w75*(w109 - w140*w323 + w146*w324) + w55*(w124 - w150*w324 + w140*w325) + w65*(w93 - w146*w325 + w150*w323)
-    w327 = w157*w322 - w179*(w154*w326 + w155*w322)/w156
-    w328 = normal_3*w327
-    w329 = normal_2*w327
-    w330 = normal_1*w327
-    w331 = base1_31*w328 + base1_21*w329 + base1_11*w330
-    w332 = base1_33*w291 + base1_23*w292 + base1_13*w293
-    w333 = base1_32*w291 + base1_22*w292 + base1_12*w293
-    w334 = base1_33*w296 + base1_23*w297 + base1_13*w298
-    w335 = base1_32*w296 + base1_22*w297 + base1_12*w298
-    w336 = base1_33*w301 + base1_23*w302 + base1_13*w303
-    w337 = base1_32*w301 + base1_22*w302 + base1_12*w303
-    w338 = base1_33*w308 + base1_23*w309 + base1_13*w310
-    w339 = base1_32*w308 + base1_22*w309 + base1_12*w310
-    w340 = base1_33*w318 + base1_23*w319 + base1_13*w320
-    w341 = base1_32*w318 + base1_22*w319 + base1_12*w320
-    w342 = base1_33*w328 + base1_23*w329 + base1_13*w330
-    w343 = base1_32*w328 + base1_22*w329 + base1_12*w330
+    w244 = theta1_t*w200
+    w245 = phi1_t*w151
+    w246 = base1_32*w239 - base1_33*w241 + w83*w4*base1_31
+    w247 = psi1_t*w246
+    w248 = theta1_t*w205
+    w249 = phi1_t*w159
+    w250 = base1_12*w239 - base1_13*w241 + w83*base1_11*w4
+    w251 = psi1_t*w250
+    w252 = theta1_t*w210
+    w253 = w51*w139 - w55*w140 + w146*(w237 - w243 + w244) + w53*w147 - w55*w148 + w155*(w245 - w247 + w248) + w54*w156 - w55*w157 + w163*(w249 - w251 + w252)
+    w254 = w55*w168 + w169*(w15*w52 + w13*w236)
+    w255 = w55*w172 + w169*(w15*w50 + w12*w236)
+    w256 = w167*w76 - w166*w55 + w78*(w245 - w247 + w248 + w126*w254 - w129*w255)
+    w257 = w55*w178 + w169*(w15*w49 + w14*w236)
+    w258 = w177*w56 - w176*w55 + w58*(w249 - w251 + w252 + w129*w257 - w133*w254)
+    w259 = w183*w66 - w182*w55 + w68*(w237 - w243 + w244 + w133*w255 - w126*w257)
+    w260 = w97*(w95*w236 - w96*w55)*w138 - w165*w253 + w186*(w136*(w256 + w258 + w259) + w120*w253)/w137
+    w261 = normal_3*w260 - (w128*w67 - w80*w255) + w122*w57 - w90*w254
+    w262 = normal_2*w260 - (w132*w57 - w90*w257) + w128*w77 - w189*w255
+    w263 = normal_1*w260 + w132*w67 - w80*w257 - (w122*w77 - w189*w254)
+    w264 = base1_31*w261 + base1_21*w262 + base1_11*w263
+    w265 = w189*w151
+    w266 = normal_3*w138 + w128*w69 - w122*w59
+    w267 = normal_2*w138 + w132*w59 - w128*w79
+    w268 = normal_1*w138 - w132*w69 + w122*w79
+    w269 = base1_31*w266 + base1_21*w267 + base1_11*w268
+    w270 = cornering*w21*trail*w120/w137
+    w271 = normal_3*w270 + w128*w80 - w122*w90
+    w272 = normal_2*w270 + w132*w90 - w128*w189
+    w273 = normal_1*w270 - w132*w80 + w122*w189
+    w274 = base1_33*w271 + base1_23*w272 + base1_13*w273
+    w275 = base1_33*w188 + base1_23*w190 + base1_13*w191
+    w276 = base1_32*w271 + base1_22*w272 + base1_12*w273
+    w277 = base1_32*w188 + base1_22*w190 + base1_12*w191
+    w278 = w194 + w104*w63 + w195 + w117*w33 - (w7*w274 - w9*w275) + w9*w276 + w7*w277 + w233 + w111*w73
+    w279 = base1_33*w229 + base1_23*w230 + base1_13*w231
+    w280 = base1_32*w229 + base1_22*w230 + base1_12*w231
+    w281 = w104*w65 - w80*w202 + w117*w44 - w90*w212 + w9*w279 + w7*w280 + w111*w75 - w189*w207
+    w282 = w80*w200
+    w283 = w90*w210
+    w284 = base1_33*w261 + base1_23*w262 + base1_13*w263
+    w285 = base1_32*w261 + base1_22*w262 + base1_12*w263
+    w286 = w189*w205
+    w287 = w282 + w104*w67 + w283 + w117*w57 + w9*w284 + w7*w285 + w286 + w111*w77
+    w288 = base1_33*w266 + base1_23*w267 + base1_13*w268
+    w289 = base1_32*w266 + base1_22*w267 + base1_12*w268
+    w290 = w4*w7
+    w291 = w4*w9
+    w292 = w234 + w101*w63 + w235 + w115*w33 + w290*w275 + w274*w291 + w290*w276 - w291*w277 + w0*w192 + w265 + w109*w73
+    w293 = w282 + w101*w65 + w283 + w115*w44 + w290*w279 + w274*w240 - (w291*w280 + w276*w238) - (w4*(base1_31*w271 + base1_21*w272 + base1_11*w273) - w0*w232) + w286 + w109*w75
+    w294 = w101*w67 - w80*w242 + w115*w57 - w90*w250 + w290*w284 - w291*w285 + w0*w264 + w109*w77 - w189*w246
+    w295 = w101*w69 + w115*w59 - w290*w288 + w291*w289 - w0*w269 + w109*w79
+    w296 = w163*w165 - w186*(w136*w58 + w120*w163)/w137
+    w297 = normal_3*w296
+    w298 = normal_2*w296
+    w299 = normal_1*w296
+    w300 = base1_31*w297 + base1_21*w298 + base1_11*w299
+    w301 = w146*w165 - w186*(w136*w68 + w120*w146)/w137
+    w302 = normal_3*w301
+    w303 = normal_2*w301
+    w304 = normal_1*w301
+    w305 = base1_31*w302 + base1_21*w303 + base1_11*w304
+    w306 = w155*w165 - w186*(w136*w78 + w120*w155)/w137
+    w307 = normal_3*w306
+    w308 = normal_2*w306
+    w309 = normal_1*w306
+    w310 = base1_31*w307 + base1_21*w308 + base1_11*w309
+    w311 = w89*w146 + w107*w155 + w92*w163
+    w312 = w78*(w107 - base1_11*w122 + base1_21*w128) + w58*(w92 - base1_21*w132 + base1_31*w122) + w68*(w89 - base1_31*w128 + base1_11*w132)
+    w313 = w165*w311 - w186*(w136*w312 + w120*w311)/w137
+    w314 = normal_3*w313
+    w315 = normal_2*w313
+    w316 = normal_1*w313
+    w317 = base1_31*w314 + base1_21*w315 + base1_11*w316
+    w318 = w104*w146 + w111*w155 + w117*w163
+    w319 = base1_12*w7 + w9*base1_13
+    w320 = w7*base1_22 + w9*base1_23
+    w321 = w7*base1_32 + w9*base1_33
+    w322 = w78*(w111 - w122*w319 + w128*w320) + w58*(w117 - w132*w320 + w122*w321) + w68*(w104 - w128*w321 + w132*w319)
+    w323 = w165*w318 - w186*(w136*w322 + w120*w318)/w137
+    w324 = normal_3*w323
+    w325 = normal_2*w323
+    w326 = normal_1*w323
+    w327 = base1_31*w324 + base1_21*w325 + base1_11*w326
+    w328 = w101*w146 + w109*w155 + w115*w163
+    w329 = base1_11*w0 - base1_12*w291 + base1_13*w290
+    w330 = w0*base1_21 - base1_22*w291 + base1_23*w290
+    w331 = w0*base1_31 - base1_32*w291 + base1_33*w290
+    w332 = w78*(w109 - w122*w329 + w128*w330) + w58*(w115 - w132*w330 + w122*w331) + w68*(w101 - w128*w331 + w132*w329)
+    w333 = w165*w328 - w186*(w136*w332 + w120*w328)/w137
+    w334 = normal_3*w333
+    w335 = normal_2*w333
+    w336 = normal_1*w333
+    w337 = base1_31*w334 + base1_21*w335 + base1_11*w336
+    w338 = base1_33*w297 + base1_23*w298 + base1_13*w299
+    w339 = base1_32*w297 + base1_22*w298 + base1_12*w299
+    w340 = base1_33*w302 + base1_23*w303 + base1_13*w304
+    w341 = base1_32*w302 + base1_22*w303 + base1_12*w304
+    w342 = base1_33*w307 + base1_23*w308 + base1_13*w309
+    w343 = base1_32*w307 + base1_22*w308 + base1_12*w309
+    w344 = base1_33*w314 + base1_23*w315 + base1_13*w316
+    w345 = base1_32*w314 + base1_22*w315 + base1_12*w316
+    w346 = base1_33*w324 + base1_23*w325 + base1_13*w326
+    w347 = base1_32*w324 + base1_22*w325 + base1_12*w326
+    w348 = base1_33*w334 + base1_23*w335 + base1_13*w336
+    w349 = base1_32*w334 + base1_22*w335 + base1_12*w336
     return (
-        w30,
-        w41,
-        w54,
-        w56,
-        w60,
-        w62,
-        w64,
-        w66,
-        w70,
-        w72,
-        w74,
-        w76,
-        w186,
-        w187 + w86*w62 + w188 + w89*w41 - w225 + w226 + w107*w72,
-        w227 + w86*w64 + w228 + w89*w54 - w257 + w258 + w107*w74,
-        w86*w66 + w89*w56 - w263 + w107*w76,
-        w272,
-        w275,
+        w33,
+        w44,
+        w57,
+        w59,
+        w63,
+        w65,
+        w67,
+        w69,
+        w73,
+        w75,
+        w77,
+        w79,
+        w193,
+        w194 + w89*w65 + w195 + w92*w44 + w232 + w233 + w107*w75,
+        w234 + w89*w67 + w235 + w92*w57 + w264 + w265 + w107*w77,
+        w89*w69 + w92*w59 - w269 + w107*w79,
+        w278,
         w281,
-        w96*w66 + w126*w56 - w10*w282 - w8*w283 + w111*w76,
-        w286,
         w287,
-        w288,
-        w289,
-        -w294,
-        -w299,
-        -w304,
-        -w311,
-        -w321,
-        -w331,
-        -(w10*w332 + w8*w333),
-        -(w10*w334 + w8*w335),
-        -(w10*w336 + w8*w337),
-        -(w10*w338 + w8*w339),
-        -(w10*w340 + w8*w341),
-        -(w10*w342 + w8*w343),
-        -(w284*w332 - w285*w333 + w1*w294),
-        -(w284*w334 - w285*w335 + w1*w299),
-        -(w284*w336 - w285*w337 + w1*w304),
-        -(w284*w338 - w285*w339 + w1*w311),
-        -(w284*w340 - w285*w341 + w1*w321),
-        -(w284*w342 - w285*w343 + w1*w331),
+        w104*w69 + w117*w59 - w9*w288 - w7*w289 + w111*w79,
+        w292,
+        w293,
+        w294,
+        w295,
+        -w300,
+        -w305,
+        -w310,
+        -w317,
+        -w327,
+        -w337,
+        -(w9*w338 + w7*w339),
+        -(w9*w340 + w7*w341),
+        -(w9*w342 + w7*w343),
+        -(w9*w344 + w7*w345),
+        -(w9*w346 + w7*w347),
+        -(w9*w348 + w7*w349),
+        -(w290*w338 - w291*w339 + w0*w300),
+        -(w290*w340 - w291*w341 + w0*w305),
+        -(w290*w342 - w291*w343 + w0*w310),
+        -(w290*w344 - w291*w345 + w0*w317),
+        -(w290*w346 - w291*w347 + w0*w327),
+        -(w290*w348 - w291*w349 + w0*w337),
     )
 
 

@@ -65,8 +65,8 @@ def dynamics(f, q, u, p, s):
     w57 = theta1_t*w56
     w58 = w20*(z1_t + w27 + w31 + w34 - w35*w39 + w40*w41)/w19 + w42*(x1_t + w44 + w46 + w48 - w41*w49 + w35*w50)/w19 + w51*(y1_t + w53 + w55 + w57 - w40*w50 + w39*w49)/w19
     w59 = w16*(y1_t + w53 + w55 + w57)/w19 + w17*(z1_t + w27 + w31 + w34)/w19 + w18*(x1_t + w44 + w46 + w48)/w19
-    w60 = camber*f.atan2(w15, w19)/cornering + f.atan2(w58, f.abs(w59))
-    w61 = cornering*w60
+    w60 = f.atan2(w58, f.abs(w59))
+    w61 = camber*f.atan2(w15, w19) + cornering*w60
     w62 = w61*w42/w19
     w63 = w61*w51/w19
     w64 = w61*w20/w19
@@ -220,287 +220,290 @@ def linearize(f, q, u, p, s):
     w121 = w28*w61/w18 - w30*w17*w61/(w18*w18) + (w98 - w96 + w100)*w17/w18
     w122 = w119 + w120 + w121
     w123 = f.abs_slope(w62)
-    w124 = (w23*w18/w25 - w30*w24/w25)*camber/cornering + w63*w115/w118 - w116*w122*w123/w118
-    w125 = camber*f.atan2(w24, w18)/cornering + f.atan2(w116, w63)
-    w126 = cornering*w19*w124/w18 + cornering*w125*(w93/w18 - w19*w29/(w18*w18*w18))
-    w127 = base1_11*w8 + w5*base1_12*w9 - w5*w7*base1_13
-    w128 = w8*base1_21 + w5*w9*base1_22 - w5*w7*base1_23
-    w129 = w8*base1_31 + w5*w9*base1_32 - w5*w7*base1_33
-    w130 = normal_1*w127 + normal_2*w128 + normal_3*w129
-    w131 = normal_1*w129 - normal_3*w127
-    w132 = normal_2*w127 - normal_1*w128
-    w133 = normal_3*w128 - normal_2*w129
-    w134 = w14*w131 + w16*w132 + w17*w133
-    w135 = normal_1*w131 - normal_2*w133
-    w136 = phi1_t*w81
-    w137 = w4*w7*base1_33*w31 - w4*w9*base1_32*w31 + w0*base1_31*w31
-    w138 = psi1_t*w137
-    w139 = base1_31*w44 + w7*base1_33*w34 - w9*base1_32*w34
-    w140 = theta1_t*w139
-    w141 = radius*w65*w134/(w18*w18*w18) + radius*(w24*w128 + w15*w130)/w18
-    w142 = base1_11*w4*psi1_t + w0*base1_12*w9*psi1_t - w0*w7*base1_13*psi1_t
-    w143 = radius*w71*w134/(w18*w18*w18) + radius*(w24*w127 + w13*w130)/w18
-    w144 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
-    w145 = w136 + w138 - w140 - (w66*w142 - w70*w141) + w72*w144 - w73*w143
-    w146 = normal_2*w132 - normal_3*w131
-    w147 = phi1_t*w99
-    w148 = w4*w7*base1_13*w31 - w4*base1_12*w9*w31 + base1_11*w0*w31
-    w149 = psi1_t*w148
-    w150 = base1_11*w44 + w7*base1_13*w34 - base1_12*w9*w34
-    w151 = theta1_t*w150
-    w152 = radius*w89*w134/(w18*w18*w18) + radius*(w24*w129 + w12*w130)/w18
-    w153 = w4*base1_31*psi1_t + w0*w9*base1_32*psi1_t - w0*w7*base1_33*psi1_t
-    w154 = w147 + w149 - w151 - (w90*w144 - w73*w152) + w66*w153 - w91*w141
-    w155 = normal_3*w133 - normal_1*w132
-    w156 = phi1_t*w112
-    w157 = w4*w7*base1_23*w31 - w4*w9*base1_22*w31 + w0*base1_21*w31
-    w158 = psi1_t*w157
-    w159 = base1_21*w44 + w7*base1_23*w34 - w9*base1_22*w34
-    w160 = theta1_t*w159
-    w161 = w156 + w158 - w160 - (w72*w153 - w91*w143) + w90*w142 - w70*w152
-    w162 = w74*w135/w18 - w64*w74*w134/(w18*w18*w18) + w64*w145/w18 + w92*w146/w18 - w19*w92*w134/(w18*w18*w18) + w19*w154/w18 + w105*w155/w18 - w104*w105*w134/(w18*w18*w18) + w104*w161/w18
-    w163 = w47*w131/w18 - w14*w47*w134/(w18*w18*w18) + w14*(w156 + w158 - w160)/w18
-    w164 = w54*w132/w18 - w16*w54*w134/(w18*w18*w18) + w16*(w136 + w138 - w140)/w18
-    w165 = w61*w133/w18 - w17*w61*w134/(w18*w18*w18) + w17*(w147 + w149 - w151)/w18
-    w166 = w163 + w164 + w165
-    w167 = camber*(w18*w130/w25 - w24*w134/(w18*w25))/cornering + w63*w162/w118 - w116*w123*w166/w118
-    w168 = cornering*w19*w167/w18 + cornering*w125*(w146/w18 - w19*w134/(w18*w18*w18))
-    w169 = w3*w7 - w0*w6*w9
-    w170 = w3*w9 + w0*w6*w7
-    w171 = base1_12*w169 - base1_11*w4*w6 + base1_13*w170
-    w172 = base1_22*w169 - w4*w6*base1_21 + base1_23*w170
-    w173 = base1_32*w169 - w4*w6*base1_31 + base1_33*w170
-    w174 = normal_1*w171 + normal_2*w172 + normal_3*w173
-    w175 = normal_1*w173 - normal_3*w171
-    w176 = normal_2*w171 - normal_1*w172
-    w177 = normal_3*w172 - normal_2*w173
-    w178 = w14*w175 + w16*w176 + w17*w177
-    w179 = normal_1*w175 - normal_2*w177
-    w180 = phi1_t*w79
-    w181 = w36 + w0*w9*w33
-    w182 = w0*w7*w33 - w32
-    w183 = base1_32*w181 - base1_33*w182 + w4*base1_31*w33
-    w184 = psi1_t*w183
-    w185 = theta1_t*w137
-    w186 = radius*w65*w178/(w18*w18*w18) + radius*(w24*w172 + w15*w174)/w18
-    w187 = radius*w71*w178/(w18*w18*w18) + radius*(w24*w171 + w13*w174)/w18
-    w188 = w74*w179/w18 - w64*w74*w178/(w18*w18*w18) + w64*(w180 - w184 + w185 + w70*w186 - w73*w187)/w18
-    w189 = normal_2*w176 - normal_3*w175
-    w190 = phi1_t*w97
-    w191 = base1_12*w181 - base1_13*w182 + base1_11*w4*w33
-    w192 = psi1_t*w191
-    w193 = theta1_t*w148
-    w194 = radius*w89*w178/(w18*w18*w18) + radius*(w24*w173 + w12*w174)/w18
-    w195 = w92*w189/w18 - w19*w92*w178/(w18*w18*w18) + w19*(w190 - w192 + w193 + w73*w194 - w91*w186)/w18
-    w196 = normal_3*w177 - normal_1*w176
-    w197 = phi1_t*w110
-    w198 = base1_22*w181 - base1_23*w182 + w4*base1_21*w33
-    w199 = psi1_t*w198
-    w200 = theta1_t*w157
-    w201 = w105*w196/w18 - w104*w105*w178/(w18*w18*w18) + w104*(w197 - w199 + w200 + w91*w187 - w70*w194)/w18
-    w202 = w188 + w195 + w201
-    w203 = w47*w175/w18 - w14*w47*w178/(w18*w18*w18) + w14*(w197 - w199 + w200)/w18
-    w204 = w54*w176/w18 - w16*w54*w178/(w18*w18*w18) + w16*(w180 - w184 + w185)/w18
-    w205 = w61*w177/w18 - w17*w61*w178/(w18*w18*w18) + w17*(w190 - w192 + w193)/w18
-    w206 = w203 + w204 + w205
-    w207 = camber*(w18*w174/w25 - w24*w178/(w18*w25))/cornering + w63*w202/w118 - w116*w123*w206/w118
-    w208 = cornering*w19*w207/w18 + cornering*w125*(w189/w18 - w19*w178/(w18*w18*w18))
-    w209 = cornering*w104*w124/w18 + cornering*w125*(w106/w18 - w104*w29/(w18*w18*w18))
-    w210 = cornering*w104*w167/w18 + cornering*w125*(w155/w18 - w104*w134/(w18*w18*w18))
-    w211 = cornering*w104*w207/w18 + cornering*w125*(w196/w18 - w104*w178/(w18*w18*w18))
-    w212 = cornering*w64*w124/w18 + cornering*w125*(w75/w18 - w64*w29/(w18*w18*w18))
-    w213 = cornering*w64*w167/w18 + cornering*w125*(w135/w18 - w64*w134/(w18*w18*w18))
-    w214 = cornering*w64*w207/w18 + cornering*w125*(w179/w18 - w64*w178/(w18*w18*w18))
-    w215 = f.sqrt(w117 + w62*w62)
-    w216 = cornering*w62*w125*trail*(w116*w115 + w62*w122)/(w215*w215*w215)
-    w217 = cornering*w125*trail*w122/w215 + cornering*w62*trail*w124/w215 - w216
-    w218 = normal_3*w217 + w72*w209 - cornering*w104*w125*w86/w18 - (w66*w126 - cornering*w19*w125*w84/w18)
-    w219 = normal_2*w217 + w90*w126 - cornering*w19*w125*w101/w18 - (w72*w212 - cornering*w64*w125*w86/w18)
-    w220 = normal_1*w217 - (w90*w209 - cornering*w104*w125*w101/w18) + w66*w212 - cornering*w64*w125*w84/w18
-    w221 = base1_31*w218 + base1_21*w219 + base1_11*w220
-    w222 = w38*w209 - cornering*w104*w125*w108/w18 + w55*w126 - cornering*w19*w125*w95/w18 - w221 + w48*w212 - cornering*w64*w125*w77/w18
-    w223 = cornering*w104*w125*w112/w18
-    w224 = cornering*w19*w125*w99/w18
-    w225 = cornering*w62*w125*trail*(w116*w162 + w62*w166)/(w215*w215*w215)
-    w226 = cornering*w125*trail*w166/w215 + cornering*w62*trail*w167/w215 - w225
-    w227 = normal_3*w226 + w72*w210 - cornering*w104*w125*w143/w18 - (w66*w168 - cornering*w19*w125*w141/w18)
-    w228 = normal_2*w226 + w90*w168 - cornering*w19*w125*w152/w18 - (w72*w213 - cornering*w64*w125*w143/w18)
-    w229 = normal_1*w226 - (w90*w210 - cornering*w104*w125*w152/w18) + w66*w213 - cornering*w64*w125*w141/w18
-    w230 = base1_31*w227 + base1_21*w228 + base1_11*w229
-    w231 = cornering*w64*w125*w81/w18
-    w232 = cornering*w104*w125*w110/w18
-    w233 = cornering*w19*w125*w97/w18
-    w234 = cornering*w62*w125*trail*(w116*w202 + w62*w206)/(w215*w215*w215)
-    w235 = cornering*w125*trail*w206/w215 + cornering*w62*trail*w207/w215 - w234
-    w236 = normal_3*w235 + w72*w211 - cornering*w104*w125*w187/w18 - (w66*w208 - cornering*w19*w125*w186/w18)
-    w237 = normal_2*w235 + w90*w208 - cornering*w19*w125*w194/w18 - (w72*w214 - cornering*w64*w125*w187/w18)
-    w238 = normal_1*w235 - (w90*w211 - cornering*w104*w125*w194/w18) + w66*w214 - cornering*w64*w125*w186/w18
-    w239 = base1_31*w236 + base1_21*w237 + base1_11*w238
-    w240 = cornering*w64*w125*w79/w18
-    w241 = cornering*w62*w125*trail/w215
-    w242 = cornering*w125
-    w243 = w242*w107
-    w244 = w242*w94
-    w245 = normal_3*w241 + w72*w243 - w66*w244
-    w246 = w242*w76
-    w247 = normal_2*w241 + w90*w244 - w72*w246
-    w248 = normal_1*w241 - w90*w243 + w66*w246
-    w249 = base1_33*w245 + base1_23*w247 + base1_13*w248
-    w250 = base1_33*w218 + base1_23*w219 + base1_13*w220
-    w251 = base1_32*w245 + base1_22*w247 + base1_12*w248
-    w252 = base1_32*w218 + base1_22*w219 + base1_12*w220
-    w253 = w223 + w45*w209 + w224 + w59*w126 - (w7*w249 + w9*w250) - (w7*w252 - w9*w251) + w231 + w52*w212
-    w254 = base1_33*w227 + base1_23*w228 + base1_13*w229
-    w255 = base1_32*w227 + base1_22*w228 + base1_12*w229
-    w256 = w45*w210 - cornering*w104*w125*w159/w18 + w59*w168 - cornering*w19*w125*w150/w18 - w9*w254 - w7*w255 + w52*w213 - cornering*w64*w125*w139/w18
-    w257 = cornering*w104*w125*w157/w18
-    w258 = cornering*w19*w125*w148/w18
-    w259 = base1_33*w236 + base1_23*w237 + base1_13*w238
-    w260 = base1_32*w236 + base1_22*w237 + base1_12*w238
-    w261 = cornering*w64*w125*w137/w18
-    w262 = w257 + w45*w211 + w258 + w59*w208 - w9*w259 - w7*w260 + w261 + w52*w214
-    w263 = w232 + w42*w209 + w233 + w57*w126 - (w4*w7*w250 - w4*w9*w249) + w4*w9*w252 + w4*w7*w251 - w0*w221 + w240 + w50*w212
-    w264 = w257 + w42*w210 + w258 + w57*w168 - (w4*w7*w254 - w0*w7*w249) + w4*w9*w255 - w0*w9*w251 - (w4*(base1_31*w245 + base1_21*w247 + base1_11*w248) + w0*w230) + w261 + w50*w213
-    w265 = w42*w211 - cornering*w104*w125*w198/w18 + w57*w208 - cornering*w19*w125*w191/w18 - w4*w7*w259 + w4*w9*w260 - w0*w239 + w50*w214 - cornering*w64*w125*w183/w18
-    w266 = w19*w63/(w18*w118) - w17*w116*w123/(w18*w118)
-    w267 = w104*w63/(w18*w118) - w14*w116*w123/(w18*w118)
-    w268 = w64*w63/(w18*w118) - w16*w116*w123/(w18*w118)
-    w269 = w64*(w48 - base1_11*w66 + base1_21*w72)/w18 + w19*(w55 - base1_21*w90 + base1_31*w66)/w18 + w104*(w38 - base1_31*w72 + base1_11*w90)/w18
-    w270 = w14*w38/w18 + w16*w48/w18 + w17*w55/w18
-    w271 = w63*w269/w118 - w116*w123*w270/w118
-    w272 = base1_12*w7 + w9*base1_13
-    w273 = w7*base1_22 + w9*base1_23
-    w274 = w7*base1_32 + w9*base1_33
-    w275 = w64*(w52 - w66*w272 + w72*w273)/w18 + w19*(w59 - w90*w273 + w66*w274)/w18 + w104*(w45 - w72*w274 + w90*w272)/w18
-    w276 = w14*w45/w18 + w16*w52/w18 + w17*w59/w18
-    w277 = w63*w275/w118 - w116*w123*w276/w118
-    w278 = base1_11*w0 - w4*base1_12*w9 + w4*w7*base1_13
-    w279 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
-    w280 = w0*base1_31 - w4*w9*base1_32 + w4*w7*base1_33
-    w281 = w64*(w50 - w66*w278 + w72*w279)/w18 + w19*(w57 - w90*w279 + w66*w280)/w18 + w104*(w42 - w72*w280 + w90*w278)/w18
-    w282 = w14*w42/w18 + w16*w50/w18 + w17*w57/w18
-    w283 = w63*w281/w118 - w116*w123*w282/w118
-    w284 = cornering*w62*w125*trail*(w19*w116/w18 + w17*w62/w18)/(w215*w215*w215)
-    w285 = cornering*w17*w125*trail/(w18*w215) + cornering*w62*trail*w266/w215 - w284
-    w286 = normal_3*w285 + cornering*w72*w104*w266/w18 - cornering*w66*w19*w266/w18
-    w287 = normal_2*w285 + cornering*w19*w90*w266/w18 - cornering*w64*w72*w266/w18
-    w288 = normal_1*w285 - cornering*w90*w104*w266/w18 + cornering*w64*w66*w266/w18
-    w289 = base1_31*w286 + base1_21*w287 + base1_11*w288
-    w290 = cornering*w104*w38*w266/w18 + cornering*w19*w55*w266/w18 - w289 + cornering*w64*w48*w266/w18
-    w291 = cornering*w62*w125*trail*(w104*w116/w18 + w14*w62/w18)/(w215*w215*w215)
-    w292 = cornering*w14*w125*trail/(w18*w215) + cornering*w62*trail*w267/w215 - w291
-    w293 = normal_3*w292 + cornering*w72*w104*w267/w18 - cornering*w66*w19*w267/w18
-    w294 = normal_2*w292 + cornering*w19*w90*w267/w18 - cornering*w64*w72*w267/w18
-    w295 = normal_1*w292 - cornering*w90*w104*w267/w18 + cornering*w64*w66*w267/w18
-    w296 = base1_31*w293 + base1_21*w294 + base1_11*w295
-    w297 = cornering*w104*w38*w267/w18 + cornering*w19*w55*w267/w18 - w296 + cornering*w64*w48*w267/w18
-    w298 = cornering*w62*w125*trail*(w64*w116/w18 + w16*w62/w18)/(w215*w215*w215)
-    w299 = cornering*w16*w125*trail/(w18*w215) + cornering*w62*trail*w268/w215 - w298
-    w300 = normal_3*w299 + cornering*w72*w104*w268/w18 - cornering*w66*w19*w268/w18
-    w301 = normal_2*w299 + cornering*w19*w90*w268/w18 - cornering*w64*w72*w268/w18
-    w302 = normal_1*w299 - cornering*w90*w104*w268/w18 + cornering*w64*w66*w268/w18
-    w303 = base1_31*w300 + base1_21*w301 + base1_11*w302
-    w304 = cornering*w104*w38*w268/w18 + cornering*w19*w55*w268/w18 - w303 + cornering*w64*w48*w268/w18
-    w305 = cornering*w62*w125*trail*(w116*w269 + w62*w270)/(w215*w215*w215)
-    w306 = cornering*w125*trail*w270/w215 + cornering*w62*trail*w271/w215 - w305
-    w307 = normal_3*w306 + cornering*w72*w104*w271/w18 - cornering*w66*w19*w271/w18
-    w308 = normal_2*w306 + cornering*w19*w90*w271/w18 - cornering*w64*w72*w271/w18
-    w309 = normal_1*w306 - cornering*w90*w104*w271/w18 + cornering*w64*w66*w271/w18
-    w310 = base1_31*w307 + base1_21*w308 + base1_11*w309
-    w311 = cornering*w104*w38*w271/w18 + cornering*w19*w55*w271/w18 - w310 + cornering*w64*w48*w271/w18
-    w312 = cornering*w62*w125*trail*(w116*w275 + w62*w276)/(w215*w215*w215)
-    w313 = cornering*w125*trail*w276/w215 + cornering*w62*trail*w277/w215 - w312
-    w314 = normal_3*w313 + cornering*w72*w104*w277/w18 - cornering*w66*w19*w277/w18
-    w315 = normal_2*w313 + cornering*w19*w90*w277/w18 - cornering*w64*w72*w277/w18
-    w316 = normal_1*w313 - cornering*w90*w104*w277/w18 + cornering*w64*w66*w277/w18
-    w317 = base1_31*w314 + base1_21*w315 + base1_11*w316
-    w318 = cornering*w104*w38*w277/w18 + cornering*w19*w55*w277/w18 - w317 + cornering*w64*w48*w277/w18
-    w319 = cornering*w62*w125*trail*(w116*w281 + w62*w282)/(w215*w215*w215)
-    w320 = cornering*w125*trail*w282/w215 + cornering*w62*trail*w283/w215 - w319
-    w321 = normal_3*w320 + cornering*w72*w104*w283/w18 - cornering*w66*w19*w283/w18
-    w322 = normal_2*w320 + cornering*w19*w90*w283/w18 - cornering*w64*w72*w283/w18
-    w323 = normal_1*w320 - cornering*w90*w104*w283/w18 + cornering*w64*w66*w283/w18
-    w324 = base1_31*w321 + base1_21*w322 + base1_11*w323
-    w325 = cornering*w104*w38*w283/w18 + cornering*w19*w55*w283/w18 - w324 + cornering*w64*w48*w283/w18
-    w326 = base1_33*w286 + base1_23*w287 + base1_13*w288
-    w327 = base1_32*w286 + base1_22*w287 + base1_12*w288
-    w328 = cornering*w104*w45*w266/w18 + cornering*w19*w59*w266/w18 - w9*w326 - w7*w327 + cornering*w64*w52*w266/w18
-    w329 = base1_33*w293 + base1_23*w294 + base1_13*w295
-    w330 = base1_32*w293 + base1_22*w294 + base1_12*w295
-    w331 = cornering*w104*w45*w267/w18 + cornering*w19*w59*w267/w18 - w9*w329 - w7*w330 + cornering*w64*w52*w267/w18
-    w332 = base1_33*w300 + base1_23*w301 + base1_13*w302
-    w333 = base1_32*w300 + base1_22*w301 + base1_12*w302
-    w334 = cornering*w104*w45*w268/w18 + cornering*w19*w59*w268/w18 - w9*w332 - w7*w333 + cornering*w64*w52*w268/w18
-    w335 = base1_33*w307 + base1_23*w308 + base1_13*w309
-    w336 = base1_32*w307 + base1_22*w308 + base1_12*w309
+    w124 = w63*w115/w118 - w116*w122*w123/w118
+    w125 = camber*(w23*w18/w25 - w30*w24/w25) + cornering*w124
+    w126 = f.atan2(w116, w63)
+    w127 = camber*f.atan2(w24, w18) + cornering*w126
+    w128 = w19*w125/w18 + w127*(w93/w18 - w19*w29/(w18*w18*w18))
+    w129 = base1_11*w8 + w5*base1_12*w9 - w5*w7*base1_13
+    w130 = w8*base1_21 + w5*w9*base1_22 - w5*w7*base1_23
+    w131 = w8*base1_31 + w5*w9*base1_32 - w5*w7*base1_33
+    w132 = normal_1*w129 + normal_2*w130 + normal_3*w131
+    w133 = normal_1*w131 - normal_3*w129
+    w134 = normal_2*w129 - normal_1*w130
+    w135 = normal_3*w130 - normal_2*w131
+    w136 = w14*w133 + w16*w134 + w17*w135
+    w137 = normal_1*w133 - normal_2*w135
+    w138 = phi1_t*w81
+    w139 = w4*w7*base1_33*w31 - w4*w9*base1_32*w31 + w0*base1_31*w31
+    w140 = psi1_t*w139
+    w141 = base1_31*w44 + w7*base1_33*w34 - w9*base1_32*w34
+    w142 = theta1_t*w141
+    w143 = radius*w65*w136/(w18*w18*w18) + radius*(w24*w130 + w15*w132)/w18
+    w144 = base1_11*w4*psi1_t + w0*base1_12*w9*psi1_t - w0*w7*base1_13*psi1_t
+    w145 = radius*w71*w136/(w18*w18*w18) + radius*(w24*w129 + w13*w132)/w18
+    w146 = w4*base1_21*psi1_t + w0*w9*base1_22*psi1_t - w0*w7*base1_23*psi1_t
+    w147 = w138 + w140 - w142 - (w66*w144 - w70*w143) + w72*w146 - w73*w145
+    w148 = normal_2*w134 - normal_3*w133
+    w149 = phi1_t*w99
+    w150 = w4*w7*base1_13*w31 - w4*base1_12*w9*w31 + base1_11*w0*w31
+    w151 = psi1_t*w150
+    w152 = base1_11*w44 + w7*base1_13*w34 - base1_12*w9*w34
+    w153 = theta1_t*w152
+    w154 = radius*w89*w136/(w18*w18*w18) + radius*(w24*w131 + w12*w132)/w18
+    w155 = w4*base1_31*psi1_t + w0*w9*base1_32*psi1_t - w0*w7*base1_33*psi1_t
+    w156 = w149 + w151 - w153 - (w90*w146 - w73*w154) + w66*w155 - w91*w143
+    w157 = normal_3*w135 - normal_1*w134
+    w158 = phi1_t*w112
+    w159 = w4*w7*base1_23*w31 - w4*w9*base1_22*w31 + w0*base1_21*w31
+    w160 = psi1_t*w159
+    w161 = base1_21*w44 + w7*base1_23*w34 - w9*base1_22*w34
+    w162 = theta1_t*w161
+    w163 = w158 + w160 - w162 - (w72*w155 - w91*w145) + w90*w144 - w70*w154
+    w164 = w74*w137/w18 - w64*w74*w136/(w18*w18*w18) + w64*w147/w18 + w92*w148/w18 - w19*w92*w136/(w18*w18*w18) + w19*w156/w18 + w105*w157/w18 - w104*w105*w136/(w18*w18*w18) + w104*w163/w18
+    w165 = w47*w133/w18 - w14*w47*w136/(w18*w18*w18) + w14*(w158 + w160 - w162)/w18
+    w166 = w54*w134/w18 - w16*w54*w136/(w18*w18*w18) + w16*(w138 + w140 - w142)/w18
+    w167 = w61*w135/w18 - w17*w61*w136/(w18*w18*w18) + w17*(w149 + w151 - w153)/w18
+    w168 = w165 + w166 + w167
+    w169 = w63*w164/w118 - w116*w123*w168/w118
+    w170 = camber*(w18*w132/w25 - w24*w136/(w18*w25)) + cornering*w169
+    w171 = w19*w170/w18 + w127*(w148/w18 - w19*w136/(w18*w18*w18))
+    w172 = w3*w7 - w0*w6*w9
+    w173 = w3*w9 + w0*w6*w7
+    w174 = base1_12*w172 - base1_11*w4*w6 + base1_13*w173
+    w175 = base1_22*w172 - w4*w6*base1_21 + base1_23*w173
+    w176 = base1_32*w172 - w4*w6*base1_31 + base1_33*w173
+    w177 = normal_1*w174 + normal_2*w175 + normal_3*w176
+    w178 = normal_1*w176 - normal_3*w174
+    w179 = normal_2*w174 - normal_1*w175
+    w180 = normal_3*w175 - normal_2*w176
+    w181 = w14*w178 + w16*w179 + w17*w180
+    w182 = normal_1*w178 - normal_2*w180
+    w183 = phi1_t*w79
+    w184 = w36 + w0*w9*w33
+    w185 = w0*w7*w33 - w32
+    w186 = base1_32*w184 - base1_33*w185 + w4*base1_31*w33
+    w187 = psi1_t*w186
+    w188 = theta1_t*w139
+    w189 = radius*w65*w181/(w18*w18*w18) + radius*(w24*w175 + w15*w177)/w18
+    w190 = radius*w71*w181/(w18*w18*w18) + radius*(w24*w174 + w13*w177)/w18
+    w191 = w74*w182/w18 - w64*w74*w181/(w18*w18*w18) + w64*(w183 - w187 + w188 + w70*w189 - w73*w190)/w18
+    w192 = normal_2*w179 - normal_3*w178
+    w193 = phi1_t*w97
+    w194 = base1_12*w184 - base1_13*w185 + base1_11*w4*w33
+    w195 = psi1_t*w194
+    w196 = theta1_t*w150
+    w197 = radius*w89*w181/(w18*w18*w18) + radius*(w24*w176 + w12*w177)/w18
+    w198 = w92*w192/w18 - w19*w92*w181/(w18*w18*w18) + w19*(w193 - w195 + w196 + w73*w197 - w91*w189)/w18
+    w199 = normal_3*w180 - normal_1*w179
+    w200 = phi1_t*w110
+    w201 = base1_22*w184 - base1_23*w185 + w4*base1_21*w33
+    w202 = psi1_t*w201
+    w203 = theta1_t*w159
+    w204 = w105*w199/w18 - w104*w105*w181/(w18*w18*w18) + w104*(w200 - w202 + w203 + w91*w190 - w70*w197)/w18
+    w205 = w191 + w198 + w204
+    w206 = w47*w178/w18 - w14*w47*w181/(w18*w18*w18) + w14*(w200 - w202 + w203)/w18
+    w207 = w54*w179/w18 - w16*w54*w181/(w18*w18*w18) + w16*(w183 - w187 + w188)/w18
+    w208 = w61*w180/w18 - w17*w61*w181/(w18*w18*w18) + w17*(w193 - w195 + w196)/w18
+    w209 = w206 + w207 + w208
+    w210 = w63*w205/w118 - w116*w123*w209/w118
+    w211 = camber*(w18*w177/w25 - w24*w181/(w18*w25)) + cornering*w210
+    w212 = w19*w211/w18 + w127*(w192/w18 - w19*w181/(w18*w18*w18))
+    w213 = w104*w125/w18 + w127*(w106/w18 - w104*w29/(w18*w18*w18))
+    w214 = w104*w170/w18 + w127*(w157/w18 - w104*w136/(w18*w18*w18))
+    w215 = w104*w211/w18 + w127*(w199/w18 - w104*w181/(w18*w18*w18))
+    w216 = w64*w125/w18 + w127*(w75/w18 - w64*w29/(w18*w18*w18))
+    w217 = w64*w170/w18 + w127*(w137/w18 - w64*w136/(w18*w18*w18))
+    w218 = w64*w211/w18 + w127*(w182/w18 - w64*w181/(w18*w18*w18))
+    w219 = f.sqrt(w117 + w62*w62)
+    w220 = cornering*w62*w126*trail*(w116*w115 + w62*w122)/(w219*w219*w219)
+    w221 = cornering*w126*trail*w122/w219 + cornering*w62*trail*w124/w219 - w220
+    w222 = normal_3*w221 + w72*w213 - w104*w127*w86/w18 - (w66*w128 - w19*w127*w84/w18)
+    w223 = normal_2*w221 + w90*w128 - w19*w127*w101/w18 - (w72*w216 - w64*w127*w86/w18)
+    w224 = normal_1*w221 - (w90*w213 - w104*w127*w101/w18) + w66*w216 - w64*w127*w84/w18
+    w225 = base1_31*w222 + base1_21*w223 + base1_11*w224
+    w226 = w38*w213 - w104*w127*w108/w18 + w55*w128 - w19*w127*w95/w18 - w225 + w48*w216 - w64*w127*w77/w18
+    w227 = w104*w127*w112/w18
+    w228 = w19*w127*w99/w18
+    w229 = cornering*w62*w126*trail*(w116*w164 + w62*w168)/(w219*w219*w219)
+    w230 = cornering*w126*trail*w168/w219 + cornering*w62*trail*w169/w219 - w229
+    w231 = normal_3*w230 + w72*w214 - w104*w127*w145/w18 - (w66*w171 - w19*w127*w143/w18)
+    w232 = normal_2*w230 + w90*w171 - w19*w127*w154/w18 - (w72*w217 - w64*w127*w145/w18)
+    w233 = normal_1*w230 - (w90*w214 - w104*w127*w154/w18) + w66*w217 - w64*w127*w143/w18
+    w234 = base1_31*w231 + base1_21*w232 + base1_11*w233
+    w235 = w64*w127*w81/w18
+    w236 = w104*w127*w110/w18
+    w237 = w19*w127*w97/w18
+    w238 = cornering*w62*w126*trail*(w116*w205 + w62*w209)/(w219*w219*w219)
+    w239 = cornering*w126*trail*w209/w219 + cornering*w62*trail*w210/w219 - w238
+    w240 = normal_3*w239 + w72*w215 - w104*w127*w190/w18 - (w66*w212 - w19*w127*w189/w18)
+    w241 = normal_2*w239 + w90*w212 - w19*w127*w197/w18 - (w72*w218 - w64*w127*w190/w18)
+    w242 = normal_1*w239 - (w90*w215 - w104*w127*w197/w18) + w66*w218 - w64*w127*w189/w18
+    w243 = base1_31*w240 + base1_21*w241 + base1_11*w242
+    w244 = w64*w127*w79/w18
+    w245 = cornering*w62*w126*trail/w219
+    w246 = w127*w107
+    w247 = w127*w94
+    w248 = normal_3*w245 + w72*w246 - w66*w247
+    w249 = w127*w76
+    w250 = normal_2*w245 + w90*w247 - w72*w249
+    w251 = normal_1*w245 - w90*w246 + w66*w249
+    w252 = base1_33*w248 + base1_23*w250 + base1_13*w251
+    w253 = base1_33*w222 + base1_23*w223 + base1_13*w224
+    w254 = base1_32*w248 + base1_22*w250 + base1_12*w251
+    w255 = base1_32*w222 + base1_22*w223 + base1_12*w224
+    w256 = w227 + w45*w213 + w228 + w59*w128 - (w7*w252 + w9*w253) - (w7*w255 - w9*w254) + w235 + w52*w216
+    w257 = base1_33*w231 + base1_23*w232 + base1_13*w233
+    w258 = base1_32*w231 + base1_22*w232 + base1_12*w233
+    w259 = w45*w214 - w104*w127*w161/w18 + w59*w171 - w19*w127*w152/w18 - w9*w257 - w7*w258 + w52*w217 - w64*w127*w141/w18
+    w260 = w104*w127*w159/w18
+    w261 = w19*w127*w150/w18
+    w262 = base1_33*w240 + base1_23*w241 + base1_13*w242
+    w263 = base1_32*w240 + base1_22*w241 + base1_12*w242
+    w264 = w64*w127*w139/w18
+    w265 = w260 + w45*w215 + w261 + w59*w212 - w9*w262 - w7*w263 + w264 + w52*w218
+    w266 = w236 + w42*w213 + w237 + w57*w128 - (w4*w7*w253 - w4*w9*w252) + w4*w9*w255 + w4*w7*w254 - w0*w225 + w244 + w50*w216
+    w267 = w260 + w42*w214 + w261 + w57*w171 - (w4*w7*w257 - w0*w7*w252) + w4*w9*w258 - w0*w9*w254 - (w4*(base1_31*w248 + base1_21*w250 + base1_11*w251) + w0*w234) + w264 + w50*w217
+    w268 = w42*w215 - w104*w127*w201/w18 + w57*w212 - w19*w127*w194/w18 - w4*w7*w262 + w4*w9*w263 - w0*w243 + w50*w218 - w64*w127*w186/w18
+    w269 = w19*w63/(w18*w118) - w17*w116*w123/(w18*w118)
+    w270 = w104*w63/(w18*w118) - w14*w116*w123/(w18*w118)
+    w271 = w64*w63/(w18*w118) - w16*w116*w123/(w18*w118)
+    w272 = w64*(w48 - base1_11*w66 + base1_21*w72)/w18 + w19*(w55 - base1_21*w90 + base1_31*w66)/w18 + w104*(w38 - base1_31*w72 + base1_11*w90)/w18
+    w273 = w14*w38/w18 + w16*w48/w18 + w17*w55/w18
+    w274 = w63*w272/w118 - w116*w123*w273/w118
+    w275 = base1_12*w7 + w9*base1_13
+    w276 = w7*base1_22 + w9*base1_23
+    w277 = w7*base1_32 + w9*base1_33
+    w278 = w64*(w52 - w66*w275 + w72*w276)/w18 + w19*(w59 - w90*w276 + w66*w277)/w18 + w104*(w45 - w72*w277 + w90*w275)/w18
+    w279 = w14*w45/w18 + w16*w52/w18 + w17*w59/w18
+    w280 = w63*w278/w118 - w116*w123*w279/w118
+    w281 = base1_11*w0 - w4*base1_12*w9 + w4*w7*base1_13
+    w282 = w0*base1_21 - w4*w9*base1_22 + w4*w7*base1_23
+    w283 = w0*base1_31 - w4*w9*base1_32 + w4*w7*base1_33
+    w284 = w64*(w50 - w66*w281 + w72*w282)/w18 + w19*(w57 - w90*w282 + w66*w283)/w18 + w104*(w42 - w72*w283 + w90*w281)/w18
+    w285 = w14*w42/w18 + w16*w50/w18 + w17*w57/w18
+    w286 = w63*w284/w118 - w116*w123*w285/w118
+    w287 = cornering*w62*w126*trail*(w19*w116/w18 + w17*w62/w18)/(w219*w219*w219)
+    w288 = w17*cornering*w126*trail/(w18*w219) + cornering*w62*trail*w269/w219 - w287
+    w289 = normal_3*w288 + cornering*w72*w104*w269/w18 - cornering*w66*w19*w269/w18
+    w290 = normal_2*w288 + cornering*w19*w90*w269/w18 - cornering*w64*w72*w269/w18
+    w291 = normal_1*w288 - cornering*w90*w104*w269/w18 + cornering*w64*w66*w269/w18
+    w292 = base1_31*w289 + base1_21*w290 + base1_11*w291
+    w293 = cornering*w104*w38*w269/w18 + cornering*w19*w55*w269/w18 - w292 + cornering*w64*w48*w269/w18
+    w294 = cornering*w62*w126*trail*(w104*w116/w18 + w14*w62/w18)/(w219*w219*w219)
+    w295 = w14*cornering*w126*trail/(w18*w219) + cornering*w62*trail*w270/w219 - w294
+    w296 = normal_3*w295 + cornering*w72*w104*w270/w18 - cornering*w66*w19*w270/w18
+    w297 = normal_2*w295 + cornering*w19*w90*w270/w18 - cornering*w64*w72*w270/w18
+    w298 = normal_1*w295 - cornering*w90*w104*w270/w18 + cornering*w64*w66*w270/w18
+    w299 = base1_31*w296 + base1_21*w297 + base1_11*w298
+    w300 = cornering*w104*w38*w270/w18 + cornering*w19*w55*w270/w18 - w299 + cornering*w64*w48*w270/w18
+    w301 = cornering*w62*w126*trail*(w64*w116/w18 + w16*w62/w18)/(w219*w219*w219)
+    w302 = w16*cornering*w126*trail/(w18*w219) + cornering*w62*trail*w271/w219 - w301
+    w303 = normal_3*w302 + cornering*w72*w104*w271/w18 - cornering*w66*w19*w271/w18
+    w304 = normal_2*w302 + cornering*w19*w90*w271/w18 - cornering*w64*w72*w271/w18
+    w305 = normal_1*w302 - cornering*w90*w104*w271/w18 + cornering*w64*w66*w271/w18
+    w306 = base1_31*w303 + base1_21*w304 + base1_11*w305
+    w307 = cornering*w104*w38*w271/w18 + cornering*w19*w55*w271/w18 - w306 + cornering*w64*w48*w271/w18
+    w308 = cornering*w62*w126*trail*(w116*w272 + w62*w273)/(w219*w219*w219)
+    w309 = cornering*w126*trail*w273/w219 + cornering*w62*trail*w274/w219 - w308
+    w310 = normal_3*w309 + cornering*w72*w104*w274/w18 - cornering*w66*w19*w274/w18
+    w311 = normal_2*w309 + cornering*w19*w90*w274/w18 - cornering*w64*w72*w274/w18
+    w312 = normal_1*w309 - cornering*w90*w104*w274/w18 + cornering*w64*w66*w274/w18
+    w313 = base1_31*w310 + base1_21*w311 + base1_11*w312
+    w314 = cornering*w104*w38*w274/w18 + cornering*w19*w55*w274/w18 - w313 + cornering*w64*w48*w274/w18
+    w315 = cornering*w62*w126*trail*(w116*w278 + w62*w279)/(w219*w219*w219)
+    w316 = cornering*w126*trail*w279/w219 + cornering*w62*trail*w280/w219 - w315
+    w317 = normal_3*w316 + cornering*w72*w104*w280/w18 - cornering*w66*w19*w280/w18
+    w318 = normal_2*w316 + cornering*w19*w90*w280/w18 - cornering*w64*w72*w280/w18
+    w319 = normal_1*w316 - cornering*w90*w104*w280/w18 + cornering*w64*w66*w280/w18
+    w320 = base1_31*w317 + base1_21*w318 + base1_11*w319
+    w321 = cornering*w104*w38*w280/w18 + cornering*w19*w55*w280/w18 - w320 + cornering*w64*w48*w280/w18
+    w322 = cornering*w62*w126*trail*(w116*w284 + w62*w285)/(w219*w219*w219)
+    w323 = cornering*w126*trail*w285/w219 + cornering*w62*trail*w286/w219 - w322
+    w324 = normal_3*w323 + cornering*w72*w104*w286/w18 - cornering*w66*w19*w286/w18
+    w325 = normal_2*w323 + cornering*w19*w90*w286/w18 - cornering*w64*w72*w286/w18
+    w326 = normal_1*w323 - cornering*w90*w104*w286/w18 + cornering*w64*w66*w286/w18
+    w327 = base1_31*w324 + base1_21*w325 + base1_11*w326
+    w328 = cornering*w104*w38*w286/w18 + cornering*w19*w55*w286/w18 - w327 + cornering*w64*w48*w286/w18
+    w329 = base1_33*w289 + base1_23*w290 + base1_13*w291
+    w330 = base1_32*w289 + base1_22*w290 + base1_12*w291
+    w331 = cornering*w104*w45*w269/w18 + cornering*w19*w59*w269/w18 - w9*w329 - w7*w330 + cornering*w64*w52*w269/w18
+    w332 = base1_33*w296 + base1_23*w297 + base1_13*w298
+    w333 = base1_32*w296 + base1_22*w297 + base1_12*w298
+    w334 = cornering*w104*w45*w270/w18 + cornering*w19*w59*w270/w18 - w9*w332 - w7*w333 + cornering*w64*w52*w270/w18
+    w335 = base1_33*w303 + base1_23*w304 + base1_13*w305
+    w336 = base1_32*w303 + base1_22*w304 + base1_12*w305
     w337 = cornering*w104*w45*w271/w18 + cornering*w19*w59*w271/w18 - w9*w335 - w7*w336 + cornering*w64*w52*w271/w18
-    w338 = base1_33*w314 + base1_23*w315 + base1_13*w316
-    w339 = base1_32*w314 + base1_22*w315 + base1_12*w316
-    w340 = cornering*w104*w45*w277/w18 + cornering*w19*w59*w277/w18 - w9*w338 - w7*w339 + cornering*w64*w52*w277/w18
-    w341 = base1_33*w321 + base1_23*w322 + base1_13*w323
-    w342 = base1_32*w321 + base1_22*w322 + base1_12*w323
-    w343 = cornering*w104*w45*w283/w18 + cornering*w19*w59*w283/w18 - w9*w341 - w7*w342 + cornering*w64*w52*w283/w18
-    w344 = cornering*w104*w42*w266/w18 + cornering*w19*w57*w266/w18 - w4*w7*w326 + w4*w9*w327 - w0*w289 + cornering*w64*w50*w266/w18
-    w345 = cornering*w104*w42*w267/w18 + cornering*w19*w57*w267/w18 - w4*w7*w329 + w4*w9*w330 - w0*w296 + cornering*w64*w50*w267/w18
-    w346 = cornering*w104*w42*w268/w18 + cornering*w19*w57*w268/w18 - w4*w7*w332 + w4*w9*w333 - w0*w303 + cornering*w64*w50*w268/w18
-    w347 = cornering*w104*w42*w271/w18 + cornering*w19*w57*w271/w18 - w4*w7*w335 + w4*w9*w336 - w0*w310 + cornering*w64*w50*w271/w18
-    w348 = cornering*w104*w42*w277/w18 + cornering*w19*w57*w277/w18 - w4*w7*w338 + w4*w9*w339 - w0*w317 + cornering*w64*w50*w277/w18
-    w349 = cornering*w104*w42*w283/w18 + cornering*w19*w57*w283/w18 - w4*w7*w341 + w4*w9*w342 - w0*w324 + cornering*w64*w50*w283/w18
+    w338 = base1_33*w310 + base1_23*w311 + base1_13*w312
+    w339 = base1_32*w310 + base1_22*w311 + base1_12*w312
+    w340 = cornering*w104*w45*w274/w18 + cornering*w19*w59*w274/w18 - w9*w338 - w7*w339 + cornering*w64*w52*w274/w18
+    w341 = base1_33*w317 + base1_23*w318 + base1_13*w319
+    w342 = base1_32*w317 + base1_22*w318 + base1_12*w319
+    w343 = cornering*w104*w45*w280/w18 + cornering*w19*w59*w280/w18 - w9*w341 - w7*w342 + cornering*w64*w52*w280/w18
+    w344 = base1_33*w324 + base1_23*w325 + base1_13*w326
+    w345 = base1_32*w324 + base1_22*w325 + base1_12*w326
+    w346 = cornering*w104*w45*w286/w18 + cornering*w19*w59*w286/w18 - w9*w344 - w7*w345 + cornering*w64*w52*w286/w18
+    w347 = cornering*w104*w42*w269/w18 + cornering*w19*w57*w269/w18 - w4*w7*w329 + w4*w9*w330 - w0*w292 + cornering*w64*w50*w269/w18
+    w348 = cornering*w104*w42*w270/w18 + cornering*w19*w57*w270/w18 - w4*w7*w332 + w4*w9*w333 - w0*w299 + cornering*w64*w50*w270/w18
+    w349 = cornering*w104*w42*w271/w18 + cornering*w19*w57*w271/w18 - w4*w7*w335 + w4*w9*w336 - w0*w306 + cornering*w64*w50*w271/w18
+    w350 = cornering*w104*w42*w274/w18 + cornering*w19*w57*w274/w18 - w4*w7*w338 + w4*w9*w339 - w0*w313 + cornering*w64*w50*w274/w18
+    w351 = cornering*w104*w42*w280/w18 + cornering*w19*w57*w280/w18 - w4*w7*w341 + w4*w9*w342 - w0*w320 + cornering*w64*w50*w280/w18
+    w352 = cornering*w104*w42*w286/w18 + cornering*w19*w57*w286/w18 - w4*w7*w344 + w4*w9*w345 - w0*w327 + cornering*w64*w50*w286/w18
     return (
-        w126,
-        w168,
-        w208,
-        w209,
-        w210,
-        w211,
+        w128,
+        w171,
         w212,
         w213,
         w214,
-        w222,
-        w223 + w38*w210 + w224 + w55*w168 - w230 + w231 + w48*w213,
-        w232 + w38*w211 + w233 + w55*w208 - w239 + w240 + w48*w214,
-        w253,
+        w215,
+        w216,
+        w217,
+        w218,
+        w226,
+        w227 + w38*w214 + w228 + w55*w171 - w234 + w235 + w48*w217,
+        w236 + w38*w215 + w237 + w55*w212 - w243 + w244 + w48*w218,
         w256,
-        w262,
-        w263,
-        w264,
+        w259,
         w265,
-        cornering*w19*w266/w18,
-        cornering*w19*w267/w18,
-        cornering*w19*w268/w18,
+        w266,
+        w267,
+        w268,
+        cornering*w19*w269/w18,
+        cornering*w19*w270/w18,
         cornering*w19*w271/w18,
-        cornering*w19*w277/w18,
-        cornering*w19*w283/w18,
-        cornering*w104*w266/w18,
-        cornering*w104*w267/w18,
-        cornering*w104*w268/w18,
+        cornering*w19*w274/w18,
+        cornering*w19*w280/w18,
+        cornering*w19*w286/w18,
+        cornering*w104*w269/w18,
+        cornering*w104*w270/w18,
         cornering*w104*w271/w18,
-        cornering*w104*w277/w18,
-        cornering*w104*w283/w18,
-        cornering*w64*w266/w18,
-        cornering*w64*w267/w18,
-        cornering*w64*w268/w18,
+        cornering*w104*w274/w18,
+        cornering*w104*w280/w18,
+        cornering*w104*w286/w18,
+        cornering*w64*w269/w18,
+        cornering*w64*w270/w18,
         cornering*w64*w271/w18,
-        cornering*w64*w277/w18,
-        cornering*w64*w283/w18,
-        w290,
-        w297,
-        w304,
-        w311,
-        w318,
-        w325,
+        cornering*w64*w274/w18,
+        cornering*w64*w280/w18,
+        cornering*w64*w286/w18,
+        w293,
+        w300,
+        w307,
+        w314,
+        w321,
         w328,
         w331,
         w334,
         w337,
         w340,
         w343,
-        w344,
-        w345,
         w346,
         w347,
         w348,
         w349,
+        w350,
+        w351,
+        w352,
     )
 
 

@@ -119,7 +119,11 @@ def check_ratio(owner: Owner, ratio: Number, written: Quantity | Components) -> 
             f"in space a ratio must be a fraction with a number up to {SMALL} above or below, "
             f"got {nominal(ratio):.12g}: angles of joints do not count turns there"
         )
-        evaluator.complain(written, message, "give the numbers of teeth, teeth: [n1, n2]")
+        one, other = (f"rate(angle({name}))" for name in owner.entry.values["joints"][:2])
+        hint = f"{{nonholonomic: {one} + ratio*{other}}}, which leaves it open where the wheels stand in mesh"
+        evaluator.complain(
+            written, message, f"give the numbers of teeth, teeth: [n1, n2]; or couple the rates by a constraint, {hint}"
+        )
 
 
 class FlagField(FieldKind):
