@@ -6,8 +6,8 @@ Files are mutated, lose a part, or have one parameter moved. The mutated ones ar
 
 from __future__ import annotations
 
-import functools
 import dataclasses
+import functools
 import math
 import os
 import random

@@ -2,7 +2,6 @@
 
 import doctest
 import importlib
-import pickle
 import re
 from pathlib import Path
 
@@ -136,6 +135,8 @@ def test_examples_in_docstrings_print_what_they_show(path):
     found = doctest.testmod(importlib.import_module(name.removesuffix(".__init__")))
     assert found.attempted
     assert not found.failed
+
+
 def test_a_sweep_without_values_takes_the_block_of_the_file():
     model = mbstab.loads(LOOP + "sweep: {T: {from: 1, to: 9, points: 3}}\n")
     assert model.sweep("T").values.tolist() == pytest.approx([0.001, 0.005, 0.009])
