@@ -239,15 +239,18 @@ def rolling(body, p, u):
 
 
 def slip_angle(body, p, u):
-    along, across, _, lean = rolling(body, p, u)
-    thrust = p["camber"][0] * lean / p["cornering"][0] if body.size == 3 else 0
-    return mpmath.atan(across / abs(along)) + thrust
+    along, across, _, _ = rolling(body, p, u)
+    return mpmath.atan(across / abs(along))
+
+
+def slip_of_lean(body, p, u):
+    return p["camber"][0] * rolling(body, p, u)[3] / p["cornering"][0] if body.size == 3 else 0
 
 
 def tyre_relaxation(bodies, p, s, u):
     along, across, _, _ = rolling(bodies[0], p, u[0])
     lag = p["relaxation"][0] / mpmath.hypot(along, across)
-    return [u[1] - (slip_angle(bodies[0], p, u[0]) - bodies[1]) / lag]
+    return [u[1] - (slip_angle(bodies[0], p, u[0]) + slip_of_lean(bodies[0], p, u[0]) - bodies[1]) / lag]
 
 
 def length(bodies, p):
@@ -347,19 +350,26 @@ def turned(bodies, p, u, w):
 
 def tyre(b, p, s, u, w):
     """Return the power of a side force at the contact and its moment, which falls with the cosine of the slip angle."""
-    slip = b[1] if len(b) > 1 else slip_angle(b[0], p, u[0])
+    slip = b[1] - slip_of_lean(b[0], p, u[0]) if len(b) > 1 else slip_angle(b[0], p, u[0])
     force = -magic_formula(slip, p["cornering"][0], p) if "peak" in p else -p["cornering"][0] * slip
-    along, across, _, _ = rolling(b[0], p, u[0])
+    along, across, _, lean = rolling(b[0], p, u[0])
     arm = p["trail"][0] * mpmath.cos(mpmath.atan2(across, along))
     _, side, turn, _ = rolling(b[0], p, w[0])
-    return force * side - arm * force * turn
+    thrust = -p["camber"][0] * lean if b[0].size == 3 else 0
+    return (force + thrust) * side - arm * force * turn
 
 
 def aligning_moment(b, p, s, u, w):
     """Return the power of a moment about the normal that turns a wheel to where it goes, ahead or astern."""
-    slip = b[1] if len(b) > 1 else slip_angle(b[0], p, u[0])
+    slip = b[1] - slip_of_lean(b[0], p, u[0]) if len(b) > 1 else slip_angle(b[0], p, u[0])
     slope, sense = p["aligning"][0], mpmath.sign(rolling(b[0], p, u[0])[0])
     return sense * (magic_formula(slip, slope, p) if "peak" in p else slope * slip) * rolling(b[0], p, w[0])[2]
+
+
+def camber_moment(b, p, s, u, w):
+    """Return the power of a moment that turns a wheel to the side to which it leans."""
+    along, _, _, lean = rolling(b[0], p, u[0])
+    return -mpmath.sign(along) * p["moment"][0] * lean * rolling(b[0], p, w[0])[2]
 
 
 def magic_formula(slip, slope, p):
@@ -438,6 +448,7 @@ NONHOLONOMIC |= {
 
 POWER = {
     "creep": creep,
+    "camber_moment": camber_moment,
     "tyre": tyre,
     "relaxed_tyre": tyre,
     "aligning_moment": aligning_moment,
@@ -483,12 +494,13 @@ DIVISORS = {
     "planar_magic_aligning_moment": {"sum of squares", "signum", "1 + square", "peak", "shape_factor"},
     "planar_relaxed_aligning_moment": {"signum"},
     "planar_relaxed_magic_aligning_moment": {"signum", "1 + square", "peak", "shape_factor"},
-    "spatial_aligning_moment": {"sqrt", "signum", "sum of squares", "cornering"},
-    "spatial_magic_aligning_moment": {
+    "spatial_aligning_moment": {"sqrt", "signum", "sum of squares"},
+    "spatial_camber_moment": {"sqrt", "signum", "sum of squares"},
+    "spatial_magic_aligning_moment": {"sqrt", "signum", "sum of squares", "1 + square", "peak", "shape_factor"},
+    "spatial_relaxed_aligning_moment": {"sqrt", "signum", "sum of squares", "cornering"},
+    "spatial_relaxed_magic_aligning_moment": {
         *("sqrt", "signum", "sum of squares", "1 + square", "cornering", "peak", "shape_factor")
     },
-    "spatial_relaxed_aligning_moment": {"sqrt", "signum"},
-    "spatial_relaxed_magic_aligning_moment": {"sqrt", "signum", "1 + square", "peak", "shape_factor"},
     "planar_magic_tyre": {"sqrt", "sum of squares", "1 + square", "peak", "shape_factor"},
     "planar_relaxed_magic_tyre": {"sqrt", "1 + square", "peak", "shape_factor"},
     "planar_relaxed_tyre": {"sqrt"},
@@ -500,12 +512,12 @@ DIVISORS = {
     "spatial_distance": {"length"},
     "spatial_equal_turns": {"1 + sum of products"},
     "spatial_mount_torque": {"sqrt"},
-    "spatial_magic_tyre": {"sqrt", "sum of squares", "1 + square", "cornering", "peak", "shape_factor"},
-    "spatial_relaxed_magic_tyre": {"sqrt", "1 + square", "peak", "shape_factor"},
-    "spatial_relaxed_tyre": {"sqrt"},
+    "spatial_magic_tyre": {"sqrt", "sum of squares", "1 + square", "peak", "shape_factor"},
+    "spatial_relaxed_magic_tyre": {"sqrt", "sum of squares", "1 + square", "cornering", "peak", "shape_factor"},
+    "spatial_relaxed_tyre": {"sqrt", "sum of squares", "cornering"},
     "spatial_screw": {"lead", "pi"},
     "spatial_spring": {"sqrt"},
-    "spatial_tyre": {"sqrt", "sum of squares", "cornering"},
+    "spatial_tyre": {"sqrt", "sum of squares"},
     "spatial_tyre_relaxation": {"sqrt", "sum of squares", "cornering", "relaxation"},
     "spatial_angle_effort": {"sum of squares"},
     "spatial_angle_spring": {"sum of squares"},

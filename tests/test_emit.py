@@ -32,62 +32,6 @@ BUDGET = {
     "spatial_wheel_slip_along": (600, 1050, 1950),
 }
 
-# What a definition divides by, and nothing else.
-DIVISORS = {
-    "planar_gear": {"scale"},
-    "planar_gear_spring": {"scale"},
-    "planar_rack": {"scale"},
-    "planar_rack_spring": {"scale"},
-    "planar_differential": {"scale"},
-    "spatial_gear": {"scale", "sum of squares"},
-    "spatial_gear_spring": {"scale", "sum of squares"},
-    "spatial_rack": {"scale", "sum of squares"},
-    "spatial_rack_spring": {"scale", "sum of squares"},
-    "spatial_differential": {"scale", "sum of squares"},
-    "planar_creep": {"half_gauge", "radius", "sqrt"},
-    "spatial_creep": {"half_gauge", "radius", "sqrt"},
-    "planar_distance": {"length"},
-    "planar_aligning_moment": {"sum of squares", "signum"},
-    "planar_magic_aligning_moment": {"sum of squares", "signum", "1 + square", "peak", "shape_factor"},
-    "planar_relaxed_aligning_moment": {"signum"},
-    "planar_relaxed_magic_aligning_moment": {"signum", "1 + square", "peak", "shape_factor"},
-    "spatial_aligning_moment": {"sqrt", "signum", "sum of squares"},
-    "spatial_camber_moment": {"sqrt", "signum", "sum of squares"},
-    "spatial_magic_aligning_moment": {"sqrt", "signum", "sum of squares", "1 + square", "peak", "shape_factor"},
-    "spatial_relaxed_aligning_moment": {"sqrt", "signum", "sum of squares", "cornering"},
-    "spatial_relaxed_magic_aligning_moment": {
-        *("sqrt", "signum", "sum of squares", "1 + square", "cornering", "peak", "shape_factor")
-    },
-    "planar_magic_tyre": {"sqrt", "sum of squares", "1 + square", "peak", "shape_factor"},
-    "planar_relaxed_magic_tyre": {"sqrt", "1 + square", "peak", "shape_factor"},
-    "planar_relaxed_tyre": {"sqrt"},
-    "planar_roller_distance": {"sqrt"},
-    "planar_roller_slip": {"sqrt"},
-    "planar_spring": {"sqrt"},
-    "planar_tyre": {"sqrt", "sum of squares"},
-    "planar_tyre_relaxation": {"sqrt", "sum of squares", "relaxation"},
-    "spatial_distance": {"length"},
-    "spatial_equal_turns": {"1 + sum of products"},
-    "spatial_mount_torque": {"sqrt"},
-    "spatial_magic_tyre": {"sqrt", "sum of squares", "1 + square", "peak", "shape_factor"},
-    "spatial_relaxed_magic_tyre": {"sqrt", "sum of squares", "1 + square", "cornering", "peak", "shape_factor"},
-    "spatial_relaxed_tyre": {"sqrt", "sum of squares", "cornering"},
-    "spatial_screw": {"lead", "pi"},
-    "spatial_spring": {"sqrt"},
-    "spatial_tyre": {"sqrt", "sum of squares"},
-    "spatial_tyre_relaxation": {"sqrt", "sum of squares", "cornering", "relaxation"},
-    "spatial_angle_effort": {"sum of squares"},
-    "spatial_angle_spring": {"sum of squares"},
-    "spatial_ellipsoid_height": {"sqrt"},
-    "spatial_ellipsoid_slip": {"sqrt"},
-    "spatial_carried_ellipsoid_slip": {"sqrt"},
-    "spatial_carried_wheel_slip_along": {"sqrt"},
-    "spatial_carried_wheel_slip_across": {"sqrt"},
-    "spatial_wheel_height": {"sqrt"},
-    "spatial_wheel_slip_along": {"sqrt"},
-    "spatial_wheel_slip_across": {"sqrt"},
-}
-
 
 def functions(name):
     tree = ast.parse((KERNELS / f"{name}.py").read_text(encoding="utf-8"))

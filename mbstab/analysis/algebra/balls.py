@@ -73,7 +73,7 @@ def _as_integers(x: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
 def _ball_again(middle: list[int], radius: list[int]) -> Any:
     from flint import arb
 
-    return arb(tuple(middle), tuple(radius))
+    return arb((middle[0], middle[1]), (radius[0], radius[1]))
 
 
 @contextlib.contextmanager

@@ -94,7 +94,8 @@ class LinearBalance:
     @property
     def loose(self) -> Array:
         """Orthonormal changes of coordinates and rates that keep the balance, as columns."""
-        return self.allowed @ self._decided[1]
+        found: Array = self.allowed @ self._decided[1]
+        return found
 
     @property
     def unmoved(self) -> Array:

@@ -322,6 +322,7 @@ def _end_with_parent() -> None:
     from threading import Thread
 
     def wait_for_end() -> None:
+        assert parent is not None
         connection.wait([parent.sentinel])
         os._exit(1)
 
