@@ -321,13 +321,14 @@ def _end_with_parent() -> None:
     from multiprocessing import connection, parent_process
     from threading import Thread
 
-    def wait_for_end() -> None:
-        assert parent is not None
-        connection.wait([parent.sentinel])
-        os._exit(1)
-
     parent = parent_process()
     assert parent is not None
+    sentinel = parent.sentinel
+
+    def wait_for_end() -> None:
+        connection.wait([sentinel])
+        os._exit(1)
+
     Thread(target=wait_for_end, daemon=True).start()
 
 
