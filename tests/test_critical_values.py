@@ -222,6 +222,13 @@ def test_a_triangle_of_a_chart_is_not_taken_for_the_rest(order):
             assert (word in ("unstable", "undecided")) == (at["b"] > at["q"]), (at, word)
 
 
+def test_pairs_that_leave_the_axis_at_one_value_only():
+    """A rattleback without spin: one rocking mode grows with spin in one sense, the other one in the other sense."""
+    found = mbstab.load("rattleback.yaml").sweep("omega", np.linspace(-2.0, 2.0, 5)).critical
+    assert [(c.value, c.kind, c.unstable) for c in found] == [(0.0, "flutter", (2, 0)), (0.0, "flutter", (0, 2))]
+    assert [c.frequency for c in found] == pytest.approx([107.207658319253605, 33.8289912761731306], rel=1e-9)
+
+
 # --- zeros that only a family of motions explains are not judged one by one -------------------------------------------
 
 

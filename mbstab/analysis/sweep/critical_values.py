@@ -169,16 +169,18 @@ class CriticalValues(Branches):
         """
         counts = int(part.counts[places[0]]), int(part.counts[places[1]])
         end = 0 if counts[0] == 0 else 1
-        if min(counts) != 0 or near[end] != part.x[places[end]]:
+        value, far = float(part.x[places[end]]), places[1 - end]
+        # So near to the point what leaves the axis may not be told from what stays.
+        if min(counts) != 0 or abs(near[end] - value) > TOLERANCES.meeting_rounding * self.width:
             return []
         pair = self._stretch(np.array(near))
         growing = np.flatnonzero(pair.sides[1 - end] == RIGHT)
-        if not pair.mirrored[end] or pair.mirrored[1 - end] or np.any(pair.sides[end, growing] != AXIS):
+        if not len(growing) or not pair.mirrored[end] or part.mirrored[far] or np.any(pair.sides[end, growing] != AXIS):
             return []
         there = pair.values[end]
         pairs = [int(i) for i in growing if there[i].imag > 0.0]
         kinds = [("flutter", i) for i in pairs] or [("divergence", int(growing[0]))]
-        return [self._described(near[end], kind, there, counts, branches, i) for kind, i in kinds]
+        return [self._described(value, kind, there, counts, branches, i) for kind, i in kinds]
 
     def _unexplained(
         self, part: Stretch, found: list[Critical], doubtful: list[tuple[int, int]]
