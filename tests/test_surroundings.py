@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from children import child, command_line, ended, until
 from click.testing import CliRunner
@@ -193,6 +194,41 @@ def test_a_part_with_a_need_and_a_name_of_its_own_that_are_one_is_refused(here):
     )
     with pytest.raises(ModelFileError, match=r"part\.yaml:1:9: needs: the part has 'r' itself"):
         mbstab.load(here / "m.yaml")
+
+
+PINNED = """\
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  rod: {type: planar, mass: 1, inertia: 0.1, points: {O: [-0.5, 0]}}
+  pin: {type: planar_point, mass: 1}
+joints:
+  pivot: {type: revolute, between: [rod.O, ground]}
+  held: {type: revolute, between: [pin, {body: ground, point: [1, 0]}]}
+inputs: {push: {type: torque, body: rod}}
+outputs: {still: angle(held), turn: angle(pivot)}
+reference: {coordinates: {rod: {theta: -pi/2}, pin: {x: 1, y: 0}}}
+"""
+
+
+def test_the_angle_of_a_point_that_is_held_does_not_change():
+    model = mbstab.loads(PINNED)
+    C = model.state_space().C
+    assert np.max(np.abs(C[0])) == 0.0
+    assert np.max(np.abs(C[1])) > 0.1
+    run = model.simulate(0.1, points=3, perturb={"rod.theta": 0.1})
+    assert len(run.times) == 3
+
+
+def test_a_driven_scene_with_a_period_has_nothing_to_judge():
+    text = (
+        "mbstab: 1\nbodies: {rod: {type: planar, mass: 1, inertia: 1, points: {O: [-1, 0]}}}\n"
+        "joints: {p: {type: revolute, between: [rod.O, ground]}}\n"
+        'drives: {s: {type: joint, joint: p, position: "0.1*sin(t)"}}\n'
+        "reference: {coordinates: {rod: {theta: 0}}, period: 2*pi}\n"
+    )
+    (reason,) = mbstab.loads(text).eig().reasons
+    assert "leave no motion free" in reason
 
 
 # --- pictures, parts, streams, signals --------------------------------------------------------------------------------

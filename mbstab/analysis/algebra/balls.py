@@ -67,13 +67,13 @@ def require_flint() -> None:
 
 def _as_integers(x: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
     """Return a finite ball as mantissa and exponent of its midpoint and of its radius, which may grow by rounding."""
-    return _ball_again, tuple([int(number) for number in part.man_exp()] for part in (x.mid(), x.rad()))
+    return _ball_again, tuple(int(number) for part in (x.mid(), x.rad()) for number in part.man_exp())
 
 
-def _ball_again(middle: list[int], radius: list[int]) -> Any:
+def _ball_again(middle: int, power: int, radius: int, power_of_radius: int) -> Any:
     from flint import arb
 
-    return arb((middle[0], middle[1]), (radius[0], radius[1]))
+    return arb((middle, power), (radius, power_of_radius))
 
 
 @contextlib.contextmanager
