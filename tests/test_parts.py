@@ -43,7 +43,7 @@ CHANGES = {
         r", aligning_stiffness: 0.3" + MOMENT_PEAK: "",
         r", relaxation_length: 0.2": "",
         r", trail: 0.1": "",
-        r", camber_stiffness: 1": "",
+        r", camber_stiffness: 1, camber_moment: 0.2": "",
         r", length: (L|1), damping: 1": "",
         r", kxy: 1, kyx: -1": "",
         r", cxy: 1, cyx: 1": "",

@@ -90,7 +90,7 @@ def test_the_text_of_a_mechanism_is_short():
     assert len(repr(mbstab.load("andrews_squeezer.yaml"))) < 1000
 
 
-@pytest.mark.parametrize(("values", "si"), [([5, 6], False), (["5 ms", "0.006"], False), ([0.005, 0.006], True)])
+@pytest.mark.parametrize(("values", "si"), [([5, 6], False), (["5 ms", "6"], False), ([0.005, 0.006], True)])
 def test_swept_values_count_as_keywords_do_in_the_declared_unit(values, si):
     model = mbstab.loads(LOOP)
     swept = model.sweep("T", values, si=si).branches[1]
@@ -146,4 +146,5 @@ def test_a_sweep_without_values_takes_the_block_of_the_file():
 
 def test_a_name_alone_is_one_input_or_output():
     model = mbstab.loads(LOOP)
-    assert model.response("push", "v", points=3).channels == model.response(["push"], ["v"], points=3).channels
+    one, listed = model.response("push", "v", points=3), model.response(["push"], ["v"], points=3)
+    assert str(one) == str(listed)

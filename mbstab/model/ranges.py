@@ -68,8 +68,8 @@ def swept_values(model: Model, parameter: str, values: Any, si: bool = False) ->
     Parameters
     ----------
     values : sequence of float or str, or None
-        As settings: numbers count in the declared unit of the parameter, texts are expressions in SI or have a unit of
-        their own. None: the ``sweep:`` block of the file.
+        As settings: numbers and expressions count in the declared unit of the parameter, unless a text has a unit of
+        its own. None: the ``sweep:`` block of the file.
     si : bool
         Whether numbers are in SI instead.
 
