@@ -462,7 +462,7 @@ def test_kinks_of_constraints_and_of_no_expressions():
 # --- products that have a derivative at a kink of one of their factors ------------------------------------------------
 
 
-KINKED = """
+WITH_FORCE = """
 mbstab: 1
 parameters: {{c: 0.7, n: pi/2}}
 bodies: {{p: {{type: planar_point, mass: 1}}}}
@@ -506,7 +506,7 @@ def written(force):
 
 
 def mechanism(force):
-    return mbstab.loads(KINKED.format(force=written(force)))
+    return mbstab.loads(WITH_FORCE.format(force=written(force)))
 
 
 @pytest.mark.parametrize("force", [*SMOOTH, *STEADY])

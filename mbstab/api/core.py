@@ -12,10 +12,12 @@ from typing import ParamSpec, Self, TypeVar
 from mbstab.analysis.algebra.budget import Cost, Task
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.analysis.linear.linearize import Linearization, linearize
+from mbstab.analysis.reference.closure import contradicting
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.api.printing import printed
 from mbstab.compiler.system import System
+from mbstab.errors import MbstabError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.doubts import extreme_numbers
 from mbstab.model.garbage import uncollected
@@ -100,7 +102,17 @@ class Core:
         # What is small enough without constraints need not be assembled.
         if not Cost.of(task, len(self.model.coordinates()), 0).affordable:
             self._affordable(task, {})
-        return self.at(**parameters).model
+        return self.closed(**parameters)
+
+    def closed(self, **parameters: Setting) -> Model:
+        """Return the model at parameter values, without rows that only the digits of the file keep from redundancy."""
+        model = self.at(**parameters).model
+        if not model.entries["joints"]:
+            return model
+        try:
+            return replace(model, left_out=self.system(**parameters).scene.model.left_out)
+        except MbstabError:
+            return model  # another value may do
 
     def system(self, **parameters: Setting) -> System:
         """Return the equations of motion at parameter values.
@@ -115,7 +127,9 @@ class Core:
 
         def made() -> System:
             with uncollected():
-                return System(evaluate(self.at(**parameters).model))
+                system = System(evaluate(model := self.at(**parameters).model))
+                left_out = contradicting(system)
+                return System(evaluate(replace(model, left_out=left_out))) if left_out else system
 
         return self._latest.of(parameters, made)
 

@@ -181,7 +181,7 @@ class Mechanism(Ports):
         """Return the motion with many digits, for verdicts that rest on exact zeros."""
         from mbstab.analysis.spectrum.exactly import Exactly
 
-        return Exactly(lambda: self.at(**parameters).model)
+        return Exactly(lambda: self.closed(**parameters))
 
     @asked
     def eig_precise(

@@ -241,7 +241,7 @@ def _pattern(function: str, key: str, groups: list[Group], n_q: int, shape: tupl
             for index in entries:
                 if name == key:
                     at = (g.rows if key in OF_ROWS else g.columns)[index[0]]
-                    inside = np.ones(g.count, dtype=bool) if key in OF_ROWS else at < n_q
+                    inside = at < (shape[0] if key in OF_ROWS else n_q)
                     if len(index) == 2:
                         column = g.columns[index[1]]
                         inside, at = inside & (column < n_q), at * n_q + column

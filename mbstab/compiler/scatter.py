@@ -135,6 +135,7 @@ def plan_of(
     shapes: tuple[tuple[str, tuple[int, ...]], ...],
     elements: tuple[tuple[Any, tuple[int, ...], tuple[int, ...]], ...],
     n_q: int,
+    n_c: int,
 ) -> Plan:
     """Return the plan of elements given by their kernels, columns and rows; the scenes of a model share it."""
     take: dict[str, list[int]] = {key: [] for key, _ in shapes}
@@ -145,7 +146,7 @@ def plan_of(
             for index in entries:
                 of_rows = key in OF_ROWS
                 place = (rows if of_rows else columns)[index[0]]
-                inside = of_rows or place < n_q
+                inside = place < (n_c if of_rows else n_q)
                 if len(index) == 2:
                     column = columns[index[1]]
                     inside = inside and column < n_q
@@ -205,5 +206,5 @@ def rows_of(x: Any, fixed: int = 0) -> tuple[Any, Any]:
 
 
 def padded(x: Any, zero: Any) -> list[Any]:
-    """Return a vector as a list with one fixed coordinate appended."""
+    """Return a vector as a list with one fixed coordinate, or the multiplier of no row, appended."""
     return [*listed(x), zero]

@@ -31,14 +31,14 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache, cached_property
-from itertools import chain
+from itertools import accumulate, chain
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from mbstab.compiler.located import located
 from mbstab.compiler.placed import Acting, Placed, acting, bases_of, columns_of, following, force_sizes, unfelt_states
-from mbstab.compiler.scatter import Plan, Time, arithmetic_of, listed, padded, plan_of
+from mbstab.compiler.scatter import Plan, Time, arithmetic_of, padded, plan_of
 from mbstab.errors import Location, NumericalError
 from mbstab.mechanics.bodies import inertia_element
 from mbstab.mechanics.catalogue import ElementUse, Moved, Role
@@ -80,6 +80,10 @@ class Row:
         return f"{self.owner} ({self.label})"
 
 
+Numbered = tuple[tuple[str, str, int], Row]
+"""A row with its entry and its number there."""
+
+
 @dataclass(frozen=True)
 class Dynamics:
     """Matrices of the equations of motion at a state; see the table of this module."""
@@ -104,6 +108,8 @@ class System:
         Coordinates in the order of q.
     rows : list of Row
         Constraint rows in the order of E.
+    row_keys : list of (section, name, number)
+        Which row of which entry each of them is.
     body_slices : list of slice
         Coordinates of each body.
     """
@@ -119,10 +125,14 @@ class System:
             start += len(body.coordinates)
         uses = self._uses()
         groups = [self._row_list(use, entry) if role in _OF_ROWS else [] for use, entry, role in uses]
-        parts = [[row for own, x in zip(groups, uses, strict=True) if x[2] == role for row in own] for role in _OF_ROWS]
-        self.rows, (self.n_h, self.n_n) = parts[0] + parts[1], map(len, parts)
+        kept = self._kept(groups)
+        parts = [
+            [x for own, use in zip(kept, uses, strict=True) if use[2] == role for x in own if x] for role in _OF_ROWS
+        ]
+        self.row_keys, self.rows = ([x[k] for part in parts for x in part] for k in (0, 1))
+        self.n_h, self.n_n = map(len, parts)
         with located(scene):
-            self._elements = self._place(uses, [len(group) for group in groups])
+            self._elements = self._place(uses, kept)
         self._plans: dict[str, Plan] = {}
         self._known: dict[str, tuple[Any, Any]] = {}
         self._assembly: Assembly | None = None
@@ -185,7 +195,7 @@ class System:
         """A system with only inertia and holonomic rows: what closes a mechanism has a value without its speeds."""
 
         def closes(element: Placed) -> bool:
-            return element.takes_acceleration or bool(element.rows and max(element.rows) < self.n_h)
+            return element.takes_acceleration or bool(element.rows and min(element.rows) < self.n_h)
 
         return self.remember("closing", None, lambda: self._only(closes))
 
@@ -360,13 +370,27 @@ class System:
         labels = [label] if count == 1 else [f"{label} {axis}" for axis in "xyz"[:count]]
         return [Row(entry.section, entry.name, text, unit, entry.location, element.residual) for text in labels]
 
-    def _place(self, uses: list[tuple[Any, Entry | None, Role]], counts: list[int]) -> list[Placed]:
+    def _kept(self, groups: list[list[Row]]) -> list[list[Numbered | None]]:
+        """Return the rows of each element, numbered in their entries; None in the place of those that are left out."""
+        left_out, seen = {item.row for item in self.scene.model.left_out}, dict[tuple[str, str], int]()
+        found: list[list[Numbered | None]] = []
+        for group in groups:
+            found.append([])
+            for row in group:
+                entry = row.section, row.name
+                key = (*entry, seen.get(entry, 0))
+                seen[entry] = key[2] + 1
+                found[-1].append(None if key in left_out else (key, row))
+        return found
+
+    def _place(self, uses: list[tuple[Any, Entry | None, Role]], groups: list[list[Numbered | None]]) -> list[Placed]:
         next_row = {"holonomic": 0, "nonholonomic": self.n_h}
         placed: list[Placed] = []
-        for (use, entry, role), count in zip(uses, counts, strict=True):
-            first = next_row.get(role, 0)
-            rows = tuple(range(first, first + count))
-            next_row[role] = first + count
+        for (use, entry, role), group in zip(uses, groups, strict=True):
+            # A row that is left out has the number behind the last one, as a fixed coordinate has.
+            first, behind = next_row.get(role, 0), list(accumulate(map(bool, group), initial=0))
+            rows = tuple(first + n if row else self.n_c for n, row in zip(behind, group, strict=False))
+            next_row[role] = first + behind[-1]
             if isinstance(use, BalanceValues):
                 from mbstab.compiler.balances import balance_of
 
@@ -541,7 +565,7 @@ class System:
         zero = f.number("0") if f.name == "ball" else 0.0
         q, u = padded(q, zero), padded(u, zero)
         a = padded(a, zero) if a is not None else None
-        nu = listed(nu) if nu is not None else None
+        nu = padded(nu, zero) if nu is not None else None
         running = self._running(function)
         values: list[Any] = []
         for element in running:
@@ -585,7 +609,7 @@ class System:
         """Return for each matrix which returned value is added to which entry."""
         elements = self._running(function)
         known = tuple((element.kernel, element.columns, element.rows) for element in elements)
-        return plan_of(function, tuple(shapes.items()), known, self.n_q)
+        return plan_of(function, tuple(shapes.items()), known, self.n_q, self.n_c)
 
 
 _OVERFLOW = (

@@ -112,6 +112,7 @@ def _reference() -> dict[str, Any]:
             STEADY_FIELDS, axis=DIRECTION, rate=NUMBER, point=VECTOR, direction=DIRECTION, speed=NUMBER
         ),
         period=NUMBER,
+        closure_tolerance=NUMBER,
     )
 
 

@@ -236,12 +236,21 @@ class Steady:
 
 
 @dataclass(frozen=True)
+class LeftOut:
+    """A constraint row that repeats others and contradicts them by little: section, name and number, and a warning."""
+
+    row: tuple[str, str, int]
+    text: str
+
+
+@dataclass(frozen=True)
 class Reference:
     """The reference motion: what is given, and guesses for what is not, by name such as ``rod.theta``.
 
     `guess_rates` are those of a steady motion that is looked for.
 
-    `find` is ``equilibrium``, ``steady`` or None; `period` is that of a periodic motion.
+    `find` is ``equilibrium``, ``steady`` or None; `period` is that of a periodic motion; rows that repeat others may
+    contradict them by less than the `closure_tolerance` (m).
     """
 
     location: Location
@@ -253,6 +262,7 @@ class Reference:
     steady: Steady | None
     period: Quantity | None
     guess_rates: dict[str, Quantity]
+    closure_tolerance: Quantity | None
 
 
 @dataclass(frozen=True)
@@ -366,6 +376,8 @@ class Model:
         Named expressions, as they are written; all others have them in the place of their names.
     state_units : dict
         Units of the first-order states that have one.
+    left_out : tuple of LeftOut
+        Rows that are no constraints.
     """
 
     document: Document
@@ -389,6 +401,7 @@ class Model:
     definitions: dict[str, Expression]
     tables: dict[str, TableValue]
     state_units: dict[str, str]
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def name(self) -> str:
@@ -492,6 +505,7 @@ REFERENCE_FIELDS = {
     "find": "equilibrium or steady: coordinates that are not given are solved so that the forces balance",
     "steady": "the motion is a steady turn about an axis, a steady translation, or both",
     "period": "period of a periodic motion, judged by its Floquet multipliers (s)",
+    "closure_tolerance": "rows that repeat others and contradict them by less are left out, with a warning (m)",
 }
 INITIAL_FIELDS = {
     "time": "time at which the simulation starts, that of the reference if not given (s)",

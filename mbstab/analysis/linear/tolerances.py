@@ -24,7 +24,7 @@ class Tolerances:
     loose_directions: Final = 8
     """… of which this many are kept separately."""
     row_rounding: Final = 1e-9
-    """Rows smaller than this fraction of the others are rounding."""
+    """Entries of rows smaller than this fraction of their terms are rounding."""
     angle_difference: Final = 1e-6
     """Step of finite differences of the frame by angles (rad)."""
 

@@ -139,6 +139,7 @@ class Finder:
             "that they give, as if it were written as axes: [phi, theta, psi]"
             for name in self.scene.turned
         ]
+        self.warnings += [item.text for item in self.scene.model.left_out]
 
     def _fail(self, problems: list[Problem]) -> None:
         if problems:

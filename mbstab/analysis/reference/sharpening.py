@@ -19,23 +19,21 @@ from mbstab.analysis.reference.steady import Family, Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError
-from mbstab.model.arithmetic import mpmath_arithmetic
+from mbstab.model.arithmetic import FLOAT, more_digits
 from mbstab.model.values import evaluate
 
 
 def exactly_rounded(balance: Balance, at: State) -> tuple[Array, Array] | None:
     """Return q and c of a solution to their rounding in double precision; None where more digits do not help."""
-    from mpmath import mp
-
     from mbstab.analysis.algebra.digits import MANY_DIGITS
 
     system, given = balance.system, balance.system.scene.parameters
     try:
-        with mp.workdps(TOLERANCES.sharpened_digits):
-            scene = evaluate(system.scene.model, arithmetic=mpmath_arithmetic())
-            other = {name: mp.mpf(x) for name, x in given.items() if float(scene.parameters[name]) != float(x)}
-            if other:
-                scene = evaluate(system.scene.model, other, mpmath_arithmetic())
+        with more_digits(FLOAT, TOLERANCES.sharpened_digits) as f:
+            scene = evaluate(system.scene.model, arithmetic=f)
+            # Values that the file does not have, as those of a sweep.
+            other = {k: f.number(repr(float(x))) for k, x in given.items() if float(scene.parameters[k]) != float(x)}
+            scene = evaluate(system.scene.model, other, f) if other else scene
             q, steady = sharpened(MANY_DIGITS, balance, at, system.renumbered(scene))
             return q.astype(float), balance.family.coefficients_of(steady)
     except FAILURES:

@@ -52,6 +52,12 @@ class Tolerances:
     """A body that keeps its chart is refused where |cos θ| is below this."""
     turning_axes: Final = 1e-9
     """A body turns about axes that are independent to this part; its moments are possible if they miss it by less."""
+    row_repeated: Final = 1e-3
+    """Rows repeat others to first order if less than this fraction of them is independent …"""
+    closure: Final = 1e-9
+    """… and are left out if they contradict them by less than this, relative to the size of the scene …"""
+    closure_rounding: Final = 1e-13
+    """… but by more than this, which is rounding."""
     row_independent_part: Final = 1e-7
     """A row is redundant if less than this fraction of it is independent of the others."""
 

@@ -86,12 +86,12 @@ def _with_tied(system: System, motion: Motion, moving: Flags) -> Flags:
 
     What a row contains counts, not the slopes at the reference, which may vanish there alone.
     """
-    contained = np.zeros((system.n_h, system.n_q + 1), dtype=bool)
+    contained = np.zeros((system.n_c + 1, system.n_q + 1), dtype=bool)
     for e in system._elements:
-        if e.rows and max(e.rows) < system.n_h:
+        if e.rows and min(e.rows) < system.n_h:
             for i, j in e.kernel.DYNAMICS["J"]:
                 contained[e.rows[i], e.columns[j]] = True
-    contained = contained[:, :-1]
+    contained = contained[: system.n_h, :-1]
     light = ~np.any(motion.dynamics.M, axis=1)
     light[system.states[0]] = False
     found = moving

@@ -26,7 +26,7 @@ from mbstab.analysis.verdict.rule import UNDECIDED
 from mbstab.compiler.system import Array
 from mbstab.model.parameters import bound
 from mbstab.model.reader import read_model_text
-from mbstab.model.schema import Model
+from mbstab.model.schema import LeftOut, Model
 from mbstab.records import dataclass
 
 Progress = Callable[[float], object]
@@ -56,6 +56,8 @@ class Task:
         The fraction of all points of the sweep that these are.
     beside : dict
         Texts of other files that the model names.
+    left_out : tuple of LeftOut
+        Rows that are no constraints.
     """
 
     text: str
@@ -67,6 +69,7 @@ class Task:
     home: dict[str, float] = field(default_factory=dict)
     share: float = 1.0
     beside: dict[str, str] = field(default_factory=dict)
+    left_out: tuple[LeftOut, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,13 +116,16 @@ class Block:
         return unstable_counts(self.sides, self.words)
 
 
+Source = tuple[str, str, tuple[tuple[str, str], ...], tuple[LeftOut, ...]]
+"""Text and name of a model, the files beside it, and the rows that are no constraints."""
+
 ARRAYS = ("values", "clear", "sides", "words", "mirrored", "passes", "turns", "motion")
 """The arrays of a block."""
 
 
 def compute(task: Task, progress: Progress = lambda done: None) -> Block:
     """Return the block of a task."""
-    model = bound(_read(task.text, task.name, tuple(task.beside.items())), task.settings)
+    model = bound(_read(task.text, task.name, tuple(task.beside.items()), task.left_out), task.settings)
     evaluator = Evaluator(model, task.solutions, patterns_at(model, task.solutions, task.home))
     found = evaluator.spectra(task.values, progress, task.share)
     number = unplaced(found.sides, found.words, found.problems)
@@ -170,26 +176,25 @@ def patterns_at(model: Model, solutions: Followed | None, home: Mapping[str, flo
     plain = replace(solutions, beyond=()) if isinstance(solutions, Solutions) else solutions
     settings, place = tuple(model.settings.items()), tuple(home.items())
     # Apart from the rest, as bytes depend on which strings of all are one object.
-    return _known_patterns(text, model.name, tuple(model.document.beside.items()), settings, pickle.dumps(plain), place)
+    source = text, model.name, tuple(model.document.beside.items()), model.left_out
+    return _known_patterns(source, settings, pickle.dumps(plain), place)
 
 
 @functools.lru_cache(maxsize=8)
 def _known_patterns(
-    text: str,
-    name: str,
-    beside: tuple[tuple[str, str], ...],
+    source: Source,
     settings: tuple[tuple[str, int | float | str], ...],
     solutions: bytes,
     home: tuple[tuple[str, float], ...],
 ) -> tuple[Pattern, ...]:
-    evaluator = Evaluator(bound(_read(text, name, beside), dict(settings)), pickle.loads(solutions))
+    evaluator = Evaluator(bound(_read(*source), dict(settings)), pickle.loads(solutions))
     return evaluator.patterns_at(dict(home))
 
 
 @functools.lru_cache(maxsize=4)
-def _read(text: str, name: str, beside: tuple[tuple[str, str], ...]) -> Model:
+def _read(text: str, name: str, beside: tuple[tuple[str, str], ...], left_out: tuple[LeftOut, ...]) -> Model:
     """Return the model of a text, read once by each process."""
-    return read_model_text(text, name, dict(beside))
+    return replace(read_model_text(text, name, dict(beside)), left_out=left_out)
 
 
 def _watched(values: Complex, sides: Sides) -> tuple[Flags, Flags]:
@@ -235,6 +240,7 @@ def tasks(
             home,
             min(size, points - start) / points,
             model.document.beside,
+            model.left_out,
         )
         for start in range(0, points, size)
     ]

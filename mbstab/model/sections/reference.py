@@ -68,6 +68,7 @@ class ReferenceReader:
             *self._search(entries),
             self._optional(entries, "period", "reference", "s"),
             self._guessed_rates(entries, guess_rates),
+            self._optional(entries, "closure_tolerance", "reference", "m"),
         )
 
     def _guess(self, node: YamlNode | None) -> tuple[YamlNode | None, YamlNode | None]:

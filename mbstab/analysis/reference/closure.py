@@ -1,0 +1,87 @@
+"""Loops that do not quite close: rows that repeat others to first order and contradict them by the digits of a file.
+
+A loop of a spatial mechanism with parallel axes has redundant rows. Rounded lengths, as drawing programs write them,
+let these contradict the others by little, and then they would lock the mechanism, or leave no position at all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.algebra.rank import last_rows
+from mbstab.analysis.algebra.sparse import large
+from mbstab.analysis.reference.assembly import assembled
+from mbstab.analysis.reference.motion import Finder
+from mbstab.analysis.reference.tolerances import TOLERANCES
+from mbstab.compiler.system import Array, System
+from mbstab.errors import ModelFileError
+from mbstab.model.arithmetic import FLOAT
+from mbstab.model.schema import LeftOut
+
+
+def contradicting(system: System) -> tuple[LeftOut, ...]:
+    """Return the rows that other rows imply but for less than the closure tolerance of the file.
+
+    Raises
+    ------
+    ModelFileError
+        If a row contradicts others by more, but by little; names it.
+    """
+    if not system.n_h or large(system):
+        return ()
+    finder, n_h = Finder(system), system.n_h
+    q, missing = finder.start()
+
+    def rows_at(q: Array) -> tuple[Array, Array]:
+        state = system.closing.dynamics(q, 0.0 * q, system.scene.time)
+        J = state.J[:n_h] * finder.sizes
+        return state.E[:n_h], J / norms(J)[:, None]
+
+    try:
+        unit = rows_at(q := finder.assemble(q, missing) if missing.any() else q)[1]
+        left, s, _ = np.linalg.svd(unit)
+        combinations = left[:, int(np.sum(s > TOLERANCES.row_repeated)) :]
+        if not combinations.size:
+            return ()
+        last = [i for i, _ in last_rows(combinations)]
+        kept = np.setdiff1d(np.arange(n_h), last)
+        if missing.any():
+            q = assembled(system, finder.sizes, q, missing, kept.tolist())
+        gaps, unit = rows_at(q)
+    except FAILURES:
+        return ()
+    size = float(np.max(finder.sizes[finder.is_length]))
+    gaps = gaps * [1.0 if row.unit == "m" else size for row in system.rows[:n_h]]
+    if np.max(np.abs(gaps[kept]), initial=0.0) > TOLERANCES.residual * size:
+        return ()
+    weights = unit[last] @ np.linalg.pinv(unit[kept])
+    apart = np.linalg.norm(unit[last] - weights @ unit[kept], axis=1)
+    return _judged(system, size, last, gaps[last], apart, weights, kept)
+
+
+def _judged(
+    system: System, size: float, last: list[int], gaps: Array, parts: Array, weights: Array, kept: Array
+) -> tuple[LeftOut, ...]:
+    """Return which of the last rows are left out, given their contradictions (m) and independent parts."""
+    given, parameters = system.scene.model.reference.closure_tolerance, system.scene.parameters
+    allowed = TOLERANCES.closure * size if given is None else float(given.evaluate(parameters, FLOAT))
+    found, problems = list[LeftOut](), []
+    for k, gap, part, weight in zip(last, np.abs(gaps), parts, weights, strict=True):
+        # What holds, holds.
+        if gap <= TOLERANCES.closure_rounding * size or max(gap / size, part) > TOLERANCES.row_repeated:
+            continue
+        row = system.rows[k]
+        owners = ", ".join(dict.fromkeys(system.rows[i].owner for i in kept[np.abs(weight) > 1e-7]))
+        over = "" if row.unit == "m" else " over the size of the scene"
+        text = f"{row} repeats what {owners} already impose, and contradicts them by {gap:.2g} m{over}"
+        if gap <= allowed:
+            found.append(LeftOut(system.row_keys[k], f"redundant constraint: {text}; it is left out"))
+        else:
+            least = f"{2.0 * gap:.1g}"
+            hint = f"correct the lengths, or leave it out with reference: {{closure_tolerance: {least}}} (m)"
+            problems.append(system.scene.model.document.problem(row.location, f"{row.section}.{row.name}", text, hint))
+    if problems:
+        raise ModelFileError(problems)
+    return tuple(found)
