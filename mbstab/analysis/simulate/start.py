@@ -509,18 +509,17 @@ def _check_speeds(
 def _check_moving(system: System, motion: Motion, u: Array, wanted: _Wanted) -> None:
     """Refuse positions at which the constraints stop a motion: rows may repeat others at the reference only."""
     before, after = np.abs(wanted.u) / motion.sizes, np.abs(u) / motion.sizes
-    if np.max(after, initial=0.0) > TOLERANCES.speed_stopped * np.max(before, initial=0.0) or not np.any(before):
+    stopped = np.max(after, initial=0.0) <= TOLERANCES.speed_stopped * np.max(before, initial=0.0)
+    if not (stopped and motion.redundant and np.any(before)):
         return
     fastest = int(np.argmax(before))
     name, unit = system.names[fastest], per_second(system.units[fastest])
     rows = ", ".join(dict.fromkeys(item.row.owner for item in motion.redundant))
-    text = f"the constraints stop the motion there: rate({name}) = {wanted.u[fastest]:.6g} {unit} becomes 0"
-    said = (
-        f"{text}\nhint: {rows} only repeats other rows at the reference, and locks what moves beside it"
-        if rows
-        else text
+    raise UsageError(
+        f"{system.scene.model.reference.location}: the constraints stop the motion there: rate({name}) = "
+        f"{wanted.u[fastest]:.6g} {unit} becomes 0\nhint: {rows} only repeats other rows at the reference, and locks "
+        "what moves beside it"
     )
-    raise UsageError(f"{system.scene.model.reference.location}: {said}")
 
 
 def _refuse_values(system: System, wanted: _Wanted, found: list[tuple[str, str]], which: str) -> None:

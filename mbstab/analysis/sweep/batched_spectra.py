@@ -287,6 +287,8 @@ class _Work:
     def _fitting(self, pattern: Pattern, pending: Index) -> Flags:
         """Compute points with a pattern; return which of them fit it."""
         done = np.zeros(len(pending), dtype=bool)
+        if not len(pending):
+            return done
         block = max(64, TOLERANCES.block_entries // pattern.linear.M.size)
         cancellation = self._cancellation(pattern, pending)
         if cancellation is None:
