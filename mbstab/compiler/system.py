@@ -129,7 +129,8 @@ class System:
         parts = [
             [x for own, use in zip(kept, uses, strict=True) if use[2] == role for x in own if x] for role in _OF_ROWS
         ]
-        self.row_keys, self.rows = ([x[k] for part in parts for x in part] for k in (0, 1))
+        self.row_keys = [key for part in parts for key, _ in part]
+        self.rows = [row for part in parts for _, row in part]
         self.n_h, self.n_n = map(len, parts)
         with located(scene):
             self._elements = self._place(uses, kept)
