@@ -11,8 +11,8 @@ from typing import Any
 
 
 def _as_in_a_terminal() -> None:
-    """In the background of a script interrupts are ignored, and that is inherited."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    """In the background of a script interrupts are ignored, under nohup the end of the terminal; that is inherited."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_DFL)
 
 
