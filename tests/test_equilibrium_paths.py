@@ -323,7 +323,9 @@ def test_the_warning_of_a_search_that_ends_says_whether_stability_may_change_the
         '    on: {a.x: "-a.x - DRAG*rate(a.x)", b.x: "-(k/10)*b.x - DRAG*rate(b.x)"}\n'
     )
     k = np.linspace(9.5, 10.6, 2)
-    far, near = (mbstab.loads(text.replace("DRAG", drag)).sweep("k", k).warnings for drag in ("1.0", "1e-9"))
+    far, near = (
+        mbstab.loads(text.replace("DRAG", drag)).sweep("k", k, meetings=True).warnings for drag in ("1.0", "1e-9")
+    )
     assert "no change of stability (they are far from the imaginary axis)" in " ".join(far)
     assert "critical values may be missing" in " ".join(near)
 

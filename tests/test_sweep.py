@@ -1033,9 +1033,9 @@ def test_a_top_with_free_spin_is_stable_by_a_multiple_of_its_momentum(points):
 
 
 def test_refinement_ends_within_its_budget_and_says_so(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_points", 100)
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_points", 10)
     text = OSCILLATORS.replace("- d*rate(a.x)", "+ sin(50*d)*rate(a.x)")
-    result = mbstab.loads(text).sweep("d", np.linspace(-2.0, 2.0, 9), e=0.3)
+    result = mbstab.loads(text).sweep("d", np.linspace(-2.0, 2.0, 9), meetings=True, e=0.3)
     (warning,) = result.warnings
     assert "refinement" in warning
     assert mbstab.loads(OSCILLATORS).sweep("k", np.linspace(0.5, 2.0, 9), e=0.1).warnings == ()
@@ -1233,8 +1233,8 @@ def test_every_value_without_an_answer_is_listed_with_others_of_its_cause():
 
 
 def test_a_search_that_is_too_long_ends_and_says_where(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_looks", 4)
-    result = mbstab.load("whipple_bicycle.yaml").sweep("v", np.linspace(0.0, 10.0, 11))
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_looks", 1)
+    result = mbstab.load("whipple_bicycle.yaml").sweep("v", np.linspace(0.0, 10.0, 11), meetings=True)
     assert len(result.values) == 11
     assert "the refinement between points ended" in result.warnings[0]
     assert "between v = " in result.warnings[0]
