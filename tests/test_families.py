@@ -214,4 +214,4 @@ def test_a_state_that_time_changes_is_named_without_empty_brackets():
     late = "forces: {spring: {type: expression, on: {p.x: -p.x}}}\nstates: {z: {rate: -z*(1 - smooth_start(t - 5))}}"
     found = mbstab.loads(f"mbstab: 1\n{rail}\n{late}\nreference: {{coordinates: {{p: {{x: 0, y: 0}}}}}}\n").eig()
     assert found.verdict == UNDECIDED
-    assert "through states.z:" in found.reasons[0]
+    assert "through states.z (smooth_start(t - 5)):" in found.reasons[0]

@@ -208,7 +208,7 @@ reference: {find: equilibrium, guess: {base: {y: -0.5}}}
     "part.yaml": """\
 needs: {body: a body}
 counts: {N: 1}
-parameters: {m: {value: 1, unit: kg, sign: positive}, c: m/4}
+parameters: {m: {value: 1, unit: kg, sign: positive}, c: {value: 0.25, unit: N*m*s/rad}}
 tables: {h: {file: data.csv}}
 bodies: {rod: {type: planar, mass: m, shape: {type: rod, length: 1}, points: {O: [-1/2, 0]}}}
 joints: {pin: {type: revolute, between: [rod.O, body]}}

@@ -339,6 +339,8 @@ _STIFFNESS = (
         "aligning moment over slip angle at small slip, in addition to that of the trail; may change with the motion",
         "N*m/rad",
         sign="nonnegative",
+        instead="a positive stiffness turns the wheel to where it goes; data whose slip or moment has the other sign "
+        "needs it reversed",
     ),
     Field(
         "aligning_peak",

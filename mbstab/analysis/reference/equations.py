@@ -101,8 +101,9 @@ class LinearBalance:
     def unmoved(self) -> Array:
         """Combinations of forces that no change brings into balance, as columns."""
         _, _, left, rows = self._decided
-        found: Array = self.free @ (left / rows[:, None])
-        return found / np.maximum(np.linalg.norm(found, axis=0), 1e-300)
+        mixed = self.free @ (left / rows[:, None])
+        found: Array = mixed / np.maximum(np.linalg.norm(mixed, axis=0), 1e-300)
+        return found
 
     @cached_property
     def inverse(self) -> Array:

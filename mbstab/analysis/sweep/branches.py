@@ -298,9 +298,9 @@ class Branches:
         room = self._room()
         left: list[_Piece] = []
         for piece in pieces:
-            ends = self.shapes.get(piece.a), self.shapes.get(piece.b)
-            known = ends[0] is not None and ends[1] is not None
-            found = told(piece.before, piece.after, ends[0], ends[1]) if known else None
+            first, last = self.shapes.get(piece.a), self.shapes.get(piece.b)
+            found = None if first is None or last is None else told(piece.before, piece.after, first, last)
+            known = first is not None and last is not None
             leaves = found is not None and any(x.collides for x in found.approaches)
             touches = found is not None and found.touches and not multiple[piece.interval]
             crowded = _near_axis(piece) and (leaves or not self._held(piece.interval))
@@ -328,7 +328,7 @@ class Branches:
 
     def _room(self) -> int:
         """Return the number of points that may still be computed only to tell eigenvalues apart."""
-        r = self.values.shape[1]
+        r = int(self.values.shape[1])
         most = max(TOLERANCES.branch_points_each * len(self.x), TOLERANCES.branch_eigenvalues_least // max(r, 1))
         return most * (TOLERANCES.branch_locating if self.locates else 1) - self.linked
 
