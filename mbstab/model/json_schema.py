@@ -106,7 +106,7 @@ def _reference() -> dict[str, Any]:
         time=NUMBER,
         coordinates=STATE,
         rates=STATE,
-        guess={**STATE, "properties": {"rates": STATE}},
+        guess={**STATE, "properties": {"rates": {**STATE, "description": "guesses of rates, with find: steady"}}},
         find={"enum": list(FINDS)},
         steady=object_schema(
             STEADY_FIELDS, axis=DIRECTION, rate=NUMBER, point=VECTOR, direction=DIRECTION, speed=NUMBER
