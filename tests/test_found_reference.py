@@ -5,7 +5,9 @@ import math
 import pytest
 
 import mbstab
+from mbstab.model.library import installed_models
 
+MODELS = {path.stem: path for path in installed_models()}
 G = 9.81
 
 PARALLELOGRAM = """
@@ -97,3 +99,24 @@ reference: {find: equilibrium, guess: {b: {x: 0}}}
 """
     said = "the equilibrium is not isolated: a critical position along b.x"
     assert said in mbstab.loads(text).eig().warnings
+
+
+CIRCLE = """
+reference:
+  find: steady
+  steady: {axis: z}
+  coordinates: {rear_body: {phi: 10*deg, psi: 0}, rear_wheel: {psi: 0}, front_wheel: {psi: 0}}
+  guess:
+    rear_wheel: {y: 20, z: 0.3, phi: 10*deg}
+    rear_body: {y: 20, z: 0.9}
+    front_body: {x: 0.6, y: 20, z: 0.7, phi: 10*deg, psi: -0.05}
+    front_wheel: {x: 0.7, y: 20, z: 0.35, phi: 10*deg, psi: -0.05}
+"""
+
+
+def test_a_steady_circle_of_a_bicycle_is_isolated():
+    whole = MODELS["whipple_bicycle"].read_text(encoding="utf-8")
+    text = whole[: whole.index("\nreference:")] + CIRCLE
+    (found,) = mbstab.loads(text).equilibria()
+    assert found.isolated  # its lean is given: the family of other leans has been left
+    assert {"translation along x", "rotation about z"} <= set(found.symmetries)
