@@ -16,7 +16,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from hashlib import sha256
 from math import gcd, lcm
 from types import SimpleNamespace
@@ -145,6 +145,7 @@ class Tape:
         self.shares = shares
         self.steps: list[Step] = [Literal("1")]
         self._values = [1]
+        self._inverses: dict[int, int] = {}
         self._depends = [0]  # which inputs a step depends on, as bits
         self._terms: dict[Step, Term] = {}
         self._by_value = {1: ONE}
@@ -398,8 +399,8 @@ class Tape:
 
     def _multiple(self, value: int) -> Term | None:
         """Return the known step that has this value, or its double, half or negative, as a term."""
-        for times in (Fraction(1), Fraction(2), Fraction(1, 2)):
-            part = value * residue(1 / times) % PRIME
+        for times, over in _MULTIPLES:
+            part = value * over % PRIME
             number = self._by_value.get(min(part, PRIME - part))
             if number is not None:
                 return Term(self, times if self._values[number] == part else -times, number)
@@ -429,7 +430,10 @@ class Tape:
             case Product():
                 result = 1
                 for n, e in step.factors:
-                    result = result * pow(values[n], e, PRIME) % PRIME
+                    base = values[n]
+                    if e < 0:
+                        base, e = self._inverses.get(n) or self._inverted(n), -e
+                    result = result * (base if e == 1 else pow(base, e, PRIME)) % PRIME
                 return result
             case Literal() if step.text != "pi":
                 return residue(Fraction(step.text))
@@ -437,6 +441,11 @@ class Tape:
                 return half_angle(step.function, str(step.arguments))
             case _:
                 return random_residue(repr(step))
+
+    def _inverted(self, number: int) -> int:
+        """Return the inverse of the value of a step, which takes as long as many products."""
+        self._inverses[number] = pow(self._values[number], -1, PRIME)
+        return self._inverses[number]
 
     # --- derivatives ------------------------------------------------------------------------------------------------
 
@@ -544,7 +553,16 @@ def residue(x: Fraction) -> int:
     """Return the residue of a rational number."""
     if x.denominator == 1:
         return x.numerator % PRIME
-    return x.numerator * pow(x.denominator, -1, PRIME) % PRIME
+    return x.numerator * _inverse(x.denominator) % PRIME
+
+
+@lru_cache(maxsize=4096)
+def _inverse(number: int) -> int:
+    return pow(number, -1, PRIME)
+
+
+_MULTIPLES = tuple((times, residue(1 / times)) for times in (Fraction(1), Fraction(2), Fraction(1, 2)))
+"""Multiples of steps that share them, and the residues of their inverses."""
 
 
 def half_angle(function: str, angle: str) -> int:
