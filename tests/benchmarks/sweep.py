@@ -6,11 +6,13 @@ that part. Times are those of the processor, but for several processes.
 
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 import mbstab
+from mbstab.analysis.sweep import batched_spectra
 from mbstab.analysis.sweep.chart import chart
 from mbstab.analysis.sweep.settings import SweepSettings
 from mbstab.analysis.sweep.sweep import sweep
@@ -18,11 +20,14 @@ from mbstab.analysis.sweep.sweep import sweep
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from chains import straight_chain
 
+from mbstab.model.ranges import sweep_values
+
 CASES = (
     ("top", "omega", (0.0, 10.0), 100_001, 4, 4.0),
     ("whipple_bicycle", "v", (0.0, 10.0), 10_001, 10, 4.0),
     ("chain of 20", "g", (5.0, 20.0), 2_001, 40, 4.0),
 )
+MEETING = (("rail", "V", 6.0), ("wagons", "V", 6.0), ("two_disk", "Omega", 6.0), ("mono", "d", 6.0))
 LONG = 1_000_000
 SHORT, MANY, SIDE = 2, 5_000, 300
 
@@ -73,6 +78,45 @@ def governor():
     print(f"chart of the governor, {SIDE} x {SIDE}: {seconds:.1f} s (goal 35)")
 
 
+def meeting():
+    """Sweeps with eigenvalues that meet, or nearly do: spectra for each point, time over `eigvals` of the points."""
+    for name, parameter, goal in MEETING:
+        model = mbstab.load(Path(__file__).parent / "scenes" / f"{name}.yaml").model
+        x = sweep_values(model, parameter)
+        with counted() as spectra:
+            seconds, result = timed(lambda: sweep(model, parameter, x))  # noqa: B023
+        least = eigenvalue_call(len(x), result.branches.shape[1])
+        print(
+            f"{name}, {len(x)} points, {result.branches.shape[1]} eigenvalues: "
+            f"{sum(spectra) / len(x):.1f} spectra a point "
+            f"(goal {goal:g}), {seconds:.2f} s, eigvals {least:.3f} s"
+        )
+
+
+@contextmanager
+def counted():
+    """Yield a list to which the numbers of points are added whose spectra are computed."""
+    numbers, kept = [], {}
+
+    def counting(name, number):
+        function = kept[name] = getattr(batched_spectra, name)
+
+        def counted_function(*arguments, **named):
+            numbers.append(number(arguments))
+            return function(*arguments, **named)
+
+        setattr(batched_spectra, name, counted_function)
+
+    counting("judged", lambda arguments: len(arguments[1].q))
+    counting("shapes_of", lambda arguments: len(arguments[0].q))
+    counting("enclosures", lambda arguments: 1)
+    try:
+        yield numbers
+    finally:
+        for name, function in kept.items():
+            setattr(batched_spectra, name, function)
+
+
 def processes():
     """Two processes against one, in time that passes."""
     cases = (("top", "omega", np.linspace(0.0, 10.0, LONG)), ("governor", "omega", np.linspace(1.0, 40.0, 50_000)))
@@ -85,7 +129,7 @@ def processes():
         print(f"{name}, {len(x)} points: two processes are {one / two:.2f} x as fast as one (goal 1.7)")
 
 
-PARTS = {part.__name__: part for part in (given, governor, processes)}
+PARTS = {part.__name__: part for part in (given, governor, meeting, processes)}
 
 
 if __name__ == "__main__":

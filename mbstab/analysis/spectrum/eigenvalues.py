@@ -20,6 +20,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.budget import Cost
 from mbstab.analysis.algebra.sparse import in_sparse, scaled
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.bounds.discs import Placed
 from mbstab.analysis.bounds.location import enclosures, enclosures_of
 from mbstab.analysis.linear.linearize import Linearization, linearize
@@ -258,6 +259,16 @@ class Modes:
         if placed.column is None or placed.values[i].imag >= 0.0 or shape is None:
             return shares, shape, told
         return shares, shape.conj(), mirrored(told)
+
+
+def told_mode(linear: Linearization, value: complex, dq: Complex) -> tuple[Complex | None, Told]:
+    """Return the shape of a mode that is alone in question, Δq of shape (n_q,), and the motions by which it is told."""
+    scale, motion = linear.spaces.scale, linear.motion
+    telling = Telling.of(linear.system, motion.q, motion.sizes, lambda: scale[:, None] * linear.spaces.N)
+    bound = EPS * len(dq) * abs(value)
+    x = at_rest_beside_states(linear, np.array([value]), np.array([bound]), dq[:, None] / scale[:, None])
+    shape = mode_shapes(scale[:, None] * x, motion.sizes)[0]
+    return shape, telling.told([shape])[0]
 
 
 def mode_shapes(dq: Any, sizes: Array) -> list[Complex | None]:

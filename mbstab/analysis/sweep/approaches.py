@@ -63,15 +63,17 @@ def approaches(evaluator: Evaluator, parameter: str, x: Array, branches: Complex
         return np.asarray(values.imag - order * np.abs(at))
 
     found = [*_crossings(x, branches, order), *_dips(x, branches, order)]
-    for _ in range(TOLERANCES.rounds_of_approach):
-        inside = np.linspace(0.0, 1.0, TOLERANCES.points_of_approach + 2)[1:-1]
-        new = {b + t * (c - b) for a in found for b, c in zip(a.x, a.x[1:], strict=False) for t in inside}
+    inside = np.linspace(0.0, 1.0, TOLERANCES.points_of_approach + 2)[1:-1]
+    for n in range(TOLERANCES.rounds_of_approach):
+        # Crossings are located by secants once their branches are alone.
+        near = [a for a in found if n < TOLERANCES.rounds_of_crossing or not a.crosses]
+        new = {b + t * (c - b) for a in near for b, c in zip(a.x, a.x[1:], strict=False) for t in inside}
         at = np.array(sorted(new))
         if not len(at):
             break
-        spectra = evaluator.near({parameter: at}, branches.shape[1]).values
-        parts = list[Approach]()
-        for a in found:
+        spectra = evaluator.eigenvalues({parameter: at}, branches.shape[1])
+        parts = [a for a in found if n >= TOLERANCES.rounds_of_crossing and a.crosses]
+        for a in near:
             chosen = at[(at > a.x[0]) & (at < a.x[-1])]
             index = np.searchsorted(at, chosen)
             own = [_assigned(x, branches, y, row, a) for y, row in zip(chosen, spectra[index], strict=True)]

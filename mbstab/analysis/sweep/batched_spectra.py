@@ -37,12 +37,12 @@ from mbstab.analysis.sweep.batched_verdict import (
     Judged,
     Sides,
     judged,
-    unstable_counts,
 )
 from mbstab.analysis.sweep.cancellation import Cancellation, sampled
 from mbstab.analysis.sweep.data_errors import EntryErrors, entry_errors
 from mbstab.analysis.sweep.open_points import Kind, Part, kinds_of_open_points, nearly_meeting, settle, spread
 from mbstab.analysis.sweep.shapes import Shapes, shapes_of
+from mbstab.analysis.sweep.spectra import Spectra
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
 from mbstab.analysis.verdict.facts import Grounds
@@ -54,49 +54,9 @@ from mbstab.model.parameters import bound, settings_in_si
 from mbstab.model.scene import Scene
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
-from mbstab.records import dataclass
 
 FROZEN = "frozen-time: the coefficients change along the motion"
 RAISED: Any = {"over": "raise", "divide": "raise", "invalid": "raise", "under": "ignore"}
-
-
-@dataclass(frozen=True)
-class Spectra:
-    """Eigenvalues over the points of a sweep, and their verdicts.
-
-    Attributes
-    ----------
-    values : ndarray of complex, shape (points, r)
-        Eigenvalues that are not neutral (1/s), in no order; nan where there are none.
-    sides : ndarray of int8, shape (points, r)
-        Side of the imaginary axis, as in `mbstab.analysis.sweep.batched_verdict`.
-    words : ndarray of int8, shape (points,)
-        Numbers of the verdicts among `mbstab.analysis.verdict.rule.WORDS`.
-    mirrored : ndarray of bool, shape (points,)
-        Whether the spectrum is symmetric about the imaginary axis by structure.
-    problems : dict
-        By the number of a point, why it has no eigenvalues, or none that decide about stability.
-    neutral : int
-        Additional number of neutral eigenvalues.
-    sizes : ndarray, shape (points,)
-        Norms of the matrices (1/s).
-    motion : ndarray, shape (points, 2 n_q)
-        Coordinates and rates of solved references, nan where there are none; (points, 0) if the file gives them.
-    """
-
-    values: Complex
-    sides: Sides
-    words: npt.NDArray[np.int8]
-    mirrored: Flags
-    problems: dict[int, str]
-    neutral: int
-    sizes: Array
-    motion: Array
-
-    @property
-    def unstable(self) -> Index:
-        """Number of unstable eigenvalues of each point; −1 where the verdict is open."""
-        return unstable_counts(self.sides, self.words)
 
 
 class Evaluator:
@@ -116,8 +76,7 @@ class Evaluator:
     ) -> None:
         self.model, self.path = model, path
         self.patterns = list(patterns)
-        self.tried: list[Pattern] = []
-        """Those of them that have fitted few points."""
+        self.tried: list[Pattern] = []  # those of them that have fitted few points
         self.cancellation: Cancellation | None = None
         self.alone = 0
         """How many points of the last call of `near` no pattern fits, so that each was computed by itself."""
@@ -163,18 +122,25 @@ class Evaluator:
 
     def shapes(self, values: Mapping[str, Array], count: int) -> dict[int, Shapes]:
         """Return `count` eigenvalues and their vectors by the numbers of those points that patterns fit; no verdict."""
-        work = _Work(self, values, lambda done: None)
-        work.sampled, pending, found = False, np.arange(work.points), dict[int, Shapes]()
-        if self.path is not None:
-            pending = pending[self.path.covers(values)]
+        work, found = _Work(self, values, lambda done: None), dict[int, Shapes]()
+        work.sampled, pending = False, np.arange(work.points)
+        pending = pending if self.path is None else pending[self.path.covers(values)]
         for pattern in self.patterns:
             for start in range(0, len(pending), TOLERANCES.points_with_vectors):
-                index = pending[start : start + TOLERANCES.points_with_vectors]
-                for i, shape in work.shapes(pattern, index):
-                    if len(shape.values) == count:
-                        found[i] = shape
+                some = work.shapes(pattern, pending[start : start + TOLERANCES.points_with_vectors])
+                found |= {i: shape for i, shape in some if len(shape.values) == count}
             pending = pending[~np.isin(pending, list(found))]
         return found
+
+    def eigenvalues(self, values: Mapping[str, Array], count: int) -> Complex:
+        """Return `count` eigenvalues at points between others, without verdicts; nan where there are none."""
+        shapes = self.shapes(values, count)
+        result = np.full((len(next(iter(values.values()))), count), NO_EIGENVALUE)
+        for i, shape in shapes.items():
+            result[i] = shape.values
+        if len(left := np.setdiff1d(np.arange(len(result)), list(shapes))):
+            result[left] = self.near({name: x[left] for name, x in values.items()}, count).values
+        return result
 
     def at_zeros(self, values: Mapping[str, Array], spectra: Complex, sides: Sides) -> npt.NDArray[np.int8]:
         """Return the verdicts of undecided points, as numbers, where exact zero eigenvalues may decide.
@@ -230,17 +196,10 @@ class Evaluator:
     def keep(self, pattern: Pattern, fitted: int) -> None:
         """Keep a pattern for further points; of those that have fitted few so far, only the latest ones."""
         self.patterns.append(pattern)
-        if fitted <= TOLERANCES.points_of_lonely_pattern:
-            self.tried.append(pattern)
-            if len(self.tried) > TOLERANCES.lonely_patterns:
-                first = self.tried.pop(0)
-                self.patterns = [x for x in self.patterns if x is not first]
-
-    def learn(self, values: Mapping[str, Array]) -> None:
-        """Compute the patterns of some of many points."""
-        points, fewest = len(next(iter(values.values()))), TOLERANCES.points_of_lonely_pattern
-        some = np.unique(np.linspace(0, points - 1, 4 * fewest).round().astype(int))
-        _Work(self, {name: x[some] for name, x in values.items()}, lambda done: None).run(fewest)
+        self.tried += [pattern] * (fitted <= TOLERANCES.points_of_lonely_pattern)
+        if len(self.tried) > TOLERANCES.lonely_patterns:
+            first = self.tried.pop(0)
+            self.patterns = [x for x in self.patterns if x is not first]
 
 
 class _Work:
@@ -262,8 +221,8 @@ class _Work:
         }
         return evaluate(self.evaluator.model, chosen)
 
-    def run(self, left: int = 0) -> None:
-        """Compute all points, except `left` ones where there is already a pattern."""
+    def run(self) -> None:
+        """Compute all points."""
         pending = np.arange(self.points)
         if self.path is not None:
             covered = self.path.covers(self.values)
@@ -272,7 +231,7 @@ class _Work:
         for pattern in list(self.evaluator.patterns):
             pending = pending[~self._fitting(pattern, pending)]
         lonely, number = 0, 0
-        while len(pending) > (left if self.evaluator.patterns else 0):
+        while len(pending):
             # In varying order: special values are often in the middle or at an end.
             i = int(pending[int(len(pending) * ((0.37 + 0.618 * number) % 1.0))])
             number += 1
@@ -603,19 +562,15 @@ class _Work:
 
     def shapes(self, pattern: Pattern, index: Index) -> Iterator[tuple[int, Shapes]]:
         """Yield the numbers of points that fit a pattern, with their eigenvalues and vectors."""
-        cancellation = self._cancellation(pattern, index) if len(index) else None
-        if cancellation is None:
-            return
-        with np.errstate(all="ignore"):
-            try:
-                equations = self._equations(pattern, index, self.scene(index))
-                good, points = equations.linearized(cancellation.at(slice(0, len(index))))
-                separation = pattern.known.separated(points)
-                found = shapes_of(points, separation)
-            except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
+        with np.errstate(all="ignore"), contextlib.suppress(MbstabError, ArithmeticError, np.linalg.LinAlgError):
+            if not len(index) or (cancellation := self._cancellation(pattern, index)) is None:
                 return
-        for n in np.flatnonzero(good & separation.good).tolist():
-            yield int(index[n]), Shapes(found.values[n], found.right[n], found.left[n])
+            good, points = self._equations(pattern, index, self.scene(index)).linearized(
+                cancellation.at(slice(0, len(index)))
+            )
+            found = shapes_of(points, separation := pattern.known.separated(points))
+            for n in np.flatnonzero(good & separation.good).tolist():
+                yield int(index[n]), Shapes(found.values[n], found.right[n], found.left[n])
 
     def _equations(self, pattern: Pattern, index: Index, scene: Scene) -> Equations:
         """Return the equations of some points of a pattern."""

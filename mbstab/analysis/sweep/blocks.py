@@ -18,8 +18,9 @@ from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import Sheet, Surface
 from mbstab.analysis.sweep.batched_equations import Pattern
-from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
+from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, touching, unplaced, unstable_counts
+from mbstab.analysis.sweep.spectra import Spectra
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning
 from mbstab.analysis.verdict.rule import UNDECIDED

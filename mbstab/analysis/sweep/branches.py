@@ -11,10 +11,11 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.reference.paths import Path as Solutions
-from mbstab.analysis.sweep.batched_spectra import Evaluator, Spectra
+from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, settled, unplaced
 from mbstab.analysis.sweep.blocks import Block
 from mbstab.analysis.sweep.shapes import Shapes, Told, told
+from mbstab.analysis.sweep.spectra import Spectra
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, doubtful, follow, has_twins, together, uncertain
 from mbstab.analysis.verdict.rule import UNDECIDED
@@ -295,40 +296,43 @@ class Branches:
         Far from the axis eigenvectors tell which eigenvalue continues which, and what is left open changes no verdict.
         """
         self._learn(np.array([end for piece in pieces for end in (piece.a, piece.b)]))
-        room = self._room()
-        left: list[_Piece] = []
+        room, left = self._room(), list[_Piece]()
         for piece in pieces:
-            first, last = self.shapes.get(piece.a), self.shapes.get(piece.b)
-            found = None if first is None or last is None else told(piece.before, piece.after, first, last)
-            known = first is not None and last is not None
+            ends = self.shapes.get(piece.a), self.shapes.get(piece.b)
+            found = told(piece.before, piece.after, *ends)
             leaves = found is not None and any(x.collides for x in found.approaches)
-            touches = found is not None and found.touches and not multiple[piece.interval]
             crowded = _near_axis(piece) and (leaves or not self._held(piece.interval))
-            wide = piece.b - piece.a > TOLERANCES.meeting_interval * self.width
-            wide &= found is None or any(x.gap > TOLERANCES.meeting_gap for x in found.approaches)
-            if found is None and not crowded and (room < TOLERANCES.branch_split or not (known or self.locates)):
+            touches = found is not None and found.touches and not multiple[piece.interval]
+            if found is None and not crowded and (room < TOLERANCES.branch_split or not (all(ends) or self.locates)):
                 done[piece.interval].append((piece, _straight(piece)))
                 if room < TOLERANCES.branch_split:
                     self._stop(0.5 * (piece.a + piece.b), near_axis=False)
-            elif found is None or (found.coupled and crowded and not self.locates):
-                left.append(replace(piece, crowded=crowded))
-                room -= TOLERANCES.branch_split * (not crowded)
-            elif not self.locates or not (found.approaches or touches):
+            elif found is not None and self._is_settled(piece, found, crowded, touches):
                 done[piece.interval].append((piece, found.link))
-            elif touches or wide:
-                left.append(replace(piece, crowded=crowded, guesses=() if touches else _around(piece, found)))
-                room -= TOLERANCES.branch_split * (not crowded)
+                self._record(piece, found)
             else:
-                done[piece.interval].append((piece, found.link))
-                for x in found.approaches:
-                    if x.collides or not x.coupled:
-                        value = piece.a + x.t * (piece.b - piece.a)
-                        self.meetings.append((value, "collide" if x.collides else "cross"))
+                guesses = _around(piece, found) if self.locates and found is not None and not touches else ()
+                left.append(replace(piece, crowded=crowded, guesses=guesses))
+                room -= TOLERANCES.branch_split * (not crowded)
         return left
+
+    def _is_settled(self, piece: _Piece, found: Told, crowded: bool, touches: bool) -> bool:
+        """Return whether what eigenvectors tell about a piece is enough: its links, or where eigenvalues meet in it."""
+        if not self.locates:
+            return not (found.coupled and crowded)
+        wide = piece.b - piece.a > TOLERANCES.meeting_interval * self.width
+        return not touches and not (wide and found.approaches)
+
+    def _record(self, piece: _Piece, found: Told) -> None:
+        """Record where eigenvalues meet in a piece, unless they only come near to each other."""
+        for x in found.approaches if self.locates else ():
+            if x.collides or not x.coupled:
+                value = piece.a + x.t * (piece.b - piece.a)
+                self.meetings.append((value, "collide" if x.collides else "cross"))
 
     def _room(self) -> int:
         """Return the number of points that may still be computed only to tell eigenvalues apart."""
-        r = int(self.values.shape[1])
+        r = self.values.shape[1]
         most = max(TOLERANCES.branch_points_each * len(self.x), TOLERANCES.branch_eigenvalues_least // max(r, 1))
         return most * (TOLERANCES.branch_locating if self.locates else 1) - self.linked
 
@@ -449,14 +453,11 @@ def _near_axis(piece: _Piece) -> bool:
 
 
 def _around(piece: _Piece, found: Told) -> tuple[float, ...]:
-    """Return points beside those at which eigenvalues seem to meet."""
-    width = piece.b - piece.a
-    points = {
-        piece.a + min(max(x.t + side * TOLERANCES.meeting_part, 0.0), 1.0) * width
-        for x in found.approaches
-        for side in (-1.0, 1.0)
-    }
-    return tuple(sorted(p for p in points if piece.a < p < piece.b))
+    """Return points beside those at which eigenvalues seem to meet; none where that is at an end of the piece."""
+    t = np.array([x.t + side for x in found.approaches for side in (-TOLERANCES.meeting_part, TOLERANCES.meeting_part)])
+    if not np.all((t > 0.0) & (t < 1.0)):
+        return ()
+    return tuple(np.unique(piece.a + t * (piece.b - piece.a)).tolist())
 
 
 def _off_axis(piece: _Piece) -> bool:

@@ -169,7 +169,6 @@ def _charted(
         grid.settled.flat[list(problems)] = -1
         # Between the points exact zeros decide nothing: boundaries are followed without them.
         unstable.flat[place] = unstable_counts(whole.sides, judged_words)
-    evaluator.learn(points)
     detail, boundaries, divisions = traced(evaluator, (one, other), grid, count, unplaced)
     if isinstance(sheet, Sheet):
         boundaries += _ends(sheet)

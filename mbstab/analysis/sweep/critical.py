@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.reference.paths import PathEnd
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -116,3 +117,18 @@ class Critical:
     verdicts: tuple[str, str] = ("", "")
     enclosed: Enclosed | None = None
     slopes: CriticalSlopes | None = None
+
+
+def kind_of(reason: PathEnd) -> str:
+    """Return the kind of the critical value at which a path of equilibria ends."""
+    match reason:
+        case PathEnd.TURNS:
+            return "fold"
+        case PathEnd.BRANCHES:
+            return "branch point"
+        case PathEnd.NONE | PathEnd.AWAY:
+            return "loss of equilibrium"
+        case PathEnd.EQUATIONS:
+            return "end of the equations"
+        case PathEnd.AGAIN | PathEnd.LONG | PathEnd.UNSURE | PathEnd.HIDDEN:
+            return "unresolved"

@@ -18,7 +18,7 @@ from mbstab.analysis.reference.paths import PathEnd
 from mbstab.analysis.sweep.batched_verdict import AXIS, RIGHT, WORD, Sides, settled, signs, touching
 from mbstab.analysis.sweep.brackets import Bracket, RealPart, Stretch, Test, far_apart, needed, spaced
 from mbstab.analysis.sweep.branches import Branches
-from mbstab.analysis.sweep.critical import Critical
+from mbstab.analysis.sweep.critical import Critical, kind_of
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, symmetric_product, turning
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS
@@ -290,7 +290,7 @@ class CriticalValues(Branches):
     def ended(self, value: float, reason: PathEnd) -> Critical:
         """Return the end of a path of equilibria as a critical value."""
         sides, words = self._beside(value)
-        return Critical(value, _kind_of(reason), (), 0.0, sides, verdicts=words)
+        return Critical(value, kind_of(reason), (), 0.0, sides, verdicts=words)
 
     def _beside(self, value: float) -> tuple[tuple[int, int], tuple[str, str]]:
         """Return the number of unstable eigenvalues and the verdict below and above a place on the path.
@@ -598,18 +598,3 @@ class CriticalValues(Branches):
             changed = np.flatnonzero(growing[0] != growing[1]).tolist()
             numbers = changed if len(changed) == passing else numbers
         return Critical(value, kind, tuple(numbers), frequency, unstable)
-
-
-def _kind_of(reason: PathEnd) -> str:
-    """Return the kind of the critical value at which a path of equilibria ends."""
-    match reason:
-        case PathEnd.TURNS:
-            return "fold"
-        case PathEnd.BRANCHES:
-            return "branch point"
-        case PathEnd.NONE | PathEnd.AWAY:
-            return "loss of equilibrium"
-        case PathEnd.EQUATIONS:
-            return "end of the equations"
-        case PathEnd.AGAIN | PathEnd.LONG | PathEnd.UNSURE | PathEnd.HIDDEN:
-            return "unresolved"

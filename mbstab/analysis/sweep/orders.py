@@ -12,14 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.algebra.roots import root
-from mbstab.analysis.linear.linearize import Linearization
+from mbstab.analysis.algebra.roots import Search
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.continuation import follow as follow_path
-from mbstab.analysis.spectrum.eigenvalues import eigenvalues
+from mbstab.analysis.spectrum.eigenvalues import told_mode
 from mbstab.analysis.spectrum.named_motions import Whirl
-from mbstab.analysis.spectrum.results import Eigenvalue
 from mbstab.analysis.sweep.approaches import Approach, approaches
 from mbstab.analysis.sweep.batched_spectra import Evaluator
+from mbstab.analysis.sweep.blocks import home_of, patterns_at
 from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.errors import MbstabError, UsageError
@@ -52,19 +52,20 @@ def with_orders(model: Model, result: Sweep, orders: Sequence[float]) -> Sweep:
     found, notes, factor = [], list[str](), model.parameters[result.parameter].factor
     for order in dict.fromkeys(float(k) for k in orders):
         told = list[OrderCrossing]()
-        for passed in sorted(search.passed(order), key=lambda a: not a.told):
+        passed = sorted(search.passed(order), key=lambda a: not a.told)
+        for approach, value in zip(passed, search.values(order, passed), strict=True):
             try:
-                crossing = search.crossing(order, passed)
+                crossing = search.crossing(order, approach, value)
             except MbstabError as error:
-                place = f"between {passed.x[0] / factor:.6g} and {passed.x[1] / factor:.6g}"
+                place = f"between {approach.x[0] / factor:.6g} and {approach.x[1] / factor:.6g}"
                 first = str(error).splitlines()[0]
                 notes.append(
-                    f"a crossing of branch {passed.branch + 1} with order {order:g} {place} is not located: {first}"
+                    f"a crossing of branch {approach.branch + 1} with order {order:g} {place} is not located: {first}"
                 )
                 continue
             # Between points a branch may be taken for another one.
             same = TOLERANCES.crossing * abs(crossing.value)
-            if passed.told:
+            if approach.told:
                 told.append(crossing)
             elif any(abs(crossing.value - c.value) <= same for c in told):
                 continue
@@ -86,7 +87,8 @@ class _Search:
         path = None
         if model.reference.find is not None:
             path = follow_path(model, result.parameter, ends[0], ends[1], float(result.values[0]))
-        self.evaluator = Evaluator(model, path)
+        home = home_of({result.parameter: np.sort(result.values)})
+        self.evaluator = Evaluator(model, path, patterns_at(model, path, home))
 
     def passed(self, order: float) -> list[Approach]:
         """Return where branches cross a line."""
@@ -94,29 +96,41 @@ class _Search:
         x, branches = self.result.values[rank], self.result.branches[rank]
         return [a for a in approaches(self.evaluator, parameter, x, branches, order) if a.crosses]
 
-    def crossing(self, order: float, passed: Approach) -> OrderCrossing:
-        """Return the crossing of a branch in an interval.
+    def values(self, order: float, passed: Sequence[Approach]) -> list[float]:
+        """Return where branches cross a line in intervals, all looked for together; nan where one has no eigenvalue."""
+        searches = [
+            Search(a.x, a.values.imag - order * np.abs(a.x), 0, 1, EPS * float(np.max(np.abs(a.x)))) for a in passed
+        ]
+        parameter, count = self.result.parameter, self.result.branches.shape[1]
+        while open_ := [(a, search) for a, search in zip(passed, searches, strict=True) if not search.done]:
+            places = [search.points(1) for _, search in open_]
+            spectra = iter(self.evaluator.eigenvalues({parameter: np.concatenate(places)}, count))
+            for (a, search), x in zip(open_, places, strict=True):
+                near = np.array([_nearest(next(spectra), _between(a, float(at))) for at in x])
+                search.learn(x, near.imag - order * np.abs(x))
+        return [np.nan if search.failed else search.best for search in searches]
+
+    def crossing(self, order: float, passed: Approach, value: float) -> OrderCrossing:
+        """Return the crossing of a branch at a value in an interval.
 
         Raises
         ------
         MbstabError
-            If there are no eigenvalues in between, or the branch jumps there.
+            If there are no eigenvalues, or the branch jumps there.
         """
-        (a, b), ends, branch = passed.x.tolist(), passed.values, passed.branch
-
-        def near(x: float) -> tuple[complex, Linearization]:
-            values, _, linear = self.evaluator.modes({self.result.parameter: x})
-            return _nearest(values, complex(ends[0] + (x - a) / (b - a) * (ends[1] - ends[0]))), linear
-
-        value = root(lambda x: near(x)[0].imag - order * abs(x), a, b)
-        s, linear = near(value)
+        if np.isnan(value):
+            raise UsageError("there are no eigenvalues in between")
+        values, shapes, linear = self.evaluator.modes({self.result.parameter: value})
+        k = int(np.argmin(np.abs(values - _between(passed, value))))
+        s = complex(values[k])
         if not abs(s.imag - order * abs(value)) <= TOLERANCES.crossing * abs(s):
             raise UsageError("its frequency jumps there")
         if linear.generator is not None and linear.generator.turns:
             self.notes.append(TURNING.format(linear.generator))
-        mode = self._mode(linear, s)
-        name = self.result.names[branch] if self.result.names else ""
-        return OrderCrossing(order, value, s.imag, branch, name, mode.whirl, mode.motions)
+        name = self.result.names[passed.branch] if self.result.names else ""
+        shape, motions = told_mode(linear, s, shapes[:, k])
+        whirl = Whirl(linear.system, linear.motion, linear.generator).of(s, shape)
+        return OrderCrossing(order, value, s.imag, passed.branch, name, whirl, motions)
 
     def whirls(self, crossings: Sequence[OrderCrossing]) -> tuple[str, ...]:
         """Return the sense in which bodies whirl on each branch, as some points and the crossings tell it.
@@ -132,20 +146,24 @@ class _Search:
             except MbstabError:
                 continue
             whirl = Whirl(linear.system, linear.motion, linear.generator)
+            told: dict[int, str] = {}
             for sense, s in zip(senses, branches[i], strict=True):
                 # The two of a pair are one motion.
                 k = int(np.argmin(np.abs(values - complex(s.real, abs(s.imag)))))
-                if s.imag:
-                    sense.add(whirl.of(complex(values[k]), shapes[:, k]))
+                if s.imag and k not in told:
+                    told[k] = whirl.of(complex(values[k]), shapes[:, k])
+                sense |= {told[k]} if s.imag else set()
         for c in crossings:
             i = int(np.argmin(np.abs(self.result.values - c.value)))
             for s in (branches[i, c.branch], np.conj(branches[i, c.branch])):
                 senses[int(np.argmin(np.abs(branches[i] - s)))].add(c.whirl)
         return tuple("changing" if len(found := sense - {""}) > 1 else "".join(found) for sense in senses)
 
-    @staticmethod
-    def _mode(linear: Linearization, s: complex) -> Eigenvalue:
-        return min(eigenvalues(linear).eigenvalues, key=lambda e: abs(e.value - s))
+
+def _between(passed: Approach, x: float) -> complex:
+    """Return the eigenvalue of a branch between the ends of an interval, on a straight line."""
+    (a, b), (first, last) = passed.x.tolist(), passed.values.tolist()
+    return complex(first + (x - a) / (b - a) * (last - first))
 
 
 def _nearest(values: Complex, place: complex) -> complex:

@@ -45,14 +45,11 @@ class Approach:
     Attributes
     ----------
     t : float
-    gap : float
-        Their distance at that end at which it is larger, as a fraction of the largest eigenvalue.
     coupled, collides : bool
         Whether they have a part in each other's motion, and whether their square root is zero there.
     """
 
     t: float
-    gap: float
     coupled: bool = False
     collides: bool = False
 
@@ -100,16 +97,18 @@ def shapes_of(points: Points, separation: Separation) -> Shapes:
     return Shapes(values.astype(complex), right.astype(complex), left.astype(complex))
 
 
-def told(before: Complex, after: Complex, one: Shapes, other: Shapes) -> Told | None:
+def told(before: Complex, after: Complex, one: Shapes | None, other: Shapes | None) -> Told | None:
     """Return what the eigenvectors of two points tell, None if nothing.
 
     Parameters
     ----------
     before, after : ndarray of complex, shape (r,)
         Eigenvalues at both points, in any order.
-    one, other : Shapes
-        Those of each point, without an axis for points.
+    one, other : Shapes or None
+        Those of each point, without an axis for points; None where there are none.
     """
+    if one is None or other is None:
+        return None
     first, last = (assigned(np.abs(x[:, None] - y.values)) for x, y in ((before, one), (after, other)))
     link = follow(before[None], after[None])[0][0]
     overlap = one.left[first] @ other.right[:, last]
@@ -125,20 +124,33 @@ def told(before: Complex, after: Complex, one: Shapes, other: Shapes) -> Told | 
     link[open_] = columns[assigned(-np.abs(share[open_][:, columns]))]
     passing = _passing(before, after[link])
     rows = np.flatnonzero(open_ | passing.any(axis=1))
-    columns = link[rows]
-    overlap, share, passing = overlap[np.ix_(rows, columns)], share[np.ix_(rows, columns)], passing[np.ix_(rows, rows)]
-    a, b = before[rows], after[columns]
+    within = np.ix_(rows, link[rows])
+    return _resolved(link, rows, (before[rows], after[link[rows]]), overlap[within], share[within])
+
+
+def _resolved(link: Index, rows: Index, ends: tuple[Complex, Complex], overlap: Complex, share: Complex) -> Told | None:
+    """Return what is told of eigenvalues that come near to each other, the rows of a link that their vectors suggest.
+
+    Parameters
+    ----------
+    link, rows : ndarray of int
+    ends : tuple of ndarray, shape (k,)
+        Those eigenvalues at both ends.
+    overlap, share : ndarray, shape (k, k)
+        Vectors of the second end in terms of those of the first, and how much of each other they are.
+    """
+    a, b = ends
     try:
-        H = np.linalg.solve(overlap.T, (overlap * b).T).T
+        H: Complex = np.asarray(np.linalg.solve(overlap.T, (overlap * b).T).T, dtype=complex)
     except np.linalg.LinAlgError:
         return None
-    size = float(np.max(np.abs(np.concatenate([before, after]))))
+    size = float(np.max(np.abs(np.concatenate([a, b]))))
     start, end = (x[:, None] - x[None, :] for x in (a, b))
-    near = passing | (np.minimum(np.abs(start), np.abs(end)) <= np.sqrt(np.abs(H * H.T)))
+    least = np.minimum(np.abs(start), np.abs(end))
+    near = _passing(a, b) | (least <= np.sqrt(np.abs(H * H.T)))
     coupled = near & (np.minimum(np.abs(H), np.abs(H.T)) > TOLERANCES.uncoupled * size)
-    same = np.minimum(np.abs(start), np.abs(end)) <= TOLERANCES.twin_distance * size
-    gap = np.maximum(np.abs(start), np.abs(end)) / size
-    found, approaches = columns.copy(), list[Approach]()
+    same = least <= TOLERANCES.twin_distance * size
+    found, approaches = link.copy(), list[Approach]()
     for group in _groups(coupled | same):
         within = np.ix_(group, group)
         # What the vectors of others have is lost.
@@ -146,19 +158,18 @@ def told(before: Complex, after: Complex, one: Shapes, other: Shapes) -> Told | 
             return None
         if len(group) == 2 and not same[within][0, 1]:
             exchanged, meets = _pair(a[group], H[within], b[group])
-            approaches += [Approach(t, float(gap[within][0, 1]), True, collides) for t, collides in meets]
-            found[group] = found[group[::-1]] if exchanged else found[group]
+            approaches += [Approach(t, True, collides) for t, collides in meets]
+            found[rows[group]] = link[rows[group[::-1]]] if exchanged else link[rows[group]]
         elif len(group) > 2 and not same[within].all():
             return None
     touches = bool(np.any(np.triu(same, 1)))
     for i, k in np.argwhere(np.triu(near & ~coupled & ~same, 1)).tolist():
         t = start[i, k] / (start[i, k] - end[i, k])
         if 0.0 <= t.real <= 1.0:
-            approaches.append(Approach(float(t.real), float(gap[i, k])))
+            approaches.append(Approach(float(t.real)))
         else:
             touches = True
-    link[rows] = found
-    return Told(link, tuple(approaches), bool(np.any(coupled & ~same)), touches)
+    return Told(found, tuple(approaches), bool(np.any(coupled & ~same)), touches)
 
 
 def _passing(a: Complex, b: Complex) -> Flags:

@@ -77,8 +77,6 @@ class Tolerances:
     """Eigenvalues that are not separated in an interval of this relative width cross or collide in it."""
     meeting_interval: Final = 1e-6
     """A meeting of eigenvalues is located if the interval is narrower than this fraction of the parameter."""
-    meeting_gap: Final = 1e-6
-    """Where eigenvalues nearer to each other than this, relative to the largest, meet follows from their rates."""
     meeting_part: Final = 0.02
     """Where two eigenvalues seem to meet, points are computed at this fraction of the interval on both sides."""
     meeting_rounding: Final = 1e-7
@@ -206,6 +204,8 @@ class Tolerances:
     """Where a frequency comes near to an order, intervals are divided by so many points …"""
     rounds_of_approach: Final = 4
     """… and so many times."""
+    rounds_of_crossing: Final = 2
+    """Where a frequency is seen to cross an order, so many of these rounds separate its branch from others."""
     reach_of_dip: Final = 4.0
     """A frequency may reach an order between points if its distance is at most this many times its change there."""
 

@@ -142,10 +142,7 @@ def sweep(
     given = {"--from": start, "--to": stop, "--points": points}
     _check_options(parameters, given, values is not None, pictures, place)
     single = {"--certify": certify, "--sensitivity": sensitivity, "--orders": orders, "--meetings": meetings}
-    if len(parameters) == 2 and (option := next((name for name, chosen in single.items() if chosen), "")):
-        raise UsageError(f"{option} goes with one parameter")
-    if sensitivity and output.format == "npz":
-        raise UsageError("--sensitivity goes with the formats table, json and csv")
+    _check_asked([name for name, chosen in single.items() if chosen], parameters, output.format)
     if max_frequency is not None and ("campbell" not in pictures or not 0.0 < max_frequency < float("inf")):
         raise UsageError("--max-frequency goes with --plot campbell, and is a positive number of Hz")
     directory = output.path.with_name(output.path.name + ".parts") if output.path is not None else None
@@ -161,8 +158,7 @@ def sweep(
     if len(parameters) == 1:
         if "campbell" in paths and is_angular_velocity(model.parameters[parameters[0]].unit):
             orders = orders or (1.0,)
-        asked = {"certify": certify, "sensitivity": sensitivity, "orders": orders}
-        asked |= {"meetings": meetings, "detail": bool(paths)}
+        asked = {name[2:]: chosen for name, chosen in single.items()} | {"orders": orders, "detail": bool(paths)}
         total, missing, reason = _sweep(
             mechanism, parameters[0], grids, run, paths, output, asked, (max_frequency, coordinates)
         )
@@ -260,6 +256,14 @@ def _check_options(
     if "none" in pictures and (len(pictures) > 1 or place is not None):
         raise UsageError("--plot none goes with no other picture")
     check_pictures(place)
+
+
+def _check_asked(options: list[str], parameters: tuple[str, ...], form: str) -> None:
+    """Refuse options of sweeps with a chart, and derivatives in a format without them."""
+    if len(parameters) == 2 and options:
+        raise UsageError(f"{options[0]} goes with one parameter")
+    if "--sensitivity" in options and form == "npz":
+        raise UsageError("--sensitivity goes with the formats table, json and csv")
 
 
 def _check_path(
