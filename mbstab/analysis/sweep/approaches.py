@@ -91,8 +91,8 @@ def approaches(evaluator: Evaluator, parameter: str, x: Array, branches: Complex
             elif not len(passed) and np.any(known := np.isfinite(values)):
                 places, values = places[known], values[known]
                 k = int(np.argmin(np.abs(gaps(places, values))))
-                near = slice(max(k - 1, 0), k + 2)
-                parts.append(Approach(a.branch, places[near], values[near], False, False))
+                around = slice(max(k - 1, 0), k + 2)
+                parts.append(Approach(a.branch, places[around], values[around], False, False))
         found = parts
     return found
 

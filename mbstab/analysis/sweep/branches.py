@@ -332,7 +332,7 @@ class Branches:
 
     def _room(self) -> int:
         """Return the number of points that may still be computed only to tell eigenvalues apart."""
-        r = self.values.shape[1]
+        r = int(self.values.shape[1])
         most = max(TOLERANCES.branch_points_each * len(self.x), TOLERANCES.branch_eigenvalues_least // max(r, 1))
         return most * (TOLERANCES.branch_locating if self.locates else 1) - self.linked
 
