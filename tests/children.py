@@ -44,6 +44,13 @@ def until(condition: Callable[[], bool], process: subprocess.Popen[str], seconds
         time.sleep(0.01)
 
 
+def processor_time(process: subprocess.Popen[str]) -> float:
+    """Return the seconds for which a process has worked (Linux)."""
+    with open(f"/proc/{process.pid}/stat", encoding="ascii") as file:
+        user, system = file.read().rpartition(")")[2].split()[11:13]
+    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+
 def ended(number: int, seconds: float = 30.0) -> bool:
     """Return whether a process ends; its number is free a moment later."""
     deadline = time.monotonic() + seconds

@@ -7,14 +7,13 @@ import math
 import re
 import signal
 import subprocess
-import time
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
-from children import child, command_line
+from children import child, command_line, processor_time, until
 from click.testing import CliRunner
 from mechanisms import FREE_DISK
 from sampling import sample
@@ -1133,7 +1132,7 @@ def test_ctrl_c_leaves_the_finished_part_on_disk(tmp_path):
     arguments = ("--perturb", "rod.theta=1", "--to", "1e5", "--points", "200001", "-o", path)
     pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
     with child(command_line("simulate", "pendulum.yaml", *arguments), **pipes) as process:
-        time.sleep(3.0)
+        until(lambda: processor_time(process) > 2.0, process, 100.0)
         process.send_signal(signal.SIGINT)
         _, said = process.communicate(timeout=60)
     assert process.returncode == 130
