@@ -2,7 +2,7 @@
 
 import pytest
 
-FEW = 5
+FEW = 4
 """The number of cases of a test in the default lane."""
 
 

@@ -168,6 +168,7 @@ def test_discs_of_defective_matrices_hold_as_many_as_they_say(sizes, seed):
 # --- other methods --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("seed", "method"), sample(itertools.product([0, 9, 11, 35], [name for name in METHODS if solver(name)]), 5)
 )

@@ -207,6 +207,7 @@ RANDOM = [
 ]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", sample(RANDOM, 4))
 def test_at_other_parameters_both_ways_agree(name):
     rng = random.Random(name)
@@ -362,6 +363,7 @@ HYSTERESIS = "p + b.x - b.x**3 - rate(b.x)"
 THREE = "-(b.x**2 - 1)*b.x - rate(b.x)*(b.x + p)"  # x = 1 and x = -1 attract, if the damping is positive there
 
 
+@pytest.mark.long
 def test_a_branch_that_folds_is_not_continued_on_another_one():
     fold = 2 / math.sqrt(27)
     result = point(HYSTERESIS, -1).certify(p="[-0.3, 0.43]")

@@ -276,7 +276,7 @@ def test_compiled_steps_are_the_same_steps(name):
 IMPLICIT = [name for name, solvers in METHODS.items() if any(x.compiled == name for x in solvers.values())]
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("method", IMPLICIT)
 @pytest.mark.parametrize("name", sample(MOTIONS, 6))
 @pytest.mark.parametrize("accuracy", [{"tol": 1e-5, "once": True}, {"step": 0.01}], ids=["tolerance", "step"])
@@ -301,6 +301,7 @@ def test_compiled_implicit_steps_are_those_of_the_interpreted_method(method, nam
     assert other.energy_drift < 1.1 * one.energy_drift + off
 
 
+@pytest.mark.long
 def test_compiled_steps_of_radau_are_long_where_a_motion_is_stiff():
     # A bead on a parabola, held to cos(t) by a stiff spring, without friction: it starts where the spring balances.
     model = mbstab.loads("""

@@ -343,7 +343,7 @@ def treadmill(text):
     return text.replace("{x: v, y: 0", "{x: 0, y: 0")
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("v", [1.0, 5.0])
 def test_a_bicycle_on_a_treadmill_has_the_eigenvalues_of_one_on_the_road(v):
     road, belt = (mbstab.loads(x).eig(v=v) for x in (BICYCLE, treadmill(BICYCLE)))

@@ -413,6 +413,7 @@ def test_wrong_inputs_are_told_at_their_place(push, rule):
     assert str(error.value).startswith("<text>:12:")
 
 
+@pytest.mark.long
 def test_inputs_and_outputs_change_no_other_answer(tmp_path):
     text = (ROOT / "models" / "whipple_bicycle.yaml").read_text(encoding="utf-8")
     plain = text[: text.index("inputs:")] + text[text.index("reference:") :]

@@ -209,7 +209,7 @@ def test_growth_between_damped_ranges_is_found():
     assert "unstable" not in {NAME[word] for word in swept.words[~inside]}
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("order", [("q", "b"), ("b", "q")])
 def test_a_triangle_of_a_chart_is_not_taken_for_the_rest(order):
     model = mbstab.loads(rail("-u + k*x**3", "abs(b-q)+b-q"))
@@ -281,6 +281,7 @@ def judged_alone(monkeypatch):
     return found
 
 
+@pytest.mark.long
 def test_a_family_is_followed_at_some_points_and_answers_for_the_others(judged_alone):
     model = mbstab.loads(BOGIE)
     speeds = np.linspace(20.0, 50.0, 200)  # m/s
@@ -301,6 +302,7 @@ def test_zeros_count_only_where_a_gap_tells_them_from_the_others():
     assert _zeros(stacked).tolist() == [1, 1, NOT_COUNTED, 0]
 
 
+@pytest.mark.long
 def test_where_one_point_has_another_answer_each_is_judged(judged_alone, monkeypatch):
     plain, asked = batched_spectra._Work._judged, []
 
@@ -405,6 +407,7 @@ def test_a_zero_eigenvalue_beside_neutral_ones(damping):
         assert abs(c.slopes.slopes[k]) <= 10.0 * c.slopes.errors[k] < 1e-5
 
 
+@pytest.mark.long
 def test_weave_and_capsize_of_the_bicycle():
     """Lengths of all kinds scale: v is as sqrt(g L); and g against critical speeds computed again."""
     bicycle = load("whipple_bicycle.yaml")
@@ -429,6 +432,7 @@ def test_the_bicycle_against_critical_speeds_computed_again():
             assert c.slopes.slopes[c.slopes.names.index(name)] == pytest.approx(difference, rel=tolerance)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("model", "parameter", "ends", "reason"),
     sample(

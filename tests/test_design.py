@@ -70,6 +70,7 @@ def test_equal_eigenvalues_that_part_in_every_direction():
     assert found.best == pytest.approx(1.1 / 3, rel=1e-6)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [pytest.param(i, marks=[pytest.mark.long] if i > 3 else []) for i in range(200)])
 def test_an_optimum_is_as_good_as_a_grid(seed):
     """Of plants with equal and crossing eigenvalues; the oracle computes those of its own matrices."""
@@ -153,6 +154,7 @@ def test_the_worst_inside_of_a_box():
     assert found.worst["w"] == pytest.approx(0.37, abs=0.01)
 
 
+@pytest.mark.long
 def test_the_stated_margin_over_a_box_is_the_worst_although_it_is_narrow():
     """Two oscillators with a circulatory coupling e: damped by (c − e)/2 where they are alike, by c/2 elsewhere."""
     window = loads("""
@@ -197,6 +199,7 @@ def test_a_range_that_is_split_inside():
     assert found.values["p"] < 0.4 - math.sqrt(0.02)
 
 
+@pytest.mark.long
 def test_an_unstable_start_first_becomes_stable():
     found = loads(OSCILLATOR).design({"c": (-3.0, 3.0)}, "damping", c=-1.0)
     assert found.first == pytest.approx(-0.25)
@@ -217,6 +220,7 @@ def test_neutral_directions_do_not_count():
     assert found.best == pytest.approx(2.0 * math.sqrt(1.5), rel=1e-6)
 
 
+@pytest.mark.long
 def test_values_at_which_there_is_no_answer_are_avoided():
     text = OSCILLATOR.replace("m: 1.0", "p: 0.5").replace("mass: m", "mass: 2 - p").replace("c: 0.5", "c: 1")
     found = loads(text).design({"p": (0.0, 3.0)}, "decay")

@@ -540,6 +540,7 @@ def test_the_governor_is_found_from_angles_off_by_03_rad():
         assert np.max(np.abs(difference)) < 1e-13
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("spread", "seed"), sample([(spread, seed) for spread in (1.0, 0.3) for seed in range(5)], 10))
 def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(spread, seed):
     system = governor()
@@ -570,6 +571,7 @@ def bicycle():
     return mbstab.loads(head + "reference:\n" + search + coordinates.replace("coordinates:", "guess:"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("guesses", sample([25, 100], 2))
 def test_a_random_guess_for_the_bicycle_leads_to_a_steady_motion_or_an_error(guesses):
     model = bicycle()
@@ -667,6 +669,7 @@ def test_the_same_seed_gives_the_same_solutions():
     assert one == other
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("starts", sample([2, 6], 2))
 def test_random_starts_leave_held_coordinates_alone(starts):
     model = mbstab.load(MODELS["governor"])
@@ -835,6 +838,7 @@ reference: {find: steady, steady: {axis: z}}
 # --- symmetries and lists -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_a_body_that_hangs_freely_turned_about_the_vertical_has_two_equilibria():
     # Up and down, each with a turn about the vertical: not one for every heading that a start leads to.
     text = """
@@ -852,6 +856,7 @@ reference: {find: equilibrium, guess: {r: {x: 0.3, z: -0.9, theta: 0.3}}}
     assert all(item.symmetries == ("rotation about z",) for _, item in isolated)
 
 
+@pytest.mark.long
 def test_a_mass_on_a_string_that_turns_may_stand_above_its_pivot():
     text = """
 mbstab: 1

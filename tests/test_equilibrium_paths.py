@@ -276,6 +276,7 @@ def controlled_disks(seed):
     return mbstab.loads(text).model, matrix
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", sample(range(12), 5))
 def test_rounding_of_states_that_come_to_rest_makes_no_point_a_case_of_its_own(seed):
     # Fast filters and lags make of the last bit of an angle a rate that is far from zero.
@@ -364,6 +365,7 @@ def solution(room, a, b):
 LONGER = [pytest.param(name, 13, marks=pytest.mark.long) for name in ("two bumps", "ring")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "points"), [("disk", 7), *LONGER])
 def test_rows_to_which_the_first_column_does_not_lead_are_reached_from_those_beside(name, points):
     room, *ends = REGIONS[name]
@@ -399,6 +401,7 @@ def test_points_of_rows_are_judged_as_eig_judges_them_from_the_same_solution(nam
         assert np.array(chart.verdicts).flat[i] == found.eig().verdict
 
 
+@pytest.mark.long
 def test_a_table_that_the_first_column_leaves_does_not_end_the_rows():
     a, b = np.linspace(0.0, 1.5, 8), np.linspace(-0.53, 1.1, 8)
     chart = mbstab.loads(TEXT.replace("ROOM - p.x**2", "2*spline(a - b, load) - p.x")).chart({"a": a, "b": b})
@@ -409,6 +412,7 @@ def test_a_table_that_the_first_column_leaves_does_not_end_the_rows():
     assert all("is outside the table 'load'" in text for text in chart.problems.values())
 
 
+@pytest.mark.long
 def test_a_row_is_not_continued_on_another_sheet():
     """Beside a cusp: rows with two folds end at the first one, though their neighbour leads around to the others."""
     text = TEXT.replace("ROOM - p.x**2", "a + b*p.x - p.x**3").replace("start: 1", "start: -1")
@@ -737,6 +741,7 @@ def test_a_reference_that_does_not_depend_on_the_parameter_has_no_empty_picture(
     assert len(axes.get_lines()) == 1
 
 
+@pytest.mark.long
 def test_a_rate_that_is_the_parameter_is_not_drawn():
     """The hoop turns at the rate that is swept; the bead stays at the bottom, where the raised one branches off."""
     swept = mbstab.load("bead_on_hoop.yaml").sweep("Omega", np.linspace(4.0, 5.0, 5))
@@ -768,6 +773,7 @@ def test_what_cannot_be_drawn_is_refused(words, said):
     assert said in " ".join(answer.output.split())
 
 
+@pytest.mark.long
 def test_the_legend_tells_names_from_lines(truss):
     """Names belong to colours, where there is more than one curve in a panel, and lines to stability."""
     legend = bifurcation(truss, Axis("P"), "").legends[0]
@@ -786,6 +792,7 @@ def test_the_legend_tells_names_from_lines(truss):
     assert "no answer" in names
 
 
+@pytest.mark.long
 def test_what_has_no_answer_begins_where_the_path_ends():
     """The steady turn ends in a fold, 0.0584430954089223 rad, between two points of the sweep."""
     found = list(SweepCurves(CAR_TURN.sweep("steer", np.linspace(0.03, 0.07, 9), detail=True), Axis("steer")).ranges())

@@ -703,6 +703,7 @@ def against_precise(text, settings):
     return result, precise, errors, bounds, np.abs(true)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("name", "speed"), sample([(name, speed) for name, (_, all_) in SPEEDS.items() for speed in all_], 4)
 )

@@ -229,6 +229,7 @@ def mutated_sets(draw: Draw) -> dict[str, str]:
     return files
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("examples", sample([40, int(os.environ.get("MBSTAB_FUZZ_EXAMPLES", "200"))], 1))
 def test_mutated_parts_give_a_scene_or_an_error_at_a_place_in_one_of_the_files(examples: int) -> None:
     drawn = settings(

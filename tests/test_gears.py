@@ -283,6 +283,7 @@ def test_a_planetary_train_has_the_ratios_of_willis(dimension):
     assert {key: torques[key] for key in expected} == pytest.approx(expected, rel=1e-11)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("elastic", [False, True])
 def test_a_free_planetary_train_spins_on(elastic, dimension):
@@ -408,6 +409,7 @@ def test_a_spinning_train_is_a_steady_motion():
     assert [e.value for e in result.eigenvalues] == [0, 0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_spinning_train_is_proven_whatever_rates_the_file_leaves_out(dimension):
     turning = SPIN if dimension == 3 else PAIR.replace("TRAIN", "type: gear, joints: [a, b], teeth: [17, 41]").replace(

@@ -27,6 +27,7 @@ def compared():
     return PENDULUM.compare_integrators(0.5, {"rod.theta": math.pi / 4}, 1e-6)
 
 
+@pytest.mark.long
 def test_the_reference_is_the_exact_solution():
     result = compared()
     k, rate = math.sin(math.pi / 8), math.sqrt(3.0 * 9.81 / 0.8)
@@ -96,6 +97,7 @@ def test_a_reference_at_rest_is_disturbed_by_its_first_mode(monkeypatch):
     assert all(x.error > 0.0 for x in result.runs)
 
 
+@pytest.mark.long
 def test_angles_may_pass_their_singularity_within_a_step(monkeypatch):
     # The shaft turns by a quarter in 0.157 s, and with it theta of the cranks passes pi/2.
     tolerances = "mbstab.analysis.compare.tolerances.Tolerances."

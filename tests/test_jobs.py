@@ -406,6 +406,7 @@ def test_a_directory_with_files_of_somebody_else_is_left_alone(bicycle, small, t
     assert (place / "mine.txt").read_text(encoding="utf-8") == "mine"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all"])
 def test_a_damaged_block_is_computed_again(wheel, whole_wheel, tmp_path, content):
     place = tmp_path / "a.parts"

@@ -110,6 +110,7 @@ def test_shafts_turn_equally_at_any_bend(beta):
     assert frequencies(SHAFTS, beta=beta) == pytest.approx([TWISTED], rel=1e-13)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("turn", "expected"), [(0.0, 169.558249578131703), (math.pi / 2, 208.166599946613274)])
 def test_behind_a_hooke_joint_they_do_not(turn, expected):
     # At 30 degrees, in two places of a turn: the other shaft turns by cos(beta) or 1/cos(beta) as much.

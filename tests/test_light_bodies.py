@@ -112,6 +112,7 @@ def three_pendulums(m, start, end):
     return solve_ivp(slope, (0.0, end), [*start, 0.0, 0.0, 0.0], method="DOP853", rtol=1e-12, atol=1e-12).y[:3, -1]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", ["projection", "radau"])
 @pytest.mark.parametrize("m", [1e-6, 1e-9, 1e-12, 1e-15, 1e-30])
 def test_a_light_link_costs_a_simulation_neither_steps_nor_digits(m, method):

@@ -135,6 +135,7 @@ def test_what_takes_combinations_to_see_is_seen(K, D):
     checked(known, result.verdict, result.in_place, result.modulo.symmetries + result.modulo.family, (K, D))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("systems", sample([12, 40], 2))
 @pytest.mark.parametrize("command", ["precise", "certify", "index3", "sweep"])
 def test_no_command_is_wrong_about_a_linear_system(command, systems):
@@ -205,6 +206,7 @@ def test_numbers_bounds_and_verdicts_are_true(seed, massless, count):
     assert answered == decided > 5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "count"), sample([(seed, 6) for seed in range(20, 40)], 10))
 def test_no_command_says_what_is_not_so(seed, count):
     for text, mechanism, _, known in drawn_descriptors(seed, count):
@@ -363,6 +365,7 @@ def test_responses(seed, span):
     assert_true(ports(1000 * span + seed, span))
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", sample(range(20), 5))
 @pytest.mark.parametrize("guise", GUISES[1:])
 def test_guises_change_no_transfer_function(guise, seed):
@@ -381,6 +384,7 @@ def test_guises_change_no_transfer_function(guise, seed):
         assert abs(complex((model.C @ states + model.D)[0] @ orders) - known) <= 1e-9 * abs(known) + 1e-15
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", sample(range(40), 4))
 @pytest.mark.parametrize("guise", GUISES)
 def test_guises_change_no_mode_and_no_derivative(guise, seed):
@@ -406,6 +410,7 @@ def test_guises_change_no_mode_and_no_derivative(guise, seed):
 
 
 # With nonholonomic rows: the bicycle in test_design.
+@pytest.mark.few(1)
 @pytest.mark.parametrize("guise", [x for x in GUISES if x != "nonholonomic"])
 def test_a_design_reaches_the_same_optimum_in_every_guise(guise):
     """An oscillator at critical damping decays fastest: c = 2 sqrt(k m)."""

@@ -114,6 +114,7 @@ def test_modes_of_random_mechanisms(seed):
     assert few.verdict in STRENGTH[full.verdict] or full.verdict == "undecided"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", sample(range(12), 4))
 def test_counts_of_linear_systems(seed):
     """Damped, gyroscopic and circulatory forces, indefinite, critical and defective ones."""
@@ -132,6 +133,7 @@ def test_counts_of_linear_systems(seed):
     assert counted > 4
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "text",
     [
@@ -342,6 +344,7 @@ def test_many_equal_eigenvalues_are_counted_right(copies, odd, unstable):
     assert (result.verdict == "unstable") == (unstable > 0)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("damping", "unstable"), [(0.1, 0), (1.5, 2)])
 def test_a_long_chain_with_a_circulatory_force_is_counted_right(damping, unstable):
     n, k = 120, 60
@@ -449,6 +452,7 @@ def scattered_chain(rng):
     return json.dumps(data), determinant
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", sample(range(36), 4))
 def test_bounds_hold_beside_eigenvalues_that_are_lost(seed):
     rng = np.random.default_rng(seed)
@@ -532,6 +536,7 @@ def upper(result):
 
 
 # Far up the axis all eigenvalues of 6 and 9 are at about the same distance: iterations do not converge there.
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", [6, 9, *sample([x for x in range(60) if x not in (6, 9)], 4)])
 @pytest.mark.parametrize("links", [30, 70])
 def test_rightmost_eigenvalues_of_damped_chains(seed, links):

@@ -622,6 +622,7 @@ def test_crossings_without_a_value_are_counted():
 # --- margins in Bode diagrams -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", ["dc_motor_arm", "levitation", "whipple_bicycle", "wheeled_inverted_pendulum"])
 def test_bode_diagrams_show_the_margins_that_are_printed(name):
     """Each as a step from the response itself, at its frequency, to 0 dB or to an odd multiple of 180 degrees."""

@@ -221,6 +221,7 @@ TRUTH = {
 }
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", sample(TRUTH, 3))
 def test_the_examples_agree_with_the_elimination_that_shares_nothing(name):
     expected, neutral = exact_eigenvalues(mbstab.load(f"{name}.yaml").model, **TRUTH[name])

@@ -257,6 +257,7 @@ reference:
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", [0, 1, 2, 6, 7])
 def test_trailers_with_three_eigenvalues_are_swept_through_rest(seed):
     """At rest the spectrum is symmetric and of odd size; elsewhere the verdict is that of Routh's rule."""
@@ -371,6 +372,7 @@ reference:
 """.format()
 
 
+@pytest.mark.long
 def test_the_zero_of_a_held_steering_angle_is_neutral_whatever_else_grows():
     """Each angle of the steering is a circle of its own, on both sides of the speed √(C (a + b)²/(m (a − b)))."""
     car = mbstab.loads(STEERED)

@@ -28,6 +28,7 @@ def zeros_of(model, source, goal):
     return TransferZeros(FrequencyResponse(model)).of(channel(model, source, goal))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("states", [WHIPPLE, []])
 def test_the_bicycle_at_5_m_per_s(states):
     model = mbstab.load("whipple_bicycle.yaml").state_space(states, v=5)
@@ -368,6 +369,7 @@ def test_resonances_are_drawn_between_printed_frequencies():
     assert upper.get_ylim()[0] < np.min(printed) < upper.get_ylim()[0] + 30.0
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("upper", [0.02, 0.5, 2.0, 4.0, 30.0])
 @pytest.mark.parametrize("name", ["whipple_bicycle.yaml", "cart_pendulum.yaml"])
 def test_phases_have_a_handful_of_marks_at_common_angles(name, upper):

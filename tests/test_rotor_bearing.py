@@ -367,6 +367,7 @@ def test_where_two_lines_meet_eigenvalues_exist_and_derivatives_by_the_speed_do_
     assert "two lines of the table meet at 1500" in result.output
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("function", ["table", "linear"])
 def test_eigenvalues_over_the_speed_are_proven_and_computed_to_many_digits(turning, function):
     mechanism = mbstab.load(turning(function=function))
@@ -413,6 +414,7 @@ def test_a_file_that_does_not_fit_is_refused(turning, lines, bearing, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(("rate", "spin"), [("0", "0"), ("n/2", "91.6298"), ("n", ""), ("-n", "-183.26")])
 def test_a_rotor_that_does_not_turn_at_the_speed_of_its_curves_is_told(turning, rate, spin):
     path = turning()

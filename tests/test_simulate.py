@@ -342,6 +342,7 @@ def test_a_body_that_tumbles_through_all_attitudes_follows_eulers_solution(optio
         assert np.max(np.abs(inertia * turning + np.cross(local[k], inertia * local[k]))) <= 1e-8
 
 
+@pytest.mark.long
 def test_joints_and_springs_mean_the_same_in_every_chart():
     arm = """\
 mbstab: 1
@@ -784,6 +785,7 @@ def test_a_short_bump_far_down_an_even_road_is_met(options):
     assert np.max(np.abs(sim.q[:, 1] - exact)) < 1e-5
 
 
+@pytest.mark.long
 def test_a_bump_that_is_shorter_than_steps_is_told():
     text = BUMP.replace("HEIGHT", "linear(p.x, road)")
     narrow = text.replace("99.8,", "99.99,").replace("100.2,", "100.01,")

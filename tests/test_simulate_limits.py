@@ -182,6 +182,7 @@ def test_steps_that_stability_limits_are_said(solver, compiled):
     assert model.simulate(0.3, tol=1e-5, once=True, method="radau").warnings == ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("solver", sample(["RK45", "DOP853"], 2))
 def test_a_motion_that_would_never_end_is_refused(solver):
     with pytest.raises(SimulationError, match="limited by stability, not by accuracy") as caught:

@@ -190,6 +190,7 @@ def flyball(times):
     return found[0], found[1], momentum / np.array([inertia(a) for a in found[1]])
 
 
+@pytest.mark.long
 def test_the_stiff_flyball_governor_moves_as_two_coordinates_say():
     sim = mbstab.load("flyball_governor.yaml").simulate(1.0, points=11, tol=1e-6, method="radau")
     slider, angle, spin = flyball(sim.times)
@@ -229,6 +230,7 @@ def bricard(angle):
     return mass, potential, ends
 
 
+@pytest.mark.long
 def test_bricards_mechanism_falls_from_the_cube_as_one_coordinate_says():
     # IFToMM benchmark A04, published as a curve of P3 over 10 s: at rest in the cube at first. The base rotations of
     # the example are singular there.

@@ -292,6 +292,7 @@ def test_places_that_the_joints_determine(links):
     assert found.motion.q == pytest.approx(given.motion.q, abs=1e-11)
 
 
+@pytest.mark.long
 def test_modes_of_a_chain_whose_places_are_left_out():
     """Dense matrices of so many coordinates would be refused."""
     data = json.loads(string_of_points(800))

@@ -330,6 +330,7 @@ def test_equal_ratios_are_told_from_equal_steps():
         assert not is_geometric(x)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("spaced", [True, False])
 def test_maps_have_the_axis_of_their_values(discs, spaced):
     x = (np.geomspace if spaced else np.linspace)(10.0, 20000.0, 12)

@@ -522,6 +522,7 @@ def test_the_energy_of_a_simulation_is_compared_with_that_of_bodies_however_fast
     assert exchanged <= found.energy_scale <= 1.1 * exchanged
 
 
+@pytest.mark.long
 def test_a_run_that_ends_at_its_start_is_not_said_to_rest():
     answer = CliRunner().invoke(
         main, ["simulate", "-", "--perturb", "pole.theta=0.1", "--to", "1", "--set", "T=1e-12"], input=LAGGING
@@ -639,6 +640,7 @@ def shafts(states, force=DAMPED, drag=""):
     return mbstab.loads(SHAFTS.format(states=states, force=f"({force})", drag=drag))
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("states", ["", LAG, RATES, CASCADE, PAIR, CUBIC])
 @pytest.mark.parametrize(("force", "word"), [(DAMPED, ASYMPTOTIC_UP_TO), (UNDAMPED, STABLE_UP_TO)])
 def test_the_drift_of_a_free_shaft_is_told_whatever_watches_it(states, force, word):

@@ -946,6 +946,7 @@ reference:
 """
 
 
+@pytest.mark.long
 def test_both_precessions_of_a_leaning_top_are_found():
     # The turn has the Euler rates psi_t = W/cos(theta) here, so the spin about the own axis is spin − W/cos(theta).
     A, C, moment, c = 0.002 + 0.5 * 0.01, 0.003, 0.5 * 9.81 * 0.1, math.cos(0.5)

@@ -119,6 +119,7 @@ def optimal(one, other):
 # --- critical values ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("case", "points"), sample(product(CASES, [11, 23]), 3))
 def test_critical_values_on_any_grid(case, points):
     name, parameter, ends, settings, expected = CASES[case]
@@ -528,6 +529,7 @@ def cubic(load):
     return mbstab.loads(CUBIC.replace("LOAD", load))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("start", "stop", "points"), sample([(1.7, -2.1, 20), (2, -2, 41), (2, -2, 101)], 3))
 def test_the_other_path_through_a_pitchfork_is_followed(start, stop, points):
     result = cubic("mu*p.x - p.x**3").sweep("mu", np.linspace(start, stop, points))
@@ -665,6 +667,7 @@ def test_a_path_that_turns_back_at_a_pitchfork_names_it():
 ALL_PATHS = (TRUSS, "--param", "P", "--points", 21)
 
 
+@pytest.mark.long
 def test_all_paths_are_in_json():
     data = json.loads(run(*ALL_PATHS, "--format", "json").stdout)
     assert [len(path["values"]) for path in (data, *data["beyond"])] == [21, 9, 15]
@@ -1000,6 +1003,7 @@ reference:
     assert "does not change" not in printed
 
 
+@pytest.mark.long
 def test_a_symmetry_at_single_values_does_not_make_others_symmetric():
     # At s = 0 the scene is blind to a shift; the cubic push elsewhere is seen by no linear equation.
     text = PLANE.replace("PUSH", "K*p.x**3 - rate(p.x)").replace("-K*p.y", "-p.y")
@@ -1151,6 +1155,7 @@ def test_no_end_of_the_range_is_critical_where_nothing_changes_there():
     assert result.critical == ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", sample([-0.4, 0.0], 2))
 def test_a_zero_that_nonlinear_terms_decide_is_decided_as_by_eig(first):
     # The pin above the wheel: any angle of the trailer goes on, and carries it across like t.
@@ -1200,6 +1205,7 @@ reference:
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("parameter", "first", "last", "pole"), sample([("Omega", 5, 15, 10), ("k", 100, 10, 25)], 2))
 def test_at_a_pole_of_the_equilibrium_nothing_else_is_said(parameter, first, last, pole):
     # x = k·L/(k − Ω²)
@@ -1249,6 +1255,7 @@ def test_a_path_that_is_too_long_ends_without_a_verdict_on_its_end(monkeypatch):
     assert any("not followed further" in text for text in result.problems.values())
 
 
+@pytest.mark.long
 def test_options_are_lists_or_repeated(tmp_path):
     ends = ("--from", "0,0.1", "--to", "8,0.6", "--points", "5,4")
     again = ("--from", "0", "--from", "0.1", "--to", "8", "--to", "0.6", "--points", 5, "--points", 4)
@@ -1274,6 +1281,7 @@ CIRCULATORY = PUSHED.replace("c*", "e*").replace("r*", "0*")
 EXCITED = PUSHED.replace("c*", "0*").replace("r*", "e*")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("text", "damping", "values"),
     sample(
@@ -1308,6 +1316,7 @@ def test_branches_that_pass_the_axis_together_are_one_event():
     assert len(critical.branches) == 2
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "parameter", "ends", "kind", "unstable", "value"),
     [
@@ -1342,6 +1351,7 @@ def test_a_critical_value_on_a_point_is_found_once():
         assert abs(found.value) < 1e-12
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("other", ["-a.y**3 - rate(a.y)", "-9*a.y - rate(a.y)**3", "-rate(a.y)**3"])
 @pytest.mark.parametrize("points", [2, 5, 40])
 def test_an_eigenvalue_that_passes_zero_beside_an_open_one_is_found(other, points):
@@ -1361,6 +1371,7 @@ def test_an_eigenvalue_that_passes_zero_beside_an_open_one_is_found(other, point
 BALANCE = next(x.text for x in SYSTEMS if x.name == "Roberval balance, tilted")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("points", [2, 3, 5])
 @pytest.mark.parametrize("parameter", ["dummy", "a"])
 def test_a_stiffness_that_is_the_sum_of_large_terms_is_zero_to_their_rounding(parameter, points):

@@ -191,6 +191,7 @@ reference: {coordinates: {p: {x: 0, y: 0}}}
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("low", "high"), [(-2, 2), (-2, 0), (-2, -1), (-1.9, 1), (0, 2), (0.5, 2.5)])
 @pytest.mark.parametrize("points", [5, 9, 17])
 def test_a_zero_at_all_points_hides_no_change_beside_it(low, high, points):

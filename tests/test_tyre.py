@@ -139,6 +139,7 @@ def test_a_car_with_a_trailer(values, expected):
     assert close(moving(mbstab.loads(TRAILER).eig(**values)), expected, 1e-11)
 
 
+@pytest.mark.long
 def test_one_trailer_diverges_and_another_flutters():
     """The same masses; the second is loaded farther behind."""
     trailer = mbstab.loads(TRAILER)
@@ -710,6 +711,7 @@ def test_loads_may_follow_the_motion():
         assert not found_in(held, expected, 1e-3)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("relaxed", [False, True])
 @pytest.mark.parametrize("change", [str, in_space])
 def test_loads_that_follow_the_motion_count_in_space_and_with_relaxation(relaxed, change):

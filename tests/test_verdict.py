@@ -119,6 +119,7 @@ def some_facts(draw):
 
 @settings(deadline=None)
 @given(some_facts(), st.integers(0, 3), st.booleans())
+@pytest.mark.long
 def test_less_known_about_an_eigenvalue_never_makes_a_verdict_stronger_or_another(known, number, definite):
     minimum = Minimum("the energy", definite, False)
     known = replace(known, minimum=lambda: minimum)
@@ -189,6 +190,7 @@ def test_a_critical_position_that_is_solved_for_is_decided_as_one_that_is_given(
     assert model.eig(k=9.8).verdict == "unstable"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("damping", "kinds"), [(0, ["critical"] * 2), (1, ["stable node", "critical"])])
 def test_zeros_that_nonlinear_terms_judge_are_critical_and_not_neutral(damping, kinds):
     text = UPRIGHT.replace("PLACE", "coordinates").replace("stiffness: k", f"stiffness: k, damping: {damping}")
@@ -276,6 +278,7 @@ def test_the_lowest_power_decides_however_weak_it_is(text, seed):
     assert result.verdict == truth, (force, result.reasons)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("weak", "truth"), [("1e-17", UNSTABLE), ("-1e-17", UNSTABLE), ("0", STABLE)])
 def test_a_weak_slope_of_a_spring_beside_a_wall_is_seen_by_every_command(weak, truth):
     scene = mbstab.loads("parameters: {w: " + weak + "}" + ONE.format(force="-w*p.x**2 - p.x**3"))
@@ -284,6 +287,7 @@ def test_a_weak_slope_of_a_spring_beside_a_wall_is_seen_by_every_command(weak, t
     assert scene.sweep("w", [float(weak), 1.0]).verdicts[0] == truth
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("weak", "truth"),
     [
@@ -382,6 +386,7 @@ NOT_LINEAR = [
 ]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("along", "across", "rates"), sample(LEAVING, 2))
 def test_a_chain_of_zeros_leaves_where_the_equations_are_linear(along, across, rates):
     model = point(along, across, rates)

@@ -385,6 +385,7 @@ def test_the_table_shows_prediction_and_observation():
     assert "amplitude 2e-05 of the sizes" in result.stdout
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("form", ["table", "json"])
 def test_a_contradiction_is_answered_and_has_an_exit_code(form):
     result = run("rotating_pendulum.yaml", "--frozen", "--format", form)
