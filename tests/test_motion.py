@@ -1115,7 +1115,7 @@ def test_a_search_does_not_follow_motions_of_inertias_that_are_too_far_apart():
     text = find_model("governor_paper.yaml").path.read_text(encoding="utf-8")
     far = text.replace("C: [e, 0, 0]", "C: [e, 0, tan(pi/2)]")
     assert far != text
-    with pytest.raises(EquilibriumError, match=r"found in [0-9]{1,2} steps(.|\n)*inertias are too far apart"):
+    with pytest.raises(EquilibriumError, match=r"found in [0-9]{1,2} steps?(.|\n)*inertias are too far apart"):
         mbstab.loads(far).motion()
 
 
