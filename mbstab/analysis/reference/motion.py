@@ -389,7 +389,7 @@ class Finder:
         force, bias = -(state.F0 * scale), state.B * row_scale
         require_compatible(system, (q, u, time), self.sizes, spaces, J, inverse, bias)
         a, nu = augmented.refined(force, bias, TOLERANCES.balance_refinements)
-        self.warnings += self._held_controls(spaces)
+        self.warnings += [*self._held_controls(spaces), *self._measured(q, u, spaces)]
         if redundant:
             self._check_constant_rank(q, u, time, spaces, state.M)
             self.warnings += [f"redundant constraint: {item}" for item in redundant]
@@ -401,8 +401,7 @@ class Finder:
                 )
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant, tuple(self.solved),
-            (*self.warnings, *misread(system, q, u), *self._measured(q, u, spaces),
-             *self._resting(q, declared, steady), *doubts(system.scene.model)),
+            (*self.warnings, *misread(system, q, u), *self._resting(q, declared, steady), *doubts(system.scene.model)),
             massless=massless,
         )  # fmt: skip
         if massless is not None:
