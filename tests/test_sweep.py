@@ -1037,11 +1037,13 @@ def test_a_top_with_free_spin_is_stable_by_a_multiple_of_its_momentum(points):
 
 
 def test_refinement_ends_within_its_budget_and_says_so(monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_points", 10)
+    budget = "mbstab.analysis.sweep.tolerances.Tolerances.branch_points"
+    monkeypatch.setattr(budget, 10)
     text = OSCILLATORS.replace("- d*rate(a.x)", "+ sin(50*d)*rate(a.x)")
     result = mbstab.loads(text).sweep("d", np.linspace(-2.0, 2.0, 9), meetings=True, e=0.3)
     (warning,) = result.warnings
     assert "refinement" in warning
+    monkeypatch.setattr(budget, 100)
     assert mbstab.loads(OSCILLATORS).sweep("k", np.linspace(0.5, 2.0, 9), e=0.1).warnings == ()
 
 
