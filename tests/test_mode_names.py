@@ -10,6 +10,7 @@ from avoided_crossings import swaps
 from sampling import sample
 
 import mbstab
+from mbstab.analysis.sweep import named_branches
 from mbstab.cli import main
 from mbstab.errors import ModelFileError
 from mbstab.model.sections.modes import complex_number
@@ -296,3 +297,16 @@ def test_a_neutral_mode_with_a_shape_is_listed_as_zero():
     ).eig()
     assert undecided.verdict == "undecided"
     assert "the eigenvalue 0 ± 2.64575i 1/s" in undecided.reasons[0]
+
+
+def test_names_that_were_followed_are_kept(monkeypatch):
+    """Further values are reached from the nearest one, and the way there is not gone twice."""
+    ways, whole = [], named_branches._branches
+    monkeypatch.setattr(named_branches, "_branches", lambda *given: ways.append(given[2]) or whole(*given))
+    kept = mbstab.load(BICYCLE)
+    for v, way in ((7.0, (5.0, 7.0)), (7.0, None), (6.99, None), (0.5, (5.0, 0.5)), (9.0, (7.0, 9.0)), (5.0, None)):
+        ways.clear()
+        result = kept.eig(v=v)
+        assert ways == ([way] if way else [])
+        fresh = mbstab.load(BICYCLE).eig(v=v)
+        assert [e.name for e in result.eigenvalues] == [e.name for e in fresh.eigenvalues]

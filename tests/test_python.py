@@ -10,6 +10,9 @@ import pytest
 from click.testing import CliRunner
 
 import mbstab
+from mbstab.analysis.algebra import threads
+from mbstab.analysis.spectrum.eigenvalues import answer
+from mbstab.api import mechanism
 from mbstab.cli import main
 from mbstab.cli.main import COMMANDS
 from mbstab.errors import MbstabError
@@ -148,3 +151,27 @@ def test_a_name_alone_is_one_input_or_output():
     model = mbstab.loads(LOOP)
     one, listed = model.response("push", "v", points=3), model.response(["push"], ["v"], points=3)
     assert str(one) == str(listed)
+def test_questions_take_one_thread_and_leave_the_setting_as_it_was(monkeypatch):
+    settings = threads._settings()
+    if not settings:
+        pytest.skip("NumPy has another library than OpenBLAS here")
+    (get, change), model, inside = settings[0], mbstab.load("pendulum.yaml"), []
+    before = get()
+    monkeypatch.setattr(mechanism, "answer", lambda *given: inside.append(get()) or answer(*given))
+    try:
+        change(2)
+        assert model.eig().verdict == "stable"
+        assert inside == [1]
+        assert get() == 2
+        with pytest.raises(MbstabError):
+            model.eig(L=-1)
+        # Of two questions in threads that overlap the last one sets it.
+        first, second = threads.one_thread(), threads.one_thread()
+        first.__enter__()
+        second.__enter__()
+        first.__exit__(None, None, None)
+        assert get() == 1
+        second.__exit__(None, None, None)
+        assert get() == 2
+    finally:
+        change(before)

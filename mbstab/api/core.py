@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from decimal import Decimal
 from fractions import Fraction
-from typing import ParamSpec, Self, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar
 
 from mbstab.analysis.algebra.budget import Cost, Task
 from mbstab.analysis.algebra.failures import guarded
+from mbstab.analysis.algebra.threads import one_thread
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.reference.closure import contradicting
 from mbstab.analysis.reference.motion import Motion
@@ -27,6 +28,9 @@ from mbstab.model.schema import Model, after_number
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
+if TYPE_CHECKING:
+    from mbstab.analysis.sweep.named_branches import Lines
+
 Setting = float | str | Fraction | Decimal
 
 SHOWN = 12
@@ -37,7 +41,7 @@ T = TypeVar("T")
 
 
 def asked(question: Callable[P, T]) -> Callable[P, T]:
-    """Return a question whose failures can be acted on, and whose answer prints as that of the command."""
+    """Return a question whose failures can be acted on, with one thread, whose answer prints as that of the command."""
 
     def numbers(*args: P.args, **kwargs: P.kwargs) -> list[str]:
         assert isinstance(args[0], Core)
@@ -49,7 +53,9 @@ def asked(question: Callable[P, T]) -> Callable[P, T]:
     def inner(*args: P.args, **kwargs: P.kwargs) -> T:
         mechanism = args[0]
         assert isinstance(mechanism, Core)
-        return printed(ask(*args, **kwargs), mechanism.model)
+        with one_thread():
+            answer = ask(*args, **kwargs)
+        return printed(answer, mechanism.model)
 
     return inner
 
@@ -61,6 +67,7 @@ class Core:
     model: Model
     force: bool = False
     _latest: Latest[System] = field(default_factory=Latest, init=False, repr=False, compare=False)
+    _followed: Latest[Lines] = field(default_factory=Latest, init=False, repr=False, compare=False)
 
     def __repr__(self) -> str:
         """Return title, bodies and parameters, the first twelve of each."""

@@ -171,9 +171,9 @@ class Mechanism(Ports):
     ) -> EigenResult:
         """Return eigenvalues with the names of their modes, and their energies if they are asked for."""
         if self.model.modes:
-            from mbstab.analysis.sweep.named_branches import with_names
+            from mbstab.analysis.sweep.named_branches import Lines, with_names
 
-            result = with_names(self.at(**parameters).model, result)
+            result = with_names(self.at(**parameters).model, result, self._followed.of({}, Lines))
         told = energies and result.period is None
         return with_energies(result, self.linearize(frozen, **parameters)) if told else result
 

@@ -20,29 +20,82 @@ from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.spectrum.eigenvalues import answer
-from mbstab.analysis.spectrum.mode_names import find_modes
+from mbstab.analysis.spectrum.mode_names import Found, find_modes
 from mbstab.analysis.spectrum.results import EigenResult
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.compiler.system import System
+from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, ModelFileError, NumericalError
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import bound, evaluate_parameters, of_file, settings_in_si
 from mbstab.model.schema import Model, ModeName
 from mbstab.model.values import evaluate
+from mbstab.records import dataclass
 
 if TYPE_CHECKING:
+    from mbstab.analysis.sweep.batched_equations import Pattern
     from mbstab.analysis.sweep.sweep import Sweep
 
 UNNAMED = "unnamed"
 """The part of a pair that arises from a branch without a name."""
 
 
-def with_names(model: Model, result: EigenResult) -> EigenResult:
-    """Return eigenvalues with the names of their modes; what is ambiguous or not found is a warning."""
+@dataclass(frozen=True)
+class _Line:
+    """Where eigenvalues have been followed along one parameter.
+
+    Attributes
+    ----------
+    x : ndarray, shape (points,)
+        Values of the parameter (SI), ascending.
+    values : ndarray of complex, shape (points, r)
+        The eigenvalues there, in continuous columns, with …
+    names : list of str
+        … these names.
+    patterns : list of Pattern
+        Of points between.
+    """
+
+    x: Array
+    values: Complex
+    names: list[str]
+    patterns: list[Pattern]
+
+    def with_points(self, x: Array, values: Complex) -> _Line:
+        """Return a line with further points, in the same columns."""
+        every, first = np.unique(np.concatenate([self.x, x]), return_index=True)
+        return _Line(every, np.concatenate([self.values, values])[first], self.names, self.patterns)
+
+
+class Lines:
+    """What has been followed from where a file defines modes, for one model and any values of its parameters."""
+
+    def __init__(self) -> None:
+        self.starts: dict[tuple[str, ...], tuple[Complex, Found]] = {}
+        self.lines: dict[tuple[object, ...], _Line] = {}
+
+    def keep(self, key: tuple[object, ...], line: _Line) -> None:
+        """Keep a line; the oldest one goes where there are many."""
+        self.lines.pop(key, None)
+        while len(self.lines) >= TOLERANCES.lines_kept:
+            self.lines.pop(next(iter(self.lines)))
+        self.lines[key] = line
+
+
+def with_names(model: Model, result: EigenResult, lines: Lines) -> EigenResult:
+    """Return eigenvalues with the names of their modes; what is ambiguous or not found is a warning.
+
+    Parameters
+    ----------
+    model : Model
+    result : EigenResult
+        At the values of the model.
+    lines : Lines
+        What earlier calls have followed, to which this one adds.
+    """
     if not model.modes or result.period is not None:
         return result
     values = _values(result)
-    carried, notes = _carried(model, values, result)
+    carried, notes = _carried(model, values, lines, result)
     names = iter(paired(carried, values))
     listed = [replace(e, name="" if math.isnan(e.error_bound) else next(names)) for e in result.eigenvalues]
     return replace(result, eigenvalues=listed, warnings=(*result.warnings, *notes))
@@ -57,7 +110,7 @@ def with_branch_names(model: Model, result: Sweep) -> Sweep:
     start = evaluate_parameters(_start(model, model.modes[0]), {}, FLOAT)[result.parameter]
     k = int(known[np.argmin(np.abs(result.values[known] - start))])
     here = bound(model, settings_in_si({result.parameter: float(result.values[k])}))
-    names, notes = _carried(here, result.branches[k])
+    names, notes = _carried(here, result.branches[k], Lines())
     return replace(result, names=tuple(names), warnings=(*result.warnings, *notes))
 
 
@@ -65,7 +118,9 @@ def _values(result: EigenResult) -> Complex:
     return np.array([e.value for e in result.eigenvalues if not math.isnan(e.error_bound)], dtype=complex)
 
 
-def _carried(model: Model, values: Complex, known: EigenResult | None = None) -> tuple[list[str], list[str]]:
+def _carried(
+    model: Model, values: Complex, lines: Lines, known: EigenResult | None = None
+) -> tuple[list[str], list[str]]:
     """Return the name of each of the eigenvalues at the values of a model, and what is to be said about them.
 
     ``known`` is the answer there, if there is one: it serves where modes are defined at the same values.
@@ -76,7 +131,7 @@ def _carried(model: Model, values: Complex, known: EigenResult | None = None) ->
     names, notes = [list[str]() for _ in values], list[str]()
     for modes in groups.values():
         try:
-            found, more = _followed(model, modes, values, known)
+            found, more = _followed(model, modes, values, lines, known)
         except ModelFileError:
             raise
         except MbstabError as error:
@@ -95,7 +150,7 @@ def _start(model: Model, mode: ModeName) -> Model:
 
 
 def _followed(
-    model: Model, modes: Sequence[ModeName], values: Complex, known: EigenResult | None
+    model: Model, modes: Sequence[ModeName], values: Complex, lines: Lines, known: EigenResult | None
 ) -> tuple[list[str], list[str]]:
     """Return the names of eigenvalues at the values of a model, for modes that are defined at one point.
 
@@ -107,23 +162,58 @@ def _followed(
     start = _start(model, modes[0])
     first, last = (evaluate_parameters(x, {}, FLOAT) for x in (start, model))
     changed = [name for name in {**start.settings, **model.settings} if first[name] != last[name]]
-    system = System(evaluate(start))
-    result = answer(system) if changed or known is None else known
-    found = find_modes(lambda: linearize(system, reference_motion(system, massless=True)), result, modes)
-    now = _values(result)
+    group = tuple(mode.name for mode in modes)
+    if group not in lines.starts:
+        system = System(evaluate(start))
+        result = answer(system) if changed or known is None else known
+        found = find_modes(lambda: linearize(system, reference_motion(system, massless=True)), result, modes)
+        lines.starts[group] = _values(result), found
+    now, found = lines.starts[group]
     names = [_named(found.values, value) for value in now]
     here = {name: first[name] for name in changed}
     fixed = {name: last[name] for name in {**start.settings, **model.settings} if name not in changed}
     for name in changed:
         others = {key: x for key, x in (fixed | here).items() if key != name}
-        path = _branches(bound(of_file(model), settings_in_si(others)), name, first[name], last[name], len(now))
-        names = _matched(names, now, path[0])
-        now, here[name] = path[-1], last[name]
+        key = (group, name, *sorted(others.items()))
+        line = lines.lines.get(key) or _Line(np.array([first[name]]), now[None], names, [])
+        line = _extended(line, model, name, others, last[name], values if name == changed[-1] else None)
+        lines.keep(key, line)
+        now, names, here[name] = line.values[np.searchsorted(line.x, last[name])], line.names, last[name]
     return _matched(names, now, values), list(found.notes)
 
 
-def _branches(model: Model, parameter: str, first: float, last: float, count: int) -> Complex:
+def _extended(
+    line: _Line, model: Model, parameter: str, others: Mapping[str, float], goal: float, values: Complex | None
+) -> _Line:
+    """Return a line with a value of the parameter, followed from the nearest one unless its eigenvalues are beside it.
+
+    Raises
+    ------
+    NumericalError
+        If they cannot be told apart all the way.
+    """
+    from mbstab.analysis.sweep.tracking import follow
+
+    k = int(np.argmin(np.abs(line.x - goal)))
+    near, before = float(line.x[k]), line.values[k]
+    if near == goal:
+        return line
+    if values is not None and abs(goal - near) * (TOLERANCES.points_followed - 1) <= np.ptp(line.x):
+        _require_same(before, values)
+        link, clear = follow(before[None], values[None])
+        if clear[0]:
+            return line.with_points(np.array([goal]), values[link])
+    there = bound(of_file(model), settings_in_si(dict(others)))
+    path = _branches(there, parameter, (near, goal), len(before), line.patterns)
+    _require_same(before, path[0])
+    columns = assigned(np.abs(before[:, None] - path[0][None, :]))
+    return line.with_points(np.linspace(near, goal, len(path)), path[:, columns])
+
+
+def _branches(model: Model, parameter: str, ends: tuple[float, float], count: int, patterns: list[Pattern]) -> Complex:
     """Return the eigenvalues at points from one value of a parameter to another, in continuous columns.
+
+    New patterns are added to those that are tried first.
 
     Raises
     ------
@@ -135,11 +225,12 @@ def _branches(model: Model, parameter: str, first: float, last: float, count: in
     from mbstab.analysis.sweep.blocks import followed
     from mbstab.analysis.sweep.branches import Branches
 
-    low, high = min(first, last), max(first, last)
+    (first, last), (low, high) = ends, sorted(ends)
     path = None if model.reference.find is None else follow_path(model, parameter, low, high, first)
-    evaluator = Evaluator(model, path)
+    evaluator = Evaluator(model, path, patterns)
     x = np.linspace(low, high, TOLERANCES.points_followed)
     raw = followed(evaluator.near({parameter: x}, count))
+    patterns[:] = evaluator.patterns
     # Where most points have nothing in common, or no neighbours have, as many in between would take minutes.
     if evaluator.alone <= len(x) // 2 and np.any(raw.clear):
         branches = Branches(evaluator, parameter, x, raw, TOLERANCES.points_between_names, locates=True)
@@ -165,10 +256,15 @@ def _matched(names: list[str], before: Complex, after: Complex) -> list[str]:
     NumericalError
         If there are more of them, or fewer, or none.
     """
-    if len(before) != len(after) or np.any(np.isnan(before)) or np.any(np.isnan(after)):
-        raise NumericalError("the eigenvalues cannot be followed from where the file defines the modes")
+    _require_same(before, after)
     order = assigned(np.abs(after[:, None] - before[None, :]))
     return [names[k] for k in order]
+
+
+def _require_same(before: Complex, after: Complex) -> None:
+    """Refuse spectra of which one has more eigenvalues than the other, or none."""
+    if len(before) != len(after) or np.any(np.isnan(before)) or np.any(np.isnan(after)):
+        raise NumericalError("the eigenvalues cannot be followed from where the file defines the modes")
 
 
 def paired(names: Sequence[str], values: Complex) -> list[str]:

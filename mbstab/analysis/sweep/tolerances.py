@@ -251,6 +251,8 @@ class Tolerances:
     """Points at which eigenvalues are looked at between where a mode is named and where it is asked for …"""
     points_between_names: Final = 5_000
     """… and maximum number of points in between."""
+    lines_kept: Final = 50
+    """So many ways along a parameter are kept for further questions about the same model."""
 
 
 TOLERANCES = Tolerances()
