@@ -311,8 +311,8 @@ def test_coarse_maps_show_what_fine_ones_show(discs, points):
 
 
 def test_a_search_that_ended_early_is_marked(discs, monkeypatch):
-    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_looks", 4)
-    result = discs.sweep("P", np.linspace(10.0, 20000.0, 12), detail=True)
+    monkeypatch.setattr("mbstab.analysis.sweep.tolerances.Tolerances.branch_looks", 1)
+    result = discs.sweep("P", np.linspace(10.0, 20000.0, 12), detail=True, meetings=True)
     assert any("ended after" in text for text in result.warnings)
     for draw in (root_locus, stability_map):
         assert any("branches uncertain" in text for text in texts(draw(result, "P", "")))

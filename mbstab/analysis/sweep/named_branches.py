@@ -163,12 +163,15 @@ def _followed(
     first, last = (evaluate_parameters(x, {}, FLOAT) for x in (start, model))
     changed = [name for name in {**start.settings, **model.settings} if first[name] != last[name]]
     group = tuple(mode.name for mode in modes)
-    if group not in lines.starts:
+    if group in lines.starts and (changed or known is None):
+        now, found = lines.starts[group]
+    else:
         system = System(evaluate(start))
         result = answer(system) if changed or known is None else known
         found = find_modes(lambda: linearize(system, reference_motion(system, massless=True)), result, modes)
-        lines.starts[group] = _values(result), found
-    now, found = lines.starts[group]
+        now = _values(result)
+        if result is not known:  # which may have a few eigenvalues only
+            lines.starts[group] = now, found
     names = [_named(found.values, value) for value in now]
     here = {name: first[name] for name in changed}
     fixed = {name: last[name] for name in {**start.settings, **model.settings} if name not in changed}
