@@ -151,6 +151,8 @@ def test_a_name_alone_is_one_input_or_output():
     model = mbstab.loads(LOOP)
     one, listed = model.response("push", "v", points=3), model.response(["push"], ["v"], points=3)
     assert str(one) == str(listed)
+
+
 def test_questions_take_one_thread_and_leave_the_setting_as_it_was(monkeypatch):
     settings = threads._settings()
     if not settings:
