@@ -319,7 +319,7 @@ class Branches:
     def _is_settled(self, piece: _Piece, found: Told, crowded: bool, touches: bool) -> bool:
         """Return whether what eigenvectors tell about a piece is enough: its links, or where eigenvalues meet in it."""
         if not self.locates:
-            return not (found.coupled and crowded)
+            return not (crowded and (found.coupled or touches))
         wide = piece.b - piece.a > TOLERANCES.meeting_interval * self.width
         return not touches and not (wide and found.approaches)
 
