@@ -298,14 +298,14 @@ def fewest(null: Array, groups: Sequence[str]) -> list[int]:
         Basis of the motions that are left.
     groups : sequence of str
         What each coordinate belongs to: those of the first one that moves are chosen, and of these the one that moves
-        most.
+        most, the last of those that move alike (angles follow positions).
     """
     left, found = null.copy(), list[int]()
     for group in dict.fromkeys(groups):
         own = [i for i, name in enumerate(groups) if name == group]
         while left.size:
             lengths = np.linalg.norm(left[own], axis=1)
-            k = own[int(np.argmax(lengths))]
+            k = own[int(np.flatnonzero(lengths >= (1.0 - TOLERANCES.moving_part) * np.max(lengths))[-1])]
             if np.max(lengths) <= TOLERANCES.moving_part * np.linalg.norm(null, axis=1).max():
                 break
             found.append(k)
