@@ -5,10 +5,10 @@ a loosened bound (a thousand times a tolerance, or what an error is compared to)
 packages, by a hash of seed, file and text, so that most stay the same while the program changes.
 
     python tests/benchmarks/mutants.py list
-    python tests/benchmarks/mutants.py record mutants.json   runs the tests once, under coverage
-    python tests/benchmarks/mutants.py run mutants.json      each mutant: the tests that touch its line, until one fails
+    python tests/benchmarks/mutants.py record mutants.json   runs the tests once
+    python tests/benchmarks/mutants.py run mutants.json      each mutant: the tests that touch it, until one fails
 
-`record` (with pytest-cov) keeps the tests that touch each line and the time of every test. `--checkout` names another
+`record` keeps the tests that reach the place of each mutant and the time of every test. `--checkout` names another
 clone whose program and tests are asked, `--only 3,7` some of the mutants, `--pytest` further arguments of pytest
 (``--pytest=--long``). A mutant on which tests run far longer than without it counts as noticed.
 """
@@ -148,41 +148,63 @@ def environment(root: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(root), "OPENBLAS_NUM_THREADS": "1"}
 
 
-def record(root: Path, file: Path, more: list[str]) -> None:
-    """Run the tests with the contexts of coverage; keep what touches each mutant, and the time of every test."""
-    from coverage import CoverageData
+HITS = """
+import os
 
-    with tempfile.TemporaryDirectory() as folder:
-        settings = Path(folder) / "settings"
-        settings.write_text(
-            f"[run]\nsource = {root}/mbstab\nomit = */kernels/*\ndata_file = {folder}/data\nparallel = true\n"
+kept, seen = open({file!r}, "a", buffering=1), set()
+
+
+def hit(number):
+    hit = number, os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" (")[0]
+    if hit not in seen:
+        seen.add(hit)
+        kept.write("%d %s\\n" % hit)
+"""
+
+
+def watched(source: bytes, mutants: dict[int, Mutant]) -> bytes:
+    """Return a source in which the place of every mutant says when it is reached."""
+    pieces = []
+    for number, mutant in mutants.items():
+        assert source.startswith(mutant.text.encode(), mutant.start), (
+            f"{mutant.path} is not what mutants were drawn from"
         )
-        command = [sys.executable, *["-m", "pytest", "-q", "-n", "2", "--dist", "worksteal"]]
-        command += [
-            f"--junitxml={folder}/times.xml",
-            "--cov",
-            f"--cov-config={settings}",
-            "--cov-context=test",
-            "--cov-report=term",
+        stop = mutant.start + len(mutant.text.encode())
+        # Where places begin together the longer one is outside.
+        pieces.append((mutant.start, -stop, f'(__import__("mutant_hits").hit({number}) or ('.encode()))
+        pieces.append((stop, 0, b"))"))
+    for place, _, piece in sorted(pieces, reverse=True):
+        source = source[:place] + piece + source[place:]
+    return source
+
+
+def record(root: Path, file: Path, more: list[str]) -> None:
+    """Run the tests once; write the tests that reach each mutant, the quickest first, and their times as JSON."""
+    mutants = drawn(root)
+    with tempfile.TemporaryDirectory() as folder:
+        copy, hits, times = Path(folder) / "copy", Path(folder) / "hits", Path(folder) / "times.xml"
+        copy_program(root, copy)
+        (copy / "mutant_hits.py").write_text(HITS.format(file=str(hits)))
+        for path in {x.path for x in mutants}:
+            place = copy / path
+            place.write_bytes(watched(place.read_bytes(), {k: x for k, x in enumerate(mutants) if x.path == path}))
+        command = [
+            sys.executable,
+            *["-m", "pytest", "-q", "-n", "2", "--dist", "worksteal"],
+            f"--junitxml={times}",
             *more,
         ]
-        subprocess.run(command, cwd=root, env=environment(root), check=False)
-        data = CoverageData(f"{folder}/data")
-        data.read()
-        summarize(root, data, Path(folder) / "times.xml", file)
-
-
-def summarize(root: Path, data, times: Path, file: Path) -> None:
-    """Write the tests that touch the line of each mutant and their times as JSON."""
-    seconds: dict[str, float] = defaultdict(float)
-    for case in ElementTree.parse(times).iter("testcase"):
-        seconds[f"{case.get('classname')}.{case.get('name')}"] += float(case.get("time", 0))
-    touching = {}
-    for mutant in drawn(root):
-        lines = data.contexts_by_lineno(str(root / mutant.path))
-        tests = {x.split("|")[0] for x in lines.get(mutant.line, ()) if x}
-        touching[str(mutant)] = sorted(tests, key=lambda x: seconds[junit_name(x)])
-    file.write_text(json.dumps({"touching": touching, "seconds": seconds}))
+        subprocess.run(command, cwd=copy, env=environment(copy), check=False)
+        seconds: dict[str, float] = defaultdict(float)
+        for case in ElementTree.parse(times).iter("testcase"):
+            seconds[f"{case.get('classname')}.{case.get('name')}"] += float(case.get("time", 0))
+        touching = defaultdict(set)
+        for row in hits.read_text().splitlines():
+            number, _, test = row.partition(" ")
+            if test:
+                touching[int(number)].add(test)
+    found = {str(x): sorted(touching[k], key=lambda x: seconds[junit_name(x)]) for k, x in enumerate(mutants)}
+    file.write_text(json.dumps({"touching": found, "seconds": seconds}))
 
 
 def junit_name(test: str) -> str:
@@ -195,39 +217,46 @@ def run(root: Path, file: Path, more: list[str], only: set[int] | None) -> None:
     """Make each mistake in a copy and run the tests that touch it, the quickest first, until one fails."""
     kept = json.loads(file.read_text())
     caught = total = 0
-    for number, mutant in enumerate(drawn(root)):
-        if only and number not in only:
-            continue
-        tests = kept["touching"].get(str(mutant), [])
-        verdict = "no test touches it"
-        if tests:
-            seconds = sum(kept["seconds"].get(junit_name(x), 0) for x in tests)
-            verdict = noticed(root, mutant, tests, 120 + 5 * seconds, more)
-        total += 1
-        caught += verdict.startswith("noticed")
-        print(f"{number:3d} {mutant}\n    {len(tests)} tests; {verdict}", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "copy"
+        copy_program(root, copy)
+        for number, mutant in enumerate(drawn(root)):
+            if only and number not in only:
+                continue
+            tests = kept["touching"].get(str(mutant), [])
+            verdict, seconds = "no test touches it", 0.0
+            if tests:
+                seconds = sum(kept["seconds"].get(junit_name(x), 0) for x in tests)
+                verdict = noticed(copy, mutant, tests, 120 + 5 * seconds, more)
+            total += 1
+            caught += verdict.startswith("noticed")
+            print(f"{number:3d} {mutant}\n    {len(tests)} tests, {seconds:.0f} s; {verdict}", flush=True)
     print(f"{caught} of {total} noticed")
 
 
-def noticed(root: Path, mutant: Mutant, tests: list[str], limit: float, more: list[str]) -> str:
+def noticed(copy: Path, mutant: Mutant, tests: list[str], limit: float, more: list[str]) -> str:
     """Return how the tests end on a mutant."""
-    with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "copy"
-        shutil.copytree(root, copy, ignore=shutil.ignore_patterns(".git", "__pycache__", ".*_cache"))
-        place = copy / mutant.path
-        place.write_bytes(mutant.applied(place.read_bytes()))
-        (copy / ".tests").write_text("\n".join(tests))
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "2", "-p", "no:cacheprovider", *more, "@.tests"]
-        try:
-            ended = subprocess.run(
-                command, cwd=copy, env=environment(copy), timeout=limit, capture_output=True, text=True, check=False
-            )
-        except subprocess.TimeoutExpired:
-            return "noticed: too slow"
-        if ended.returncode == 1:
-            failed = re.search(r"^(?:FAILED|ERROR) (\S+)", ended.stdout, re.MULTILINE)
-            return f"noticed by {failed[1] if failed else '?'}"
-        return "survived" if ended.returncode == 0 else f"pytest ended with {ended.returncode}: {ended.stdout[-300:]}"
+    place = copy / mutant.path
+    right = place.read_bytes()
+    place.write_bytes(mutant.applied(right))
+    (copy / ".tests").write_text("\n".join(tests))
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "2", "-p", "no:cacheprovider", *more, "@.tests"]
+    try:
+        ended = subprocess.run(
+            command, cwd=copy, env=environment(copy), timeout=limit, capture_output=True, text=True, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return "noticed: too slow"
+    finally:
+        place.write_bytes(right)
+    if ended.returncode == 1:
+        failed = re.search(r"^(?:FAILED|ERROR) (\S+)", ended.stdout, re.MULTILINE)
+        return f"noticed by {failed[1] if failed else '?'}"
+    return "survived" if ended.returncode == 0 else f"pytest ended with {ended.returncode}: {ended.stdout[-300:]}"
+
+
+def copy_program(root: Path, copy: Path) -> None:
+    shutil.copytree(root, copy, ignore=shutil.ignore_patterns(".git", "__pycache__", ".*_cache"))
 
 
 def main() -> None:
