@@ -2,7 +2,7 @@
 
 import pytest
 
-FEW = 4
+FEW = 3
 """The number of cases of a test in the default lane."""
 
 

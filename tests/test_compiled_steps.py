@@ -320,7 +320,7 @@ reference: {coordinates: {p: {x: 0, y: 0, z: 0}}}
     assert other.steps <= one.steps + 2 < 300  # an explicit method takes more than 10 000
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("method", IMPLICIT)
 def test_the_work_of_a_drive_is_that_of_compiled_implicit_steps(method):
     model = mbstab.loads("""

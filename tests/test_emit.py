@@ -41,7 +41,7 @@ def functions(name):
 # --- shipped kernels ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.table
+@pytest.mark.few(12)
 @pytest.mark.parametrize("name", sorted(ELEMENTS))
 def test_regenerating_a_kernel_gives_the_text_of_its_file(name):
     assert shipped(name) == (KERNELS / f"{name}.py").read_text(encoding="utf-8")

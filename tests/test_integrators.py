@@ -68,6 +68,7 @@ def _error_of_rk45(angle, speed):
     )
 
 
+@pytest.mark.long
 def test_smaller_tolerances_leave_smaller_errors_and_cost_more():
     result = compared()
     for name in NAMES:

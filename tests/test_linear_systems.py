@@ -182,6 +182,7 @@ def drawn_descriptors(seed, count, massless=0.2):
             yield system.text(), mechanism, answer, descriptor_truth(A)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("seed", "massless", "count"), sample([(seed, part, 40) for seed in range(12) for part in (0.2, 0.7)], 5)
 )

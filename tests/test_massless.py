@@ -786,6 +786,7 @@ forces:
         system.simulate(to=1.0, perturb={"m.x": 0.1})
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("damping", ["0", "20"])
 def test_a_lever_moves_alike_whatever_point_describes_it(damping, method):
@@ -898,6 +899,7 @@ def levers(damping, held=None):
     return rates
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("damping", [0.0, 2.0])
 def test_two_levers_without_mass_balance_at_every_instant(damping, method):

@@ -42,6 +42,7 @@ def test_a_mechanism_that_is_simulated_again_is_not_worked_out_again(monkeypatch
     assert longer.q[0, 0] == pytest.approx(2.0 * one.q[0, 0], rel=1e-12)
 
 
+@pytest.mark.long
 def test_the_equations_for_machine_code_are_written_once(monkeypatch):
     pytest.importorskip("numba")
     model, written = mbstab.load("pendulum.yaml"), counted(monkeypatch, layout, "layout_of")

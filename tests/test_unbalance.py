@@ -353,6 +353,7 @@ def test_every_critical_speed_without_damping_is_told_once(points):
         assert all(abs(peak.speed - x) <= peak.error for peak, x in zip(peaks, speeds, strict=True))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", [2, 12, 13, 21, *(pytest.param(x, marks=pytest.mark.long) for x in range(100, 300))])
 def test_random_rotors(seed):
     """Undamped critical speeds from the determinant and by the sweep; damped amplitudes from the equations by hand."""
