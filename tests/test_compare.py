@@ -306,6 +306,7 @@ def test_the_table_fits_eighty_columns_and_says_what_is_missing(model):
     assert ("no answer by 4, 5, 6, 7: needs independent" in result.stdout) == (model == "bricard")
 
 
+@pytest.mark.long
 def test_many_eigenvalues_take_several_tables(heavy_chain):
     from mbstab.report.comparison import compare_text
 

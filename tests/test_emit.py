@@ -51,6 +51,7 @@ def test_every_element_has_a_kernel_and_every_kernel_an_element():
     assert {path.stem for path in KERNELS.glob("*.py")} == {*ELEMENTS, "__init__"}
 
 
+@pytest.mark.long
 def test_the_text_of_a_kernel_does_not_depend_on_the_hash_seed():
     code = "from mbstab.compiler.emit import shipped; print(*map(shipped, ('planar_spring', 'spatial_perpendicular')))"
     texts = {

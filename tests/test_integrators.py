@@ -84,6 +84,7 @@ def test_smaller_tolerances_leave_smaller_errors_and_cost_more():
         assert done[-1].energy < 1e-4
 
 
+@pytest.mark.long
 def test_the_chosen_integrator_is_the_fastest_that_keeps_the_tolerance():
     result = compared()
     good = [x for x in result.runs if x.error <= 1e-6]

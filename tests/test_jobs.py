@@ -429,6 +429,7 @@ def test_a_cluster_needs_dask(monkeypatch):
     assert "pip install" in result.stderr
 
 
+@pytest.mark.few(1)
 def test_a_cluster_gives_the_same_bits_though_a_worker_dies(wheel, whole_wheel):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
@@ -492,6 +493,7 @@ def test_every_source_belongs_to_the_version(tmp_path, monkeypatch):
         before = after
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=str)
 def test_a_sweep_by_several_processes_ends_quietly(tmp_path, number):
     out = tmp_path / "v.csv"

@@ -799,6 +799,7 @@ def test_a_lever_moves_alike_whatever_point_describes_it(damping, method):
     assert np.max(np.abs(runs[1] - runs[0])) < 100.0 * METHODS[method]
 
 
+@pytest.mark.long
 def test_a_lever_in_space_moves_like_one_in_the_plane():
     run = mbstab.loads(LEVER.replace("AT", "0.5").replace("D}", "20}")).simulate(1.0, points=3, perturb={"b.y": 0.3})
     there = mbstab.loads(SPATIAL_LEVER).simulate(1.0, points=3, perturb={"b.z": 0.3})

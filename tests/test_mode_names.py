@@ -66,6 +66,7 @@ def test_a_mode_that_was_not_computed_is_not_said_to_be_missing():
     assert any("no mode of the 2 eigenvalues that were computed" in x for x in whole.modes(1).warnings)
 
 
+@pytest.mark.long
 def test_names_are_not_guessed_where_modes_cross_too_often():
     scene = mbstab.loads(OFTEN)
     assert named(scene.eig(k=2)).keys() == {"own"}

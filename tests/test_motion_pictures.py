@@ -820,6 +820,7 @@ def test_ctrl_c_while_animating_leaves_no_half_file(tmp_path, number):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=str)
 def test_ctrl_c_while_data_are_written_leaves_no_half_file(tmp_path, number):
     path = tmp_path / "a.csv"

@@ -207,6 +207,7 @@ def test_a_tyre_without_a_contact_is_refused(contact, message):
         mbstab.loads(MOTORCYCLE.replace("{type: tyre, contact: rear,", f"{{type: tyre, contact: {contact},"))
 
 
+@pytest.mark.long
 def test_lengths_of_nanometres_have_the_verdict_of_feet():
     """Speeds that are tried then stop the wheels within rounding, where the slip of a tyre has no value."""
     small = mbstab.load("motorcycle.yaml").eig(ft=0.3048e-9)

@@ -210,7 +210,7 @@ def test_a_pattern_with_other_directions_than_a_point_does_not_hold_there(rows, 
     assert np.allclose(np.swapaxes(basis, 1, 2) @ basis, np.eye(rank), atol=1e-14)
 
 
-@pytest.mark.few(2)
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(0, 36, 3))
 def test_rounding_of_forces_that_vanish_holds_no_place_at_rest(seed):
     """Only what symmetries and speeds explain is neutral: forces that are rounding determine no manifold of rests."""

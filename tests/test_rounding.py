@@ -258,7 +258,7 @@ reference: {{coordinates: {{p: {{x: 0, y: -1}}}}}}
 }
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("damping", [0, 1])
 def test_a_few_eigenvalues_of_numbers_that_cancel_do_not_contradict_the_decimals(scene, damping):

@@ -253,7 +253,7 @@ def exact_end():
     return found
 
 
-@pytest.mark.few(2)
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "solver"), sample(product(ORDERS, ["DOP853", "RK45", "alpha", "radau"]), 7))
 def test_the_observed_order_is_that_of_theory(name, solver, exact_end):
     perturb, (end, counts) = ORDERS[name][0], ORDERS[name][1][solver]

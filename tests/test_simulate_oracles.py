@@ -333,6 +333,7 @@ def test_the_motion_ends_at_the_printed_angle(omega):
     assert np.mean(angle(sim)[late]) == pytest.approx(PRINTED[omega][0], abs=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("omega", sample(PRINTED, 3))
 def test_the_end_of_the_motion_is_linearized(omega):
     sim = simulated(omega)

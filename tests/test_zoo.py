@@ -179,7 +179,7 @@ def test_simulation_confirms_nothing_false_and_contradicts_nothing_true(name):
     assert answer.note != ("contradicted" if answer.word in system.allowed else "confirmed")
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name",
     sample(["sleeping top, fast", "sleigh forwards", "chain of carts on a wall", "held on a hill, slightly damped"], 2),
