@@ -4,7 +4,6 @@ Derivatives are compared with differences in 50 digits; definitions with kinemat
 written here, from rotation matrices and displaced states only.
 """
 
-import importlib
 import inspect
 import itertools
 import random
@@ -15,6 +14,7 @@ import pytest
 from element_tables import HOLONOMIC, NONHOLONOMIC, POWER, STEP, Body, turn, unit
 
 from mbstab.compiler.derive import parameter_sizes
+from mbstab.compiler.kernels import load
 from mbstab.compiler.user import user_kernel
 from mbstab.mechanics.catalogue import COORDINATES
 from mbstab.mechanics.elements import ELEMENTS
@@ -56,7 +56,7 @@ class Case:
 
     def __init__(self, name, units=()):
         self.name, self.element, self.frame = name, ELEMENTS[name], frame_of(name)
-        self.kernel = importlib.import_module(f"mbstab.compiler.kernels.{name}")
+        self.kernel = load(name)
         rng = random.Random(name)
         self.size = len(COORDINATES[self.frame])
 
@@ -570,7 +570,7 @@ def states(name):
 @pytest.mark.parametrize("name", sorted(ELEMENTS))
 def test_a_kernel_has_the_same_value_at_a_special_state_as_next_to_it(name):
     element = ELEMENTS[name]
-    kernel = importlib.import_module(f"mbstab.compiler.kernels.{name}")
+    kernel = load(name)
     tried = 0
     with mpmath.workdps(60):
         f = mpmath_arithmetic()

@@ -19,15 +19,15 @@ A = dD/dt and J = D_u. Given functions of time enter as s with their derivatives
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Sequence
 from dataclasses import field, replace
-from fractions import Fraction
-from types import MappingProxyType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any, Protocol
 
 from mbstab.compiler.tape import Tape, Term
 from mbstab.mechanics.bodies import TENSOR_SIZE
-from mbstab.mechanics.catalogue import Element, Load
+from mbstab.mechanics.catalogue import COORDINATES, Element, Load
+from mbstab.mechanics.frames import Column, Frame
 from mbstab.records import dataclass
 
 Entries = dict[tuple[int, ...], Term]
@@ -71,7 +71,7 @@ class Given(Protocol):
     coordinates: int
     numbers: int
 
-    def terms(self, tape: Tape, time: str) -> dict[int, Term]:
+    def terms(self, motion: Moving, time: str) -> dict[int, Term]:
         """Return the expressions by the number of the parameter, base rotations not counted."""
 
 
@@ -87,57 +87,132 @@ def derive(element: Element, frame: str, given: Given | None = None) -> Derived:
         Parameters that are expressions. What they contain follows the coordinates and parameters of the element, and
         the time its given functions.
     """
-    from mbstab.mechanics.frames import Frame
-
-    kinds = [*[frame] * element.slots, *["coordinate"] * element.states]
-    frames = [Frame(kind, number + 1) for number, kind in enumerate(kinds)]
-    p, flat, s = _symbols(element, frame)
-    defined = element.define(frames, p, s)
     tape = Tape()
-    q, u, a = ([x.name for f in frames for x in getattr(f, name)] for name in "qua")
-    signals = [x.name for x in s]
+    kinds = [*[frame] * element.slots, *["coordinate"] * element.states]
+    names = [[f"{name}{number}" for name in COORDINATES[kind]] for number, kind in enumerate(kinds, 1)]
+    q = [name for own in names for name in own]
+    u, a = ([f"{name}_{dots}" for name in q] for dots in ("t", "tt"))
+    signals = [f"s{i + 1}" for i in range(element.signals)]
     terms: dict[int, Term] = {}
     if given is not None:
-        if element.role != "nonholonomic" and not (
-            isinstance(defined, Load) and defined.potential == defined.dissipation == 0
-        ):
-            raise ValueError("what has a potential has no parameters that change with the motion")
-        signals.append(f"s{len(s) + 1}")
-        terms = given.terms(tape, signals[-1])
-        for names, letter in ((q, "q"), (u, "u"), (a, "a")):
-            names += [f"{letter}{i}" for i in range(given.coordinates)]
-    put = from_symbols(tape, {flat[i]: term for i, term in terms.items()})
-    definition = _on_tape(defined, put)
-    parameters = [x.name for f in frames for x in f.base] + [x.name for i, x in enumerate(flat) if i not in terms]
+        signals.append(f"s{element.signals + 1}")
+        for every, letter in ((q, "q"), (u, "u"), (a, "a")):
+            every += [f"{letter}{i}" for i in range(given.coordinates)]
+    motion = Moving(tape, q, u, signals)
+    if given is not None:
+        terms = given.terms(motion, signals[-1])
+    spatial = frame == "spatial"
+    bases = [[f"base{number}_{i}{j}" for i in "123" for j in "123"] for number in range(1, spatial * element.slots + 1)]
+    parameters = [x for base in bases for x in base]
+    p, count = SimpleNamespace(), 0
+    for name, size in parameter_sizes(element, frame):
+        own = [f"{name}_{i + 1}" if size > 1 else name for i in range(size)]
+        parameters += [x for i, x in enumerate(own, count) if i not in terms]
+        setattr(p, name, Column(terms[i] if i in terms else tape.input(x) for i, x in enumerate(own, count)))
+        count += size
     parameters += [f"p{i}" for i in range(given.numbers if given else 0)]
-    derived = differentiate(tape, element.role, definition, q, u, a, signals, parameters)
+
+    def defined(at_rest: bool = False) -> Any:
+        frames = [
+            motion.frame(
+                own,
+                {"planar": 2, "spatial": 3}.get(kind, 0),
+                [tape.input(x) for x in bases[i]] if kind == "spatial" else [],
+                at_rest,
+            )
+            for i, (kind, own) in enumerate(zip(kinds, names, strict=True))
+        ]
+        return element.define(frames, p, Column(map(tape.input, signals[: element.signals])))
+
+    definition = defined()
+    if (
+        given is not None
+        and element.role != "nonholonomic"
+        and not (isinstance(definition, Load) and definition.potential == definition.dissipation == 0)
+    ):
+        raise ValueError("what has a potential has no parameters that change with the motion")
+    derived = differentiate(tape, element.role, definition, motion, a, signals, parameters)
     # Derived last: the text of the other functions depends on the order of their steps.
     if element.role == "inertia":
-        return replace(derived, potential=_potential(-put(defined.subs({x: 0 for frame in frames for x in frame.u}))))
+        return replace(derived, potential=_potential(-defined(at_rest=True)))
     if not isinstance(definition, Load):
         return derived
-    damping = None if definition.power else _coefficients(tape, definition.dissipation, parameters)
-    return replace(derived, potential=_potential(definition.potential), damping=damping)
+    damping = None if definition.power else _coefficients(tape, tape.term(definition.dissipation), parameters)
+    return replace(derived, potential=_potential(tape.term(definition.potential)), damping=damping)
 
 
-def _symbols(element: Element, frame: str) -> tuple[SimpleNamespace, list[Any], list[Any]]:
-    """Return the parameters of an element by name and one after the other, and its given functions, as symbols."""
-    import sympy
+class Moving:
+    """How the terms on a tape change with coordinates.
 
-    p, flat = SimpleNamespace(), []
-    for name, size in parameter_sizes(element, frame):
-        symbols = [sympy.Symbol(f"{name}_{i + 1}" if size > 1 else name, real=True) for i in range(size)]
-        setattr(p, name, sympy.Matrix(symbols))
-        flat += symbols
-    return p, flat, [sympy.Symbol(f"s{i + 1}", real=True) for i in range(element.signals)]
+    A vector that turns with a body changes by the product of an axis and the vector: its components are not derived.
+
+    Attributes
+    ----------
+    q, u : list of Term
+    along : list of dict
+        Rates of coordinates and of components of such vectors where one coordinate changes with the rate 1.
+    """
+
+    def __init__(self, tape: Tape, q: list[str], u: list[str], s: list[str]) -> None:
+        self.tape, self.names, self.rates = tape, q, u
+        self._changing = [tape.input(name) for name in (*q, *u, *s)]
+        self.q, self.u = ([tape.input(name) for name in x] for x in (q, u))
+        self.along = [{x: tape.term(1)} for x in self.q]
+        self._steps: dict[int, Term] = {}
+
+    def frame(self, names: list[str], dimension: int, base: list[Term], at_rest: bool = False) -> Frame:
+        """Return the frame of a body whose coordinates have these names."""
+        places = [self.names.index(name) for name in names]
+        q, u = [self.q[i] for i in places], [self.tape.term(0) if at_rest else self.u[i] for i in places]
+        return _Turning(self, places, dimension, q, u, base)
+
+    def rate(self, x: Any) -> Term:
+        """Return the time derivative of what was computed from coordinates."""
+        return self.tape.tangent(self.motion())(self.tape.term(x))
+
+    def motion(self) -> dict[Term, Term]:
+        """Return the rates along the motion."""
+        found: dict[Term, list[Term]] = {}
+        for u, rates in zip(self.u, self.along, strict=True):
+            for term, rate in rates.items():
+                found.setdefault(term, []).append(u * rate)
+        return {term: self.tape.sum(rates) for term, rates in found.items()}
+
+    def fixed(self, vector: Iterable[Any]) -> bool:
+        """Whether a vector contains parameters alone."""
+        return not any(self.tape.depends(self.tape.term(x), y) for x in vector for y in self._changing)
+
+    def turn(self, place: int, vector: Column, rates: Iterable[Term]) -> None:
+        """Say how the components of a vector change with a coordinate."""
+        for x, rate in zip(vector, rates, strict=True):
+            if x.number is None:
+                step = self._steps.setdefault(x.step, x / x.coefficient)
+                self.along[place][step] = rate / x.coefficient
 
 
-def _on_tape(defined: Any, put: Callable[[Any], Term]) -> Any:
-    """Return the definition of an element with the terms of a tape."""
-    if isinstance(defined, Load):
-        pairs = tuple(([put(x) for x in force], [put(x) for x in velocity]) for force, velocity in defined.power)
-        return Load(put(defined.potential), put(defined.dissipation), pairs)
-    return [put(row) for row in defined] if isinstance(defined, list) else put(defined)
+class _Turning(Frame):
+    """A frame whose vectors turn with its angles on a tape."""
+
+    def __init__(self, moving: Moving, places: list[int], dimension: int, q: Any, u: Any, base: Any) -> None:
+        super().__init__(moving.tape.arithmetic(), dimension, q, base, u, moving.rate)
+        self._moving, self._angles = moving, places[dimension:] if dimension else []
+        if self._angles:
+            for i, hinge in enumerate(self.hinges):
+                self._turned(hinge, i)
+            for axis in self.axes:
+                self._turned(axis)
+
+    def _turned(self, vector: Column, hinges: int = 3) -> Column:
+        """Say that a vector turns with all angles, or with the first ones."""
+        for place, hinge in zip(self._angles[:hinges], self.hinges, strict=False):
+            self._moving.turn(place, vector, hinge.cross(vector))
+        if self.dimension == 2:
+            self._moving.turn(self._angles[0], vector, (-vector[1], vector[0]))
+        return vector
+
+    def direction(self, vector: Sequence[Any]) -> Column:
+        turned = super().direction(vector)
+        return self._turned(turned) if self._angles and self._moving.fixed(vector) else turned
 
 
 def _potential(energy: Term) -> dict[str, Entries]:
@@ -155,40 +230,8 @@ def _coefficients(tape: Tape, dissipation: Term, parameters: list[str]) -> tuple
     return tuple(i for i, _ in found)
 
 
-def from_symbols(tape: Tape, given: Mapping[Any, Term] = MappingProxyType({})) -> Callable[[Any], Term]:
-    """Return the function that puts SymPy expressions on a tape; `given` says what some symbols are there."""
-    import sympy
-
-    f = tape.arithmetic()
-    known: dict[Any, Term] = dict(given)
-
-    def put(x: Any) -> Term:
-        if x not in known:
-            known[x] = new(sympy.sympify(x))
-        return known[x]
-
-    def new(x: Any) -> Term:
-        if x.is_Symbol:
-            return tape.input(x.name)
-        if x.is_Rational:
-            return tape.term(Fraction(int(x.p), int(x.q)))
-        if x is sympy.pi:
-            return tape.literal("pi")
-        arguments = [put(argument) for argument in x.args]
-        if x.is_Add:
-            return tape.sum(arguments)
-        if x.is_Mul:
-            return tape.product(arguments)
-        if x.is_Pow:
-            return tape.power(*arguments)
-        term: Term = getattr(f, x.func.__name__.lower())(*arguments)
-        return term
-
-    return put
-
-
 def differentiate(
-    tape: Tape, role: str, definition: Any, q: list[str], u: list[str], a: list[str], s: list[str], p: list[str]
+    tape: Tape, role: str, definition: Any, motion: Moving, a: list[str], s: list[str], p: list[str]
 ) -> Derived:
     """Derive the outputs of a kernel from a definition on a tape.
 
@@ -199,66 +242,76 @@ def differentiate(
         As in `Element`.
     definition : Term, Load or list of Term
         What `Element.define` returned.
-    q, u, a : list of str
-        Names of coordinates, speeds and accelerations.
+    motion : Moving
+        Coordinates and speeds, and how terms change with them.
+    a : list of str
+        Names of accelerations.
     s : list of str
         Given functions of time; their derivatives get the endings ``_t`` and ``_tt``.
     p : list of str
         Parameters, base rotations first.
     """
-    inputs = {"q": q, "u": u, "p": p, "s": [*s, *(f"{x}_t" for x in s), *(f"{x}_tt" for x in s)]}
-    Q, U, A, S = ([tape.input(name) for name in names] for names in (q, u, a, inputs["s"]))
-    rates = dict(zip([*Q, *S[: 2 * len(s)]], [*U, *S[len(s) :]], strict=True))
+    inputs = {"q": motion.names, "u": motion.rates, "p": p}
+    inputs["s"] = [*s, *(f"{x}_t" for x in s), *(f"{x}_tt" for x in s)]
+    U, (A, S) = motion.u, ([tape.input(name) for name in names] for names in (a, inputs["s"]))
+    rates = motion.motion() | dict(zip(S[: 2 * len(s)], S[len(s) :], strict=True))
     total = tape.tangent(rates)
     one = tape.term(1)
+    Q, by_speed = motion.along, [{x: one} for x in U]
 
-    def jacobian(values: list[Term], names: list[Term]) -> Entries:
-        slopes = [tape.tangent({name: one}) for name in names]
+    def jacobian(values: list[Term], directions: list[dict[Term, Term]]) -> Entries:
+        slopes = [tape.tangent(rates) for rates in directions]
         return _entries([[slope(value) for slope in slopes] for value in values])
+
+    def gradient(weighted: Iterable[tuple[Term, Term]], directions: list[dict[Term, Term]]) -> list[Term]:
+        names = list({x: None for rates in directions for x in rates})
+        adjoint = dict(zip(names, tape.gradient(weighted, names), strict=True))
+        return [tape.sum(adjoint[x] * rate for x, rate in rates.items()) for rates in directions]
 
     if role == "inertia":
         inputs["a"] = a
-        momentum, slope = (tape.gradient([(one, definition)], names) for names in (U, Q))
+        momentum, slope = (gradient([(one, definition)], x) for x in (by_speed, Q))
         F = [total(p) - x for p, x in zip(momentum, slope, strict=True)]
         moving = tape.tangent(rates | dict(zip(U, A, strict=True)))
         full = [moving(p) - x for p, x in zip(momentum, slope, strict=True)]
-        dynamics = {"M": jacobian(momentum, U), "F": _entries(F)}
-        return Derived(inputs, tape, dynamics, {"K": jacobian(full, Q), "R": jacobian(F, U)})
+        dynamics = {"M": jacobian(momentum, by_speed), "F": _entries(F)}
+        return Derived(inputs, tape, dynamics, {"K": jacobian(full, Q), "R": jacobian(F, by_speed)})
     if role == "force":
-        F = _generalized_force(tape, definition, Q, U)
-        return Derived(inputs, tape, {"F": _entries(F)}, {"K": jacobian(F, Q), "R": jacobian(F, U)})
+        power = [(-f, v) for force, velocity in definition.power for f, v in zip(force, velocity, strict=True)]
+        parts = (
+            gradient([(one, tape.term(definition.potential))], Q),
+            tape.gradient([(one, tape.term(definition.dissipation)), *power], U),
+        )
+        F = [x + y for x, y in zip(*parts, strict=True)]
+        return Derived(inputs, tape, {"F": _entries(F)}, {"K": jacobian(F, Q), "R": jacobian(F, by_speed)})
     inputs["nu"] = [f"nu{i + 1}" for i in range(len(definition))]
     inputs["a"] = a
     nu = [tape.input(name) for name in inputs["nu"]]
     holonomic = role == "holonomic"
-    by = Q if holonomic else U
+    by = Q if holonomic else by_speed
+    definition = [tape.term(row) for row in definition]
     speeds = [total(row) for row in definition] if holonomic else definition
     bias = [total(speed) for speed in speeds]
-    push = tape.gradient(zip(nu, definition, strict=True), by)
+    push = gradient(list(zip(nu, definition, strict=True)), by)
 
-    def of_rows(values: list[Term], names: list[Term]) -> Entries:
+    def by_rows(values: list[Term], by: list[dict[Term, Term]]) -> list[list[Term]]:
         # Backward differentiation from one row takes fewer steps than forward from each coordinate.
-        return _entries([tape.gradient([(one, values[0])], names)]) if len(values) == 1 else jacobian(values, names)
+        if len(values) == 1:
+            return [gradient([(one, values[0])], by)]
+        return [[slope(value) for slope in map(tape.tangent, by)] for value in values]
 
-    J = of_rows(definition, by)
-    dynamics = {"E": _entries(definition), "V": _entries(speeds), "J": J, "B": _entries(bias)}
-    linearize = {"K": jacobian(push, Q)}
-    if not holonomic:
-        linearize |= {"R": jacobian(push, U), "D": jacobian(definition, Q)}
-    # Derived after the other functions, whose text depends only on the order of their steps.
+    J = by_rows(definition, by)
+    D = [[total(x) for x in row] for row in J] if holonomic else by_rows(definition, Q)
+    dynamics = {"E": _entries(definition), "V": _entries(speeds), "J": _entries(J), "B": _entries(bias)}
+    if holonomic:
+        linearize = {"K": _entries([gradient([(one, x)], Q) for x in push])}
+    else:
+        linearize = {"K": jacobian(push, Q), "R": jacobian(push, by_speed), "D": _entries(D)}
+    # The derivatives of A = dV/dt are total derivatives of those of V.
     moving = tape.tangent(rates | dict(zip(U, A, strict=True)))
-    full = [moving(speed) for speed in speeds]
-    linearize_rows = {"V_q": of_rows(speeds, Q), "A_q": of_rows(full, Q), "A_u": of_rows(full, U)}
-    return Derived(inputs, tape, dynamics, linearize, linearize_rows)
-
-
-def _generalized_force(tape: Tape, load: Load, q: list[Term], u: list[Term]) -> list[Term]:
-    """Return −Q, the term a force adds to F."""
-    one = tape.term(1)
-    by_speed = [(one, tape.term(load.dissipation))]
-    by_speed += [(-f, v) for force, velocity in load.power for f, v in zip(force, velocity, strict=True)]
-    parts = tape.gradient([(one, tape.term(load.potential))], q), tape.gradient(by_speed, u)
-    return [x + y for x, y in zip(*parts, strict=True)]
+    A_q = [[moving(x) for x in row] for row in D]
+    A_u = [[x + moving(y) for x, y in zip(*rows, strict=True)] for rows in zip(D, J, strict=True)]
+    return Derived(inputs, tape, dynamics, linearize, {"V_q": _entries(D), "A_q": _entries(A_q), "A_u": _entries(A_u)})
 
 
 def _entries(values: list[Any]) -> Entries:

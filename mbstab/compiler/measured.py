@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Any
 
 from mbstab.mechanics.catalogue import GROUND
-from mbstab.mechanics.measures import MEASURES, Measure, Pose, Rate, parts
-from mbstab.model.arithmetic import FLOAT, array_arithmetic
+from mbstab.mechanics.frames import Frame
+from mbstab.mechanics.measures import MEASURES, Measure, parts
+from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.jets import Jet, jet_arithmetic
 from mbstab.model.scene import MeasureNumbers, Scene
 from mbstab.model.turned import counted_on
@@ -51,25 +52,22 @@ class Measured:
         """Number of all numbers that belong to it."""
         return sum(self.bases) + self.count
 
-    def of(self, f: Any, names: Mapping[str, Any], numbers: Iterator[Any], rate: Rate) -> Any:
-        """Return the measure, or the speed that it is, from coordinates and the numbers that belong to it.
+    def of(self, frame: Callable[[Sequence[str], list[Any]], Frame], numbers: Iterator[Any]) -> Any:
+        """Return the measure, or the speed that it is.
 
         Parameters
         ----------
-        f : arithmetic
-        names : mapping
-            Coordinates by name.
+        frame : callable
+            Returns the frame of a body from the names of its coordinates and its base rotation.
         numbers : iterator
             The next ones are those of this measure.
-        rate : callable
-            Returns the time derivative of what was computed from the coordinates.
         """
-        poses = [
-            Pose(f, self.dimension, [names[c] for c in body], [next(numbers) for _ in range(size)])
+        frames = [
+            frame(body, [next(numbers) for _ in range(size)])
             for body, size in zip(self.bodies, self.bases, strict=True)
         ]
         assert self.kind.formula is not None
-        return self.kind.formula(poses, [next(numbers) for _ in range(self.count)], rate)
+        return self.kind.formula(frames, [next(numbers) for _ in range(self.count)])
 
 
 def measured(scene: Scene, used: Container[str]) -> dict[Measured, tuple[Any, ...]]:
@@ -92,6 +90,25 @@ def occurring(scene: Scene, name: str, measure: MeasureNumbers) -> tuple[Measure
     return one, (*chain.from_iterable(bases), *measure.numbers)
 
 
+def frames(f: Arithmetic, scene: Scene, moving: Mapping[str, Jet]) -> Callable[[Sequence[str], list[Any]], Frame]:
+    """Return what gives the frames of bodies for `Measured.of`.
+
+    Parameters
+    ----------
+    f : Arithmetic
+    scene : Scene
+    moving : mapping
+        Coordinates by name, with their rates and accelerations in this arithmetic.
+    """
+    jets = jet_arithmetic(f)
+
+    def frame(body: Sequence[str], base: list[Any]) -> Frame:
+        q = [moving[name] for name in body]
+        return Frame(jets, scene.dimension, q, base, [Jet(x.rate, x.second) for x in q])
+
+    return frame
+
+
 def recounted(scene: Scene, names: list[str], q: Any, reach: float) -> dict[str, MeasureNumbers]:
     """Return angles in space that are further than `reach` (rad) from where they count, counted from where they are.
 
@@ -101,12 +118,13 @@ def recounted(scene: Scene, names: list[str], q: Any, reach: float) -> dict[str,
         Coordinates in the order of q.
     q : ndarray, shape (n_q,)
     """
-    state, found = dict(zip(names, q.tolist(), strict=True)), {}
+    found = {}
+    frame = frames(FLOAT, scene, {name: Jet(x) for name, x in zip(names, q.tolist(), strict=True)})
     for name, x in scene.measures.items():
         if x.kind != "angle" or not len(x.numbers):
             continue
         one, numbers = occurring(scene, name, x)
-        angle, near = one.of(FLOAT, state, iter(numbers), lambda y: y), x.numbers[-1]
+        angle, near = Jet.of(one.of(frame, iter(numbers))).value, x.numbers[-1]
         if abs(angle - near) > reach:
             k, before = round(angle / math.pi), round(near / math.pi)
             found[name] = replace(x, numbers=counted_on(x.numbers, k, FLOAT, before))
@@ -123,9 +141,9 @@ def values(scene: Scene, names: list[str], q: Any, u: Any) -> dict[str, Any]:
     q, u : ndarray, shape (…, n_q)
     """
     moving = {name: Jet(q[..., i], u[..., i]) for i, name in enumerate(names)}
-    f, found = jet_arithmetic(array_arithmetic()), {}
+    frame, found = frames(array_arithmetic(), scene, moving), {}
     for one, numbers in measured(scene, scene.measures).items():
-        jet = Jet.of(one.of(f, moving, iter(numbers), lambda x: Jet.of(x).rate))
+        jet = Jet.of(one.of(frame, iter(numbers)))
         if one.kind.speed:
             found[f"rate({one.name})"] = jet.value
         else:

@@ -25,17 +25,17 @@ constraints come first (n_h of them), then the n_n nonholonomic ones.
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import accumulate, chain
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from mbstab.compiler import kernels
 from mbstab.compiler.located import located
 from mbstab.compiler.placed import Acting, Placed, acting, bases_of, columns_of, following, force_sizes, unfelt_states
 from mbstab.compiler.scatter import Plan, Time, arithmetic_of, padded, plan_of
@@ -289,7 +289,7 @@ class System:
         uses = other._uses()
         if len(uses) == len(self._elements):
             for known, (use, _, role) in zip(self._elements, uses, strict=True):
-                if not isinstance(use, ElementUse) or known.kernel is not _kernel(self._kernel_name(use)):
+                if not isinstance(use, ElementUse) or known.kernel is not kernels.load(self._kernel_name(use)):
                     break
                 own = (*bases_of(use, ELEMENTS[self._kernel_name(use)], scene), *use.parameters)
                 other._elements.append(
@@ -364,7 +364,7 @@ class System:
         if not isinstance(use, ElementUse):
             return [Row(entry.section, entry.name, entry.kind.name, "unit of the expression", entry.location)]
         element = ELEMENTS[name := self._kernel_name(use)]
-        count = 1 + max(i for i, *_ in _kernel(name).DYNAMICS["J"])
+        count = 1 + max(i for i, *_ in kernels.load(name).DYNAMICS["J"])
         label = use.labels[0] if use.labels else element.name
         if (unit := element.units[0]).startswith("unit"):
             unit = unit.replace("unit", self.units[use.slots[0]])
@@ -405,7 +405,7 @@ class System:
                 if any(isinstance(x, Moved) for x in use.parameters):
                     placed.append(self._place_moved(use, name, columns, bases, rows, path))
                     continue
-                kernel, numbers = _kernel(name), (*bases, *use.parameters)
+                kernel, numbers = kernels.load(name), (*bases, *use.parameters)
                 placed.append(Placed(kernel, columns, rows, numbers, use.laws, role == "inertia", path))
             else:
                 assert entry is not None
@@ -617,12 +617,6 @@ _OVERFLOW = (
     "an entry of the matrices is not finite\n"
     "hint: numbers of this size leave the range of double precision; use other units"
 )
-
-
-@cache
-def _kernel(name: str) -> Any:
-    """Return the kernel of a built-in element."""
-    return importlib.import_module(f"mbstab.compiler.kernels.{name}")
 
 
 _TIME = Time()

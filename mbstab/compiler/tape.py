@@ -36,6 +36,9 @@ MAX_POWER = 100
 MAX_COEFFICIENT = 1000
 """Numerator and denominator of the literals that count as coefficients; the others keep their digits."""
 
+Rational = int | Fraction
+"""Whole numbers are kept as such, with which Python computes many times as fast."""
+
 # --- steps ----------------------------------------------------------------------------------------------------------
 
 
@@ -57,7 +60,7 @@ class Literal:
 class Sum:
     """Σ coefficient · step."""
 
-    terms: tuple[tuple[int, Fraction], ...]
+    terms: tuple[tuple[int, Rational], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +75,7 @@ class Call:
     """A function of an `Arithmetic` applied to coefficient · step, ...."""
 
     function: str
-    arguments: tuple[tuple[int, Fraction], ...]
+    arguments: tuple[tuple[int, Rational], ...]
 
 
 Step = Input | Literal | Sum | Product | Call
@@ -83,7 +86,7 @@ class Term:
     """A rational number times a step; the number type in which a program is written."""
 
     tape: Tape
-    coefficient: Fraction
+    coefficient: Rational
     step: int
 
     @property
@@ -92,7 +95,7 @@ class Term:
         return self.coefficient == 0
 
     @property
-    def number(self) -> Fraction | None:
+    def number(self) -> Rational | None:
         """The value of a rational number, None for anything else."""
         return self.coefficient if self.step == ONE else None
 
@@ -106,10 +109,15 @@ class Term:
         return self.tape.sum((self, -self.tape.term(other)))
 
     def __mul__(self, other: Any) -> Term:
+        if isinstance(other, tuple):  # the vector multiplies each of its components
+            return NotImplemented
         return self.tape.product((self, self.tape.term(other)))
 
     def __truediv__(self, other: Any) -> Term:
         return self.tape.product((self, self.tape.power(self.tape.term(other), self.tape.term(-1))))
+
+    def __pow__(self, exponent: int) -> Term:
+        return self.tape.power(self, self.tape.term(exponent))
 
     def __radd__(self, other: Any) -> Term:
         return self.tape.sum((self.tape.term(other), self))
@@ -158,9 +166,9 @@ class Tape:
 
     # --- making terms -----------------------------------------------------------------------------------------------
 
-    def term(self, x: Term | int | Fraction) -> Term:
+    def term(self, x: Term | Rational) -> Term:
         """Return a number as a term; terms are returned unchanged."""
-        return x if isinstance(x, Term) else Term(self, Fraction(x), ONE)
+        return x if isinstance(x, Term) else Term(self, x if isinstance(x, int) else _whole(Fraction(x)), ONE)
 
     def input(self, name: str) -> Term:
         """Return the input of that name."""
@@ -177,25 +185,26 @@ class Tape:
 
     def sum(self, terms: Iterable[Term]) -> Term:
         """Return the sum of terms."""
-        total: dict[int, Fraction] = {}
+        total: dict[int, Rational] = {}
         for term in terms:
-            total[term.step] = total.get(term.step, Fraction(0)) + term.coefficient
+            total[term.step] = total.get(term.step, 0) + term.coefficient
         entries = sorted((step, c) for step, c in total.items() if c)
         if len(entries) < 2:
-            return Term(self, entries[0][1], entries[0][0]) if entries else self.term(0)
+            return Term(self, _whole(entries[0][1]), entries[0][0]) if entries else self.term(0)
         # A common factor is taken out, so that multiples of a sum share its step.
-        size = Fraction(gcd(*(c.numerator for _, c in entries)), lcm(*(c.denominator for _, c in entries)))
+        size = _over(gcd(*(c.numerator for _, c in entries)), lcm(*(c.denominator for _, c in entries)))
         content = size if sum(1 if c > 0 else -1 for _, c in entries) >= 0 else -size
-        inner = self._put(Sum(tuple((step, c / content) for step, c in entries)))
+        inner = self._put(Sum(tuple((step, _over(c, content)) for step, c in entries)))
         if self._norms:
             divisors = {factor for step, _ in entries for factor, e in self._factors(step) if e < 0}
             if divisors := divisors & self._norms.keys():
                 self._over_norms[inner.step] = frozenset().union(*(self._norms[norm] for norm in divisors))
-        return Term(self, content * inner.coefficient, inner.step)
+        return Term(self, _whole(content * inner.coefficient), inner.step)
 
     def product(self, factors: Iterable[Term]) -> Term:
         """Return the product of terms."""
-        coefficient, exponents = Fraction(1), dict[int, int]()
+        exponents = dict[int, int]()
+        coefficient: Rational = 1
         for factor in factors:
             if factor.is_zero:
                 return self.term(0)
@@ -211,15 +220,16 @@ class Tape:
                 return self.sum(Term(self, c, step) * rest for step, c in parts[0].terms)
             exponents = self._divided_by_norms(exponents)
         inner = self._raised(exponents.items())
-        return Term(self, coefficient * inner.coefficient, inner.step)
+        return Term(self, _whole(coefficient * inner.coefficient), inner.step)
 
-    def _without_slopes_of_abs(self, exponents: dict[int, int]) -> tuple[Fraction, dict[int, int]]:
+    def _without_slopes_of_abs(self, exponents: dict[int, int]) -> tuple[Rational, dict[int, int]]:
         """Return factors in which x times the derivative of abs(x) is abs(x), and a number besides.
 
         The derivative has no value at 0, the product has one: so x*abs(x) has its derivative there. Any other factors
         that are 0 where x is take the sign of x: so has sin(x)*abs(x).
         """
-        flat, number = self._flat(exponents), Fraction(1)
+        flat = self._flat(exponents)
+        number: Rational = 1
         while len(flat) > 1 and (known := [step for step in self._signed.keys() & flat.keys() if flat[step] == 1]):
             step = max(known)
             flat = self._flat({**flat, step: 0, **{x: flat.get(x, 0) + 1 for x in self._signed[step]}})
@@ -228,9 +238,9 @@ class Tape:
             x, times = self._argument(slope)
             size = self.call("abs", Term(self, times, x))
             if flat.get(x, 0) > 0:
-                number, factors = number * size.coefficient / times, {slope: -1, x: -1, size.step: 1}
+                number, factors = _over(number * size.coefficient, times), {slope: -1, x: -1, size.step: 1}
             elif flat.get(size.step, 0) > 0:
-                number, factors = number * times / size.coefficient, {slope: -1, size.step: -1, x: 1}
+                number, factors = _over(number * times, size.coefficient), {slope: -1, size.step: -1, x: 1}
             else:
                 continue
             for step, e in factors.items():
@@ -241,31 +251,31 @@ class Tape:
             last, number = rest.step, number * rest.coefficient
             for slope in (slope for slope in slopes if flat[slope] == 1):
                 x, times = self._argument(slope)
-                signed = self.call("signed", Term(self, Fraction(1), last), Term(self, times, x))
+                signed = self.call("signed", Term(self, 1, last), Term(self, times, x))
                 self._signed[signed.step] = last, slope
                 last, number = signed.step, number * signed.coefficient
             flat = {last: 1}
         return (number, flat) if slopes else (number, exponents)
 
-    def _argument(self, step: int) -> tuple[int, Fraction]:
+    def _argument(self, step: int) -> tuple[int, Rational]:
         """Return the step of which a step is a function, and its coefficient."""
         known = self.steps[step]
         assert isinstance(known, Call)
         return known.arguments[0]
 
-    def _shortened(self, flat: dict[int, int], x: int) -> Fraction:
+    def _shortened(self, flat: dict[int, int], x: int) -> Rational:
         """Divide x in factors by negative powers of x between -1 and 0, which have no value at 0; return a number."""
-        number = Fraction(1)
+        number: Rational = 1
         for step, e in list(flat.items()):
             known = self.steps[step]
             if not isinstance(known, Call) or known.arguments[0][0] != x or not flat.get(x, 0) > 0:
                 continue
             (_, times), *exponent = known.arguments
             if known.function == "sqrt" and e < 0:
-                changes, number = {x: -1, step: 2}, number / times
+                changes, number = {x: -1, step: 2}, _over(number, times)
             elif known.function == "power" and e == 1 and exponent[0][0] == ONE and exponent[0][1] < 0:
                 power = self.power(Term(self, times, x), self.term(exponent[0][1] + 1))
-                changes, number = {x: -1, step: -1, power.step: 1}, number * power.coefficient / times
+                changes, number = {x: -1, step: -1, power.step: 1}, _over(number * power.coefficient, times)
             else:
                 continue
             for changed, by in changes.items():
@@ -287,7 +297,7 @@ class Tape:
                 taken = min(times, flat[step])
                 times -= taken
                 flat[step] -= taken
-                share = self.call("share", Term(self, Fraction(1), step), Term(self, Fraction(1), norm))
+                share = self.call("share", Term(self, 1, step), Term(self, 1, norm))
                 flat[share.step] = flat.get(share.step, 0) + taken
         return flat
 
@@ -308,7 +318,7 @@ class Tape:
     def _squared(self, term: Term) -> frozenset[int]:
         """Return the steps whose squares add up to a term with positive coefficients; none if it is no such sum."""
         known = self.steps[term.step]
-        terms = known.terms if isinstance(known, Sum) else ((term.step, Fraction(1)),)
+        terms = known.terms if isinstance(known, Sum) else ((term.step, 1),)
         powers = [self._as_power(step) for step, _ in terms]
         squares = all(len(power) == 1 and power[0][1] == 2 for power in powers)
         if not squares or any(term.coefficient * c < 0 for _, c in terms):
@@ -336,7 +346,7 @@ class Tape:
         if not entries:
             return self.term(1)
         if entries == ((entries[0][0], 1),):
-            return Term(self, Fraction(1), entries[0][0])
+            return Term(self, 1, entries[0][0])
         return self._put(Product(entries))
 
     def _as_power(self, step: int) -> Sequence[tuple[int, int]]:
@@ -349,7 +359,7 @@ class Tape:
     def power(self, base: Term, exponent: Term) -> Term:
         """Return base ** exponent."""
         e = exponent.number
-        if e is None or abs(e) > MAX_POWER:
+        if e is None or not -MAX_POWER <= e <= MAX_POWER:
             return self.call("power", base, exponent)
         if base.is_zero:
             if e < 0:
@@ -363,11 +373,11 @@ class Tape:
         if e.denominator != 1 or large:
             return self.call("power", base, exponent)
         inner = self._raised([(step, times * k) for step, k in self._as_power(base.step)])
-        return Term(self, number**times * inner.coefficient, inner.step)
+        return Term(self, _whole(Fraction(number) ** times * inner.coefficient), inner.step)
 
     def call(self, function: str, *arguments: Term) -> Term:
         """Return a function of `TABLE`, or ``power``, applied to terms."""
-        term = self._put(Call(function, tuple((a.step, a.coefficient) for a in arguments)))
+        term = self._put(Call(function, tuple((a.step, _whole(a.coefficient)) for a in arguments)))
         if function == "abs_slope":
             self._slopes_of_abs.add(term.step)
         if self.shares and function == "hypot":
@@ -411,7 +421,7 @@ class Tape:
         self.steps.append(step)
         self._values.append(value)
         self._depends.append(self._dependence(step))
-        return Term(self, Fraction(1), number)
+        return Term(self, 1, number)
 
     def _dependence(self, step: Step) -> int:
         if isinstance(step, Input):
@@ -450,9 +460,15 @@ class Tape:
     # --- derivatives ------------------------------------------------------------------------------------------------
 
     def tangent(self, rates: Mapping[Term, Term]) -> Callable[[Term], Term]:
-        """Return the function that gives the derivative of a term in the direction of given rates of inputs."""
-        known = {name.step: rate for name, rate in rates.items()}
-        mask = self._mask(rates)
+        """Return the function that gives the derivative of a term where inputs, and what is known of them, change.
+
+        Parameters
+        ----------
+        rates : dict
+            Rates of inputs, and of terms whose rates need not be derived.
+        """
+        known = {name.step: rate / name.coefficient for name, rate in rates.items() if name.step != ONE}
+        mask = self._mask(name for name in rates if isinstance(self.steps[name.step], Input))
 
         def derivative(term: Term) -> Term:
             for step in self._below([term.step], mask, known):
@@ -468,8 +484,9 @@ class Tape:
         return bool(self._depends[term.step] & self._depends[name.step])
 
     def gradient(self, weighted: Iterable[tuple[Term, Term]], names: Sequence[Term]) -> list[Term]:
-        """Return Σ weight · ∂term/∂name over pairs (weight, term), for each of some inputs."""
+        """Return Σ weight · ∂term/∂name over pairs (weight, term) for some terms, of which all consist."""
         mask = self._mask(names)
+        ends = {name.step for name in names}
         parts: dict[int, list[Term]] = {}
         for weight, term in weighted:
             parts.setdefault(term.step, []).append(term.coefficient * weight)
@@ -479,12 +496,14 @@ class Tape:
             step = -heapq.heappop(queue)
             adjoint = self.sum(parts[step])
             parts[step] = [adjoint]
+            if step in ends:
+                continue
             for used, partial in self.partials(step):
                 if self._depends[used] & mask:
                     if used not in parts:
                         heapq.heappush(queue, -used)
                     parts.setdefault(used, []).append(adjoint * partial)
-        return [self.sum(parts.get(name.step, ())) for name in names]
+        return [self.sum(parts.get(name.step, ())) / name.coefficient for name in names]
 
     def _mask(self, names: Iterable[Term]) -> int:
         mask = 0
@@ -522,7 +541,7 @@ class Tape:
                 return found
             case Call():
                 arguments = [Term(self, c, n) for n, c in step.arguments]
-                slopes = self._slopes(step.function, Term(self, Fraction(1), number), arguments)
+                slopes = self._slopes(step.function, Term(self, 1, number), arguments)
                 return [(a.step, a.coefficient * slope) for a, slope in zip(arguments, slopes, strict=True)]
             case _:
                 return []
@@ -549,7 +568,16 @@ def uses(step: Step) -> Iterable[int]:
             return ()
 
 
-def residue(x: Fraction) -> int:
+def _whole(x: Rational) -> Rational:
+    return x.numerator if x.denominator == 1 else x
+
+
+def _over(x: Rational, y: Rational) -> Rational:
+    """Return x / y."""
+    return x * y if y in (1, -1) else _whole(Fraction(x) / y)
+
+
+def residue(x: Rational) -> int:
     """Return the residue of a rational number."""
     if x.denominator == 1:
         return x.numerator % PRIME
@@ -561,7 +589,7 @@ def _inverse(number: int) -> int:
     return pow(number, -1, PRIME)
 
 
-_MULTIPLES = tuple((times, residue(1 / times)) for times in (Fraction(1), Fraction(2), Fraction(1, 2)))
+_MULTIPLES: tuple[tuple[Rational, int], ...] = tuple((x, residue(_over(1, x))) for x in (1, 2, Fraction(1, 2)))
 """Multiples of steps that share them, and the residues of their inverses."""
 
 

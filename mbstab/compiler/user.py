@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -11,8 +11,9 @@ from mbstab.compiler.measured import Measured
 from mbstab.model.expressions import Expression, ExpressionError, Node
 
 if TYPE_CHECKING:
-    from mbstab.compiler.derive import Derived
-    from mbstab.compiler.tape import Tape, Term
+    from mbstab.compiler.derive import Derived, Moving
+    from mbstab.compiler.tape import Term
+    from mbstab.mechanics.frames import Frame
 
 
 def user_kernel(
@@ -51,18 +52,19 @@ def _kernel(
     parameters: tuple[str, ...],
     measures: tuple[Measured, ...],
 ) -> Any:
-    from mbstab.compiler.derive import differentiate
+    from mbstab.compiler.derive import Moving, differentiate
     from mbstab.compiler.tape import Tape
     from mbstab.mechanics.catalogue import Load
 
     contents = Contents(coordinates, parameters, measures)
     q, u, a = ([f"{x}{i}" for i in range(contents.coordinates)] for x in ("q", "u", "a"))
     tape = Tape(shares=True)
-    definition, rates = contents.on(tape, "s1", roots)
+    motion = Moving(tape, q, u, ["s1"])
+    definition, rates = contents.on(motion, "s1", roots)
     if role == "force":
         definition = Load(power=((definition, [rates[name] for name in rows]),))
     p = [f"p{i}" for i in range(contents.numbers)]
-    return _module("user", differentiate(tape, role, definition, q, u, a, ["s1"], p))
+    return _module("user", differentiate(tape, role, definition, motion, a, ["s1"], p))
 
 
 @lru_cache(maxsize=256)
@@ -88,7 +90,7 @@ def moved_kernel(
     from mbstab.compiler.derive import derive
     from mbstab.mechanics.elements import ELEMENTS
 
-    return _module(name, derive(ELEMENTS[name], frame, _Moving(Contents(coordinates, parameters, measures), moved)))
+    return _module(name, derive(ELEMENTS[name], frame, _Moved(Contents(coordinates, parameters, measures), moved)))
 
 
 class Contents:
@@ -101,19 +103,22 @@ class Contents:
         self.coordinates = len(coordinates)
         self.numbers = len(parameters) + sum(x.size for x in measures)
 
-    def on(self, tape: Tape, time: str, roots: Iterable[Node]) -> tuple[Any, dict[str, Term]]:
-        """Return expressions on a tape, and the rates of the coordinates and measures."""
-        n = len(self._parameters)
+    def on(self, motion: Moving, time: str, roots: Iterable[Node]) -> tuple[Any, dict[str, Term]]:
+        """Return expressions on the tape of a motion, and the rates of the coordinates and measures."""
+        n, tape = len(self._parameters), motion.tape
         inputs = {name: f"q{i}" for i, name in enumerate(self._coordinates)}
         inputs |= {name: f"p{i}" for i, name in enumerate(self._parameters)} | {"t": time}
         names = {name: tape.input(symbol) for name, symbol in inputs.items()}
         rates = {name: tape.input(f"u{i}") for i, name in enumerate(self._coordinates)}
-        total = tape.tangent({names[name]: rates[name] for name in self._coordinates})
         numbers = (tape.input(f"p{i}") for i in range(n, self.numbers))
         f = tape.arithmetic()
+
+        def frame(body: Sequence[str], base: list[Term]) -> Frame:
+            return motion.frame([inputs[name] for name in body], measure.dimension, base)
+
         for measure in self._measures:
-            value = tape.term(measure.of(f, names, numbers, lambda x: total(tape.term(x))))
-            names[measure.name], rates[measure.name] = value, value if measure.kind.speed else total(value)
+            value = tape.term(measure.of(frame, numbers))
+            names[measure.name], rates[measure.name] = value, value if measure.kind.speed else motion.rate(value)
         found = []
         for root in roots:
             try:
@@ -123,16 +128,17 @@ class Contents:
         return found, rates
 
 
-class _Moving:
+class _Moved:
     """The parameters of an element that are expressions; see `mbstab.compiler.derive.Given`."""
 
     def __init__(self, contents: Contents, moved: tuple[tuple[int, Node, bool], ...]) -> None:
         self.coordinates, self.numbers = contents.coordinates, contents.numbers
         self._contents, self._moved = contents, moved
 
-    def terms(self, tape: Tape, time: str) -> dict[int, Term]:
+    def terms(self, motion: Moving, time: str) -> dict[int, Term]:
         """Return the expressions; one that must be positive is the square of its root."""
-        found, _ = self._contents.on(tape, time, [root for _, root, _ in self._moved])
+        found, _ = self._contents.on(motion, time, [root for _, root, _ in self._moved])
+        tape = motion.tape
         f = tape.arithmetic()
         terms: dict[int, Term] = {}
         for (i, _, positive), term in zip(self._moved, found, strict=True):

@@ -7,20 +7,21 @@ from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Load, Look
 from mbstab.mechanics.forces import ANY_SIGN, gap_and_speed
+from mbstab.mechanics.frames import Column
 from mbstab.mechanics.vectors import plain_zero
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
 
 def _coupled_mount(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
     second = frames[1]
-    axes = [second.direction(v) for v in ((p.second_v2, p.second_v3) if second.dimension == 3 else ([1, 0], [0, 1]))]
+    axes = [second.direction(v) for v in (p.second_v2, p.second_v3)] if second.dimension == 3 else second.axes
     gap, speed = gap_and_speed(frames, p)
-    x, v = (sympy.Matrix([axis.dot(vector) for axis in axes]) for vector in (gap, speed))
-    K, C = sympy.Matrix(2, 2, list(p.stiffness)), sympy.Matrix(2, 2, list(p.damping))
-    return Load(power=((-K * x - C * v, v),))
+    x, v = (Column(axis.dot(vector) for axis in axes) for vector in (gap, speed))
+    (kxx, kxy, kyx, kyy), (cxx, cxy, cyx, cyy) = p.stiffness, p.damping
+    stiff, damped = Column((kxx, kxy)).dot(x), Column((cxx, cxy)).dot(v)
+    across = Column((kyx, kyy)).dot(x), Column((cyx, cyy)).dot(v)
+    return Load(power=(((-stiff - damped, -across[0] - across[1]), v),))
 
 
 _ENDPOINTS = (("first", 0), ("second", 0))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Form, Item, Kind, Number, Vector
+from mbstab.mechanics.frames import Column
 from mbstab.mechanics.vectors import plain_zero
 from mbstab.records import dataclass
 
@@ -13,25 +14,33 @@ from mbstab.records import dataclass
 
 
 def _lagrangian(frame: Any, mass: Any, inertia: Any, center: Any, gravity: Any) -> Any:
-    import sympy
-
-    origin_speed = sympy.Matrix(frame.u[: frame.dimension])
-    squared = frame.squared_speed(center) if center is not None else origin_speed.dot(origin_speed)
-    position = frame.position(center) if center is not None else frame.origin()
-    kinetic = mass * squared / 2
+    # About the reference point; its velocity in ground axes, ω in those of the body: each occurs where it is short.
+    velocity = frame.velocity(None)
+    momentum = mass * velocity / 2
+    if center is not None:
+        momentum += mass * (frame.velocity(center) - velocity)
+        inertia = _moved(inertia, mass, center)
+    kinetic = momentum.dot(velocity)
     if inertia is not None:
         spin = frame.local_angular_velocity()
-        kinetic += (spin.T * inertia * spin)[0, 0] / 2
-    return kinetic + mass * gravity.dot(position)
+        kinetic += Column(row.dot(spin) for row in inertia).dot(spin) / 2
+    return kinetic + mass * gravity.dot(frame.position(center))
+
+
+def _moved(inertia: Any, mass: Any, center: Any) -> Any:
+    """Return the inertia about the reference point, J + m (c² − c cᵀ) (Steiner); in the plane c has no part along z."""
+    square, along = center.dot(center), center if len(inertia) == 3 else (0,)
+    return [
+        Column(x + mass * ((square if i == j else 0) - along[i] * along[j]) for j, x in enumerate(row))
+        for i, row in enumerate(inertia)
+    ]
 
 
 def _tensor(entries: Any) -> Any:
-    import sympy
-
     if len(entries) == 1:
-        return sympy.Matrix([entries[0]])
+        return (Column(entries),)
     xx, yy, zz, xy, xz, yz = entries
-    return sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return Column((xx, xy, xz)), Column((xy, yy, yz)), Column((xz, yz, zz))
 
 
 def _body(frames: Any, p: Any, s: Any) -> Any:

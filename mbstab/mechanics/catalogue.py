@@ -16,7 +16,7 @@ from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, Literal, Protocol
 
-from mbstab.mechanics.measures import Pose
+from mbstab.mechanics.frames import Frame
 from mbstab.records import dataclass
 
 Number = Any  # float, array of the points of a sweep, or any number of the arithmetic in use
@@ -372,7 +372,7 @@ class Item(Protocol):
     def triads(self, axis: str, zero: str) -> tuple[Triad, Triad]: ...  # noqa: D102
     def coordinate(self, name: str) -> int: ...  # noqa: D102
     def joint(self, name: str) -> Item: ...  # noqa: D102
-    def at_reference(self, body: int) -> Pose: ...  # noqa: D102
+    def at_reference(self, body: int) -> Frame: ...  # noqa: D102
     def contact(self, name: str) -> Item: ...  # noqa: D102
     def law(self, name: str) -> Any: ...  # noqa: D102
     def laws(self, name: str) -> tuple[Any, ...]: ...  # noqa: D102

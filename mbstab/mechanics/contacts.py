@@ -21,7 +21,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Form, Item, Kind, Look, Vector
-from mbstab.mechanics.vectors import dot, representative, triad, turned
+from mbstab.mechanics.frames import Column, dot
+from mbstab.mechanics.vectors import representative, triad, turned
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
@@ -39,10 +40,8 @@ def _disk_slip(frames: Any, p: Any, s: Any) -> Any:
 
 def _between_rollers(frames: Any, p: Any) -> tuple[Any, Any]:
     """Return the distance of two centres and the direction from the second to the first."""
-    import sympy
-
     gap = frames[0].position(p.first) - frames[1].position(p.second)
-    apart = sympy.sqrt(gap.dot(gap))
+    apart = frames[0].f.sqrt(gap.dot(gap))
     return apart, gap / apart
 
 
@@ -60,11 +59,9 @@ def _roller_slip(frames: Any, p: Any, s: Any) -> Any:
 
 def wheel_at_contact(frame: Any, p: Any) -> tuple[Any, Any, Any]:
     """Return the vector from the centre to the contact, and the unit directions along and across the track."""
-    import sympy
-
     axle = frame.direction(p.axle)
     heading = axle.cross(p.normal)
-    tilt = sympy.sqrt(heading.dot(heading))
+    tilt = frame.f.sqrt(heading.dot(heading))
     down = p.normal - p.normal.dot(axle) * axle
     return -p.radius[0] * down / tilt - p.tube[0] * p.normal, heading / tilt, p.normal.cross(heading) / tilt
 
@@ -83,27 +80,21 @@ def _wheel_slip(frames: Any, p: Any, s: Any, sideways: bool) -> Any:
 
 def _carried(p: Any, s: Any, direction: Any, contact: Any) -> Any:
     """Return the velocity of a moving plane at the contact, along a direction of it; 0 for one at rest."""
-    import sympy
-
     if not s:
         return 0
-    return direction.dot(sympy.Matrix(s[:3])) + s[3] * direction.cross(p.normal).dot(contact - p.origin)
+    return direction.dot(s[:3]) + s[3] * direction.cross(p.normal).dot(contact - p.origin)
 
 
 def _in_body(frame: Any, vector: Any) -> Any:
-    import sympy
-
-    return sympy.Matrix([vector.dot(frame.direction(axis)) for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1])])
+    return Column(vector.dot(axis) for axis in frame.axes)
 
 
 def _ellipsoid(frame: Any, p: Any) -> tuple[Any, Any, Any]:
     """Return normal, contact from the centre (both in the body frame), and height of the centre above the contact."""
-    import sympy
-
     normal, ball = _in_body(frame, p.normal), p.ball[0]
     excess = [(size - ball) * (size + ball) for size in p.semi_axes]
-    height = sympy.sqrt(ball**2 * p.normal.dot(p.normal) + sum(e * x**2 for e, x in zip(excess, normal, strict=True)))
-    arm = sympy.Matrix([-(size**2) * x / height for size, x in zip(p.semi_axes, normal, strict=True)])
+    height = frame.f.sqrt(ball**2 * p.normal.dot(p.normal) + sum(e * x**2 for e, x in zip(excess, normal, strict=True)))
+    arm = Column(-(size**2) * x / height for size, x in zip(p.semi_axes, normal, strict=True))
     return normal, arm, height
 
 
@@ -117,7 +108,7 @@ def _ellipsoid_slip(frames: Any, p: Any, s: Any) -> Any:
     (frame,) = frames
     _, arm, _ = _ellipsoid(frame, p)
     turn = frame.local_angular_velocity().cross(p.center + arm)
-    slip = p.along.dot(frame.rate(frame.origin())) + _in_body(frame, p.along).dot(turn)
+    slip = p.along.dot(frame.velocity(None)) + _in_body(frame, p.along).dot(turn)
     return [slip - _carried(p, s, p.along, frame.position(p.center + arm))]
 
 

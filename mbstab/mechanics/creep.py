@@ -16,23 +16,23 @@ from collections.abc import Iterable
 from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Load, Look
+from mbstab.mechanics.frames import Column
+from mbstab.mechanics.vectors import turned
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
 
 def _creep(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
     (frame,) = frames
     axle, velocity = frame.direction(p.along), frame.velocity(p.point)
     if frame.dimension == 2:
-        left = sympy.Matrix([-p.rails[1], p.rails[0]])
+        left = Column(turned(p.rails))
         across, turn = left.dot(velocity), frame.u[2]
     else:
         left, spins = p.normal.cross(p.rails), frame.angular_velocity()
         across, turn = left.dot(velocity - p.radius[0] * spins.cross(p.normal)), p.normal.dot(spins)
     ahead = p.rails.dot(velocity)
-    speed = sympy.sqrt(ahead**2 + across**2)
+    speed = frame.f.sqrt(ahead**2 + across**2)
     yaw, off = left.dot(axle), left.dot(frame.position(p.point) - p.origin)
     half, rise = p.half_gauge[0], p.conicity[0] / p.radius[0]
     slip = (across - ahead * yaw) / speed
@@ -42,7 +42,7 @@ def _creep(frames: Any, p: Any, s: Any) -> Load:
     coupling = p.f23[0] * ahead / speed
     side = -2 * p.f22[0] * slip - 2 * coupling * spin - weight / half * off
     moment = push + 2 * coupling * slip - 2 * p.f33[0] * spin + weight * half * yaw
-    return Load(power=((sympy.Matrix([side, moment]), sympy.Matrix([across, turn])),))
+    return Load(power=(((side, moment), (across, turn)),))
 
 
 _PLACE = tuple((name, 0) for name in ("point", "along", "rails", "origin"))

@@ -27,10 +27,8 @@ def _angle_position(frames: Any, p: Any, s: Any) -> Any:
     if first.dimension == 2:
         return [first.q[2] - second.q[2] - s[0]]
     # sin(angle − s): smooth over any number of turns.
-    import sympy
-
     cosine, sine = joint_angle_functions(first, second, p)
-    return [sine * sympy.cos(s[0]) - cosine * sympy.sin(s[0])]
+    return [sine * first.f.cos(s[0]) - cosine * first.f.sin(s[0])]
 
 
 def _angle_velocity(frames: Any, p: Any, s: Any) -> Any:
@@ -45,7 +43,7 @@ def _displacement_position(frames: Any, p: Any, s: Any) -> Any:
 
 
 def _displacement_velocity(frames: Any, p: Any, s: Any) -> Any:
-    return [sum(frame.rate(joint_displacement(frames[0], frames[1], p)) for frame in frames) - s[0]]
+    return [frames[0].rate(joint_displacement(frames[0], frames[1], p)) - s[0]]
 
 
 def _point_position(frames: Any, p: Any, s: Any) -> Any:

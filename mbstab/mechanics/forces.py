@@ -8,23 +8,22 @@ from typing import Any
 
 from mbstab.mechanics.catalogue import Effort, Element, ElementUse, Field, Item, Kind, Load, Look, Part, Sign
 from mbstab.mechanics.drives import MOTION, TRAVEL, TURN, joint_motion
+from mbstab.mechanics.frames import Column
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
-from mbstab.mechanics.vectors import plain_zero
+from mbstab.mechanics.vectors import plain_zero, turned
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
 
 def _spring_and_damper(frames: Any, p: Any, extension: Any) -> Load:
-    speed = sum(frame.rate(extension) for frame in frames)
+    speed = frames[0].rate(extension)
     return Load(p.stiffness[0] * extension**2 / 2, p.damping[0] * speed**2 / 2)
 
 
 def _spring(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
     first, second = frames
     gap = first.position(p.first) - second.position(p.second)
-    return _spring_and_damper(frames, p, sympy.sqrt(gap.dot(gap)) - p.rest[0])
+    return _spring_and_damper(frames, p, first.f.sqrt(gap.dot(gap)) - p.rest[0])
 
 
 def _ideal_spring(frames: Any, p: Any, s: Any) -> Load:
@@ -39,7 +38,7 @@ def gap_and_speed(frames: Any, p: Any) -> tuple[Any, Any]:
     first, second = frames
     gap = first.position(p.first) - second.position(p.second)
     turn = second.angular_velocity()
-    carried = turn.cross(gap) if second.dimension == 3 else turn[0] * _quarter_turn(gap)
+    carried = turn.cross(gap) if second.dimension == 3 else turn[0] * Column(turned(gap))
     return gap, first.velocity(p.first) - second.velocity(p.second) - carried
 
 
@@ -47,12 +46,6 @@ def _bearing(frames: Any, p: Any, s: Any) -> Load:
     # The speed is that in the axes of the second body: turning with it dissipates nothing.
     gap, speed = gap_and_speed(frames, p)
     return Load(p.stiffness[0] * gap.dot(gap) / 2, p.damping[0] * speed.dot(speed) / 2)
-
-
-def _quarter_turn(v: Any) -> Any:
-    import sympy
-
-    return sympy.Matrix([-v[1], v[0]])
 
 
 def _mount(p: Any, moved: Any, speeds: Any) -> Load:
@@ -64,14 +57,12 @@ def _mount(p: Any, moved: Any, speeds: Any) -> Load:
 def _mount_force(frames: Any, p: Any, s: Any) -> Load:
     gap, speed = gap_and_speed(frames, p)
     second = frames[1]
-    vectors = (p.second_v1, p.second_v2, p.second_v3) if second.dimension == 3 else ([1, 0], [0, 1])
-    axes = [second.direction(v) for v in vectors]
+    spatial = second.dimension == 3
+    axes = [second.direction(v) for v in (p.second_v1, p.second_v2, p.second_v3)] if spatial else second.axes
     return _mount(p, [axis.dot(gap) for axis in axes], [axis.dot(speed) for axis in axes])
 
 
 def _mount_torque(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
     first, second = frames
     spin = first.angular_velocity() - second.angular_velocity()
     if first.dimension == 2:
@@ -79,21 +70,22 @@ def _mount_torque(frames: Any, p: Any, s: Any) -> Load:
     own = [first.direction(v) for v in (p.first_v1, p.first_v2, p.first_v3)]
     axes = [second.direction(v) for v in (p.second_v1, p.second_v2, p.second_v3)]
     # A turn by the angle α about the unit vector n has the components 2 sin(α/2) n, which grow up to half a turn.
-    half = sympy.sqrt(1 + sum(axis.dot(v) for axis, v in zip(axes, own, strict=True)))
+    half = first.f.sqrt(1 + sum(axis.dot(v) for axis, v in zip(axes, own, strict=True)))
     across = [axes[i - 1].dot(own[i - 2]) - axes[i - 2].dot(own[i - 1]) for i in range(3)]
     return _mount(p, [x / half for x in across], [axis.dot(spin) for axis in axes])
 
 
 def _angle(frames: Any, p: Any, offset: Any) -> Any:
     """Return joint angle minus offset: in space within half a turn, in the plane the difference of the coordinates."""
-    import sympy
-
     first, second = frames
+    f = first.f
     if first.dimension == 2:
         return first.q[2] - second.q[2] - offset
     cosine, sine = joint_angle_functions(first, second, p)
-    c, s = sympy.cos(offset), sympy.sin(offset)
-    return sympy.atan2(sine * c - cosine * s, cosine * c + sine * s)
+    if offset == 0:
+        return f.atan2(sine, cosine)
+    c, s = f.cos(offset), f.sin(offset)
+    return f.atan2(sine * c - cosine * s, cosine * c + sine * s)
 
 
 def _angle_spring(frames: Any, p: Any, s: Any) -> Load:
@@ -105,41 +97,27 @@ def _displacement_spring(frames: Any, p: Any, s: Any) -> Load:
 
 
 def _angle_effort(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
-    speed = sum(frame.rate(_angle(frames, p, 0)) for frame in frames)
-    return Load(power=((sympy.Matrix([s[0]]), sympy.Matrix([speed])),))
+    return Load(power=(((s[0],), (frames[0].rate(_angle(frames, p, 0)),)),))
 
 
 def _displacement_effort(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
-    speed = sum(frame.rate(joint_displacement(frames[0], frames[1], p)) for frame in frames)
-    return Load(power=((sympy.Matrix([s[0]]), sympy.Matrix([speed])),))
+    return Load(power=(((s[0],), (frames[0].rate(joint_displacement(frames[0], frames[1], p)),)),))
 
 
 def _ground_force(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
-    return Load(power=((sympy.Matrix(s), frames[0].velocity(p.point)),))
+    return Load(power=((s, frames[0].velocity(p.point)),))
 
 
 def _body_force(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
-    return Load(power=((frames[0].direction(sympy.Matrix(s)), frames[0].velocity(p.point)),))
+    return Load(power=((frames[0].direction(s), frames[0].velocity(p.point)),))
 
 
 def _ground_torque(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
-    return Load(power=((sympy.Matrix(s), frames[0].angular_velocity()),))
+    return Load(power=((s, frames[0].angular_velocity()),))
 
 
 def _body_torque(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
-    return Load(power=((sympy.Matrix(s), frames[0].local_angular_velocity()),))
+    return Load(power=((s, frames[0].local_angular_velocity()),))
 
 
 _BOTH = ("planar", "spatial")

@@ -1,4 +1,4 @@
-"""Symbolic kinematics of a body, in terms of which elements are defined.
+"""Kinematics of a body, in terms of which elements and measures are defined, in any number system.
 
 Orientation in space is Euler X-Y-Z after a constant base rotation, A = B Ax(φ) Ay(θ) Az(ψ),
 Eqs. (120)-(122) of Pappalardo, Lettieri, Guida (2020) with B = 1.
@@ -6,95 +6,148 @@ Eqs. (120)-(122) of Pappalardo, Lettieri, Guida (2020) with B = 1.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from typing import Any
 
-import sympy
 
-from mbstab.mechanics.catalogue import COORDINATES
+def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    """Return a·b."""
+    first, *rest = (x * y for x, y in zip(a, b, strict=True))
+    return sum(rest, first)
+
+
+def cross(a: Sequence[Any], b: Sequence[Any]) -> tuple[Any, Any, Any]:
+    """Return a×b of vectors with three components."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+class Column(tuple[Any, ...]):
+    """A vector with the operations in which elements are defined."""
+
+    __slots__ = ()
+
+    def __add__(self, other: Iterable[Any]) -> Column:
+        return Column(x + y for x, y in zip(self, other, strict=True))
+
+    def __sub__(self, other: Iterable[Any]) -> Column:
+        return Column(x - y for x, y in zip(self, other, strict=True))
+
+    def __neg__(self) -> Column:
+        return Column(-x for x in self)
+
+    def __mul__(self, number: Any) -> Column:
+        return Column(x * number for x in self)
+
+    __rmul__ = __mul__  # of a number that multiplies arrays by itself, write it second
+
+    def __truediv__(self, number: Any) -> Column:
+        return Column(x / number for x in self)
+
+    def dot(self, other: Sequence[Any]) -> Any:
+        """Return the scalar product."""
+        return dot(self, other)
+
+    def cross(self, other: Sequence[Any]) -> Column:
+        """Return the vector product of vectors with three components."""
+        return Column(cross(self, other))
+
+
+def combined(vectors: Sequence[Column], numbers: Sequence[Any]) -> Column:
+    """Return the sum of vectors times numbers."""
+    first, *rest = (vector * x for vector, x in zip(vectors, numbers, strict=True))
+    total: Column = sum(rest, first)
+    return total
 
 
 class Frame:
-    """Coordinates, speeds and kinematics of one slot.
+    """Where a body is, how it is turned, and how it moves.
 
-    Attributes
+    Parameters
     ----------
-    q, u, a : list of Symbol
-        Coordinates, speeds and accelerations.
+    f : arithmetic
+        Has ``sin``, ``cos``, ``sqrt``, ``atan2`` …
     dimension : int
-        2 or 3 (0 for a bare coordinate).
-    base : list of Symbol
-        The nine numbers of B, row by row (spatial frames only).
+        2 or 3; 0 for a bare coordinate.
+    q : sequence of numbers
+        Coordinates: of a point only those of its place; none for the ground.
+    base : sequence of 9 numbers
+        B, row by row (of a body in space).
+    u : sequence of numbers
+        Rates of the coordinates, where speeds are asked for.
+    rate : callable
+        Returns the time derivative of what was computed from coordinates of any frames.
     """
 
-    def __init__(self, kind: str, number: int) -> None:
-        self.kind = kind
-        names = COORDINATES[kind]
-        self.q = [sympy.Symbol(f"{name}{number}", real=True) for name in names]
-        self.u = [sympy.Symbol(f"{name}{number}_t", real=True) for name in names]
-        self.a = [sympy.Symbol(f"{name}{number}_tt", real=True) for name in names]
-        self.dimension = {"planar": 2, "spatial": 3}.get(kind, 0)
-        self.base = [sympy.Symbol(f"base{number}_{i}{j}", real=True) for i in "123" for j in "123"]
-        if kind != "spatial":
-            self.base = []
+    def __init__(
+        self,
+        f: Any,
+        dimension: int,
+        q: Sequence[Any],
+        base: Sequence[Any] = (),
+        u: Sequence[Any] = (),
+        rate: Callable[[Any], Any] | None = None,
+    ) -> None:
+        self.f, self.dimension, self.q, self.base, self.u = f, dimension, q, base, u
+        if rate is not None:
+            self.rate = rate
 
-    def _turned(self, vector: Any, first: int, last: int) -> Any:
-        """Return a vector after the elementary rotations `first` … `last` − 1, the last one applied first."""
-        for axis in reversed(range(first, last)):
-            c, s = sympy.cos(self.q[3 + axis]), sympy.sin(self.q[3 + axis])
-            j, k = (axis + 1) % 3, (axis + 2) % 3
-            turned = list(vector)
-            turned[j], turned[k] = c * vector[j] - s * vector[k], s * vector[j] + c * vector[k]
-            vector = turned
-        return sympy.Matrix(vector)
+    @cached_property
+    def hinges(self) -> tuple[Column, ...]:
+        """The axes about which the angles turn, in those of the ground (in space)."""
+        return self._turns[0]
 
-    def _based(self, vector: Any) -> Any:
-        return sympy.Matrix(3, 3, self.base) * vector
+    @cached_property
+    def axes(self) -> tuple[Column, ...]:
+        """The axes of the body in those of the ground, the columns of A."""
+        return self._turns[1]
 
-    def origin(self) -> Any:
+    @cached_property
+    def _turns(self) -> tuple[tuple[Column, ...], tuple[Column, ...]]:
+        f, d = self.f, self.dimension
+        angles = self.q[d:]
+        if not angles:
+            return (), tuple(Column(f.number("1") if i == j else f.number("0") for i in range(d)) for j in range(d))
+        c, s = zip(*((f.cos(x), f.sin(x)) for x in angles), strict=True)
+        if d == 2:
+            return (), (Column((c[0], s[0])), Column((-s[0], c[0])))
+        g1, e2, e3 = (Column(self.base[j::3]) for j in range(3))
+        g2, e3 = e2 * c[0] + e3 * s[0], e3 * c[0] - e2 * s[0]
+        e1, g3 = g1 * c[1] - e3 * s[1], g1 * s[1] + e3 * c[1]
+        return (g1, g2, g3), (e1 * c[2] + g2 * s[2], g2 * c[2] - e1 * s[2], g3)
+
+    def origin(self) -> Column:
         """Return the position of the reference point."""
-        return sympy.Matrix(self.q[: self.dimension])
+        return Column(self.q[: self.dimension] or [self.f.number("0")] * self.dimension)
 
-    def position(self, point: Any) -> Any:
-        """Return the position of a point given in the body frame."""
-        return self.origin() + self.direction(point)
-
-    def direction(self, vector: Any) -> Any:
+    def direction(self, vector: Sequence[Any]) -> Column:
         """Return A times a vector given in the body frame."""
+        if not self.q[self.dimension :]:
+            return Column(vector)
+        return combined(self.axes, vector)
+
+    def position(self, point: Sequence[Any] | None) -> Column:
+        """Return the position of a point given in the body frame; None: the reference point."""
+        return self.origin() if point is None else self.origin() + self.direction(point)
+
+    def angular_velocity(self) -> Column:
+        """Return ω in ground components (a vector of one component in the plane)."""
         if self.dimension == 2:
-            c, s = sympy.cos(self.q[2]), sympy.sin(self.q[2])
-            return sympy.Matrix([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
-        return self._based(self._turned(vector, 0, 3))
+            return Column(self.u[2:])
+        return combined(self.hinges, self.u[3:])
 
-    def rate(self, expression: Any) -> Any:
-        """Return the time derivative of an expression of this frame's coordinates."""
-        return sum((expression.diff(q) * u for q, u in zip(self.q, self.u, strict=True)), 0 * expression)
-
-    def velocity(self, point: Any) -> Any:
-        """Return the velocity of a point given in the body frame."""
-        return self.rate(self.position(point))
-
-    def squared_speed(self, point: Any) -> Any:
-        """Return |v|² of a point; in space computed in the base axes, which costs fewer operations."""
+    def local_angular_velocity(self) -> Column:
+        """Return ω in body components (a vector of one component in the plane); Eq. (111) of the paper."""
         if self.dimension == 2:
-            velocity = self.velocity(point)
-        else:
-            origin = sympy.Matrix(3, 3, self.base).T * sympy.Matrix(self.u[:3])
-            velocity = origin + self.rate(self._turned(point, 0, 3))
-        return velocity.dot(velocity)
-
-    def local_angular_velocity(self) -> Any:
-        """Return ω in body components (a 1-vector in the plane); Eq. (111) of the paper."""
-        if self.dimension == 2:
-            return sympy.Matrix([self.u[2]])
+            return self.angular_velocity()
         phi_t, theta_t, psi_t = self.u[3:]
-        c2, s2 = sympy.cos(self.q[4]), sympy.sin(self.q[4])
-        c3, s3 = sympy.cos(self.q[5]), sympy.sin(self.q[5])
-        return sympy.Matrix([c3 * (c2 * phi_t) + s3 * theta_t, c3 * theta_t - s3 * (c2 * phi_t), s2 * phi_t + psi_t])
+        (c2, c3), (s2, s3) = (tuple(map(function, self.q[4:])) for function in (self.f.cos, self.f.sin))
+        return Column((c3 * (c2 * phi_t) + s3 * theta_t, c3 * theta_t - s3 * (c2 * phi_t), s2 * phi_t + psi_t))
 
-    def angular_velocity(self) -> Any:
-        """Return ω in ground components."""
-        if self.dimension == 2:
-            return self.local_angular_velocity()
-        phi_t, theta_t, psi_t = self.u[3:]
-        inner = self._turned(sympy.Matrix([0, theta_t, 0]) + self._turned([0, 0, psi_t], 1, 2), 0, 1)
-        return self._based(sympy.Matrix([phi_t + inner[0], inner[1], inner[2]]))
+    def velocity(self, point: Sequence[Any] | None) -> Column:
+        """Return the velocity of a point given in the body frame; None: of the reference point."""
+        speed = Column(self.u[: self.dimension])
+        if point is None or not self.u[self.dimension :]:
+            return speed
+        arm, turn = self.direction(point), self.angular_velocity()
+        return speed + (turn.cross(arm) if self.dimension == 3 else Column((-arm[1], arm[0])) * turn[0])

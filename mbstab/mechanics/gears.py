@@ -34,9 +34,10 @@ from mbstab.mechanics.catalogue import (
 )
 from mbstab.mechanics.drives import TRAVEL, TURN
 from mbstab.mechanics.forces import ANY_SIGN
+from mbstab.mechanics.frames import Frame, cross, dot
 from mbstab.mechanics.joints import joint_angle_functions, joint_displacement, motion_parameters
-from mbstab.mechanics.measures import MEASURES, Pose, dot
-from mbstab.mechanics.vectors import cross, norm, representative, turned
+from mbstab.mechanics.measures import MEASURES
+from mbstab.mechanics.vectors import norm, representative, turned
 
 # --- elements -------------------------------------------------------------------------------------------------------
 
@@ -51,14 +52,12 @@ SIDES = ("angle", "angle", "angle")
 
 
 def _motion(motion: str, first: Any, second: Any, p: Any) -> Any:
-    import sympy
-
     if motion == "displacement":
         return joint_displacement(first, second, p)
     if first.dimension == 2:
         return first.q[2] - second.q[2]
     cosine, sine = joint_angle_functions(first, second, p)
-    return sympy.atan2(sine, cosine)
+    return first.f.atan2(sine, cosine)
 
 
 def _sum(motions: tuple[str, ...], frames: Any, p: Any) -> Any:
@@ -74,10 +73,9 @@ def _sum(motions: tuple[str, ...], frames: Any, p: Any) -> Any:
 
 def _value(frames: Any, p: Any, total: Any) -> Any:
     """Return the value of the row."""
-    import sympy
-
     if frames[0].dimension == 3:
-        total = sympy.atan2(sympy.sin(total), sympy.cos(total))
+        f = frames[0].f
+        total = f.atan2(f.sin(total), f.cos(total))
     return total / p.scale[0]
 
 
@@ -88,7 +86,7 @@ def _train(motions: tuple[str, ...]) -> Callable[..., Any]:
 def _elastic(motions: tuple[str, ...]) -> Callable[..., Any]:
     def define(frames: Any, p: Any, s: Any) -> Load:
         total = _sum(motions, frames, p)
-        speed = sum(frame.rate(total) for frame in frames) / p.scale[0]
+        speed = frames[0].rate(total) / p.scale[0]
         return Load(p.stiffness[0] * _value(frames, p, total) ** 2 / 2, p.damping[0] * speed**2 / 2)
 
     return define
@@ -212,14 +210,14 @@ def _placed(item: Item, motions: tuple[str, ...], factors: Vector) -> tuple[tupl
     return tuple(slots), tuple(parameters), phase
 
 
-def _measured(motion: str, poses: list[Pose], numbers: Vector) -> Any:
+def _measured(motion: str, poses: list[Frame], numbers: Vector) -> Any:
     """Return a motion, an angle in space within half a turn."""
     formula = MEASURES[motion].formula
     assert formula is not None
-    return formula(poses, (*numbers, 0.0) if motion == "angle" else numbers, lambda x: x)
+    return formula(poses, (*numbers, 0.0) if motion == "angle" else numbers)
 
 
-def _from_here(poses: list[Pose], numbers: Vector) -> Vector:
+def _from_here(poses: list[Frame], numbers: Vector) -> Vector:
     """Return the parameters of an angle that counts from where the bodies stand."""
     own, v2, v3 = numbers[:3], numbers[3:6], numbers[6:]
     first, second = poses

@@ -45,12 +45,11 @@ def _distance(frames: Any, p: Any, s: Any) -> Any:
 
 def _screw(frames: Any, p: Any, s: Any) -> Any:
     # The sine keeps the row smooth over any number of turns; near the solution it is the angle itself.
-    import sympy
-
     first, second = frames
-    lift = 2 * sympy.pi / p.lead[0] * joint_displacement(first, second, p)
+    f, turn = first.f, 2 * first.f.constants["pi"]
+    lift = turn / p.lead[0] * joint_displacement(first, second, p)
     cosine, sine = joint_angle_functions(first, second, p)
-    return [p.lead[0] / (2 * sympy.pi) * (sine * sympy.cos(lift) - cosine * sympy.sin(lift))]
+    return [p.lead[0] / turn * (sine * f.cos(lift) - cosine * f.sin(lift))]
 
 
 def _equal_turns(frames: Any, p: Any, s: Any) -> Any:

@@ -10,67 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
+from mbstab.mechanics.frames import Frame
 from mbstab.records import dataclass
 
 Argument = Literal["joint", "point", "body", "point.axis", "name.axis", "name"]
 
 
-class Pose:
-    """Where a body is, and how it is turned: coordinates and base rotation in any number system.
-
-    Parameters
-    ----------
-    f : arithmetic
-        Has ``sin``, ``cos``, ``sqrt`` and ``atan2``.
-    dimension : int
-    q : sequence of numbers
-        Its coordinates: of a point only those of its place; none for the ground.
-    base : sequence of 9 numbers
-        The constant rotation before the angles, row by row (space only).
-    """
-
-    def __init__(self, f: Any, dimension: int, q: Sequence[Any], base: Sequence[Any]) -> None:
-        self.f, self.dimension, self.q, self.base = f, dimension, q, base
-
-    @property
-    def origin(self) -> list[Any]:
-        """The place of its reference point."""
-        return list(self.q[: self.dimension]) or [0.0] * self.dimension
-
-    def direction(self, v: Sequence[Any]) -> list[Any]:
-        """Return a vector given in its axes in those of the ground."""
-        f, angles = self.f, self.q[self.dimension :]
-        v = list(v)
-        if not angles:
-            return v
-        if self.dimension == 2:
-            c, s = f.cos(angles[0]), f.sin(angles[0])
-            return [c * v[0] - s * v[1], s * v[0] + c * v[1]]
-        for axis in (2, 1, 0):
-            c, s = f.cos(angles[axis]), f.sin(angles[axis])
-            j, k = (axis + 1) % 3, (axis + 2) % 3
-            v[j], v[k] = c * v[j] - s * v[k], s * v[j] + c * v[k]
-        return [dot(self.base[3 * i : 3 * i + 3], v) for i in range(3)]
-
-    def position(self, point: Sequence[Any]) -> list[Any]:
-        """Return the place of one of its points."""
-        return [x + y for x, y in zip(self.origin, self.direction(point), strict=True)]
-
-    def axes(self) -> list[list[Any]]:
-        """Return its axes in those of the ground."""
-        return [self.direction([float(i == j) for i in range(self.dimension)]) for j in range(self.dimension)]
-
-
-def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    """Return the scalar product of two vectors."""
-    products = [x * y for x, y in zip(a, b, strict=True)]
-    return sum(products[1:], products[0])
-
-
-Rate = Callable[[Any], Any]
-"""Returns the time derivative of something that was computed from the coordinates."""
-Formula = Callable[[Sequence[Pose], Sequence[Any], Rate], Any]
-"""Returns a measure from the poses of its bodies and its numbers."""
+Formula = Callable[[Sequence[Frame], Sequence[Any]], Any]
+"""Returns a measure from the frames of its bodies and its numbers."""
 
 
 @dataclass(frozen=True)
@@ -98,48 +45,39 @@ class Measure:
     dimensions: tuple[int, ...] = (2, 3)
 
 
-def _angle(poses: Sequence[Pose], p: Sequence[Any], rate: Rate) -> Any:
+def _angle(frames: Sequence[Frame], p: Sequence[Any]) -> Any:
     """Return an angle: in space from directions and the half turns from which it counts (`mbstab.model.turned`)."""
-    first, second = poses
+    first, second = frames
     if first.dimension == 2:
-        one, two = (pose.q[2] if len(pose.q) > 2 else 0.0 for pose in poses)
+        one, two = (frame.q[2] if len(frame.q) > 2 else 0.0 for frame in frames)
         return one - two
     zero = first.direction(p[:3])
-    return p[9] + first.f.atan2(dot(zero, second.direction(p[6:9])), dot(zero, second.direction(p[3:6])))
+    return p[9] + first.f.atan2(zero.dot(second.direction(p[6:9])), zero.dot(second.direction(p[3:6])))
 
 
-def _displacement(poses: Sequence[Pose], p: Sequence[Any], rate: Rate) -> Any:
-    first, second = poses
+def _displacement(frames: Sequence[Frame], p: Sequence[Any]) -> Any:
+    first, second = frames
     d = first.dimension
-    gap = [x - y for x, y in zip(first.position(p[:d]), second.position(p[d : 2 * d]), strict=True)]
-    return dot(second.direction(p[2 * d :]), gap)
+    return second.direction(p[2 * d :]).dot(first.position(p[:d]) - second.position(p[d : 2 * d]))
 
 
 def _place(axis: int) -> Formula:
-    return lambda poses, p, rate: poses[0].position(p)[axis]
+    return lambda frames, p: frames[0].position(p)[axis]
 
 
-def _distance(poses: Sequence[Pose], p: Sequence[Any], rate: Rate) -> Any:
-    first, second = poses
+def _distance(frames: Sequence[Frame], p: Sequence[Any]) -> Any:
+    first, second = frames
     d = first.dimension
-    gap = [x - y for x, y in zip(first.position(p[:d]), second.position(p[d:]), strict=True)]
-    return first.f.sqrt(dot(gap, gap))
+    gap = first.position(p[:d]) - second.position(p[d:])
+    return first.f.sqrt(gap.dot(gap))
 
 
 def _speed(axis: int) -> Formula:
-    def along(poses: Sequence[Pose], p: Sequence[Any], rate: Rate) -> Any:
-        return dot(poses[0].axes()[axis], [rate(x) for x in poses[0].position(p)])
-
-    return along
+    return lambda frames, p: frames[0].axes[axis].dot(frames[0].velocity(p))
 
 
 def _turn(axis: int) -> Formula:
-    def about(poses: Sequence[Pose], p: Sequence[Any], rate: Rate) -> Any:
-        axes = poses[0].axes()
-        # ω × e_j has the component ω along e_k.
-        return dot([rate(x) for x in axes[(axis + 1) % 3]], axes[(axis + 2) % 3])
-
-    return about
+    return lambda frames, p: frames[0].local_angular_velocity()[axis]
 
 
 _PLACES = {

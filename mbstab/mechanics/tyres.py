@@ -22,6 +22,8 @@ from typing import Any
 
 from mbstab.mechanics.catalogue import Element, ElementUse, Field, Item, Kind, Load, Look, OwnState
 from mbstab.mechanics.contacts import wheel_at_contact
+from mbstab.mechanics.frames import Column
+from mbstab.mechanics.vectors import turned
 from mbstab.records import dataclass
 
 # --- elements -------------------------------------------------------------------------------------------------------
@@ -29,48 +31,41 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class _Rolling:
-    """How a wheel moves over the ground, as symbols: speeds along and across, turn rate about the normal, lean."""
+    """How a wheel moves over the ground: speeds along and across, turn rate about the normal, lean; and functions."""
 
     along: Any
     across: Any
     turn: Any
     lean: Any
+    f: Any
 
     @property
     def speed(self) -> Any:
-        import sympy
-
-        return sympy.sqrt(self.along**2 + self.across**2)
+        return self.f.sqrt(self.along**2 + self.across**2)
 
     @property
     def sense(self) -> Any:
         """1 of a wheel that moves ahead, -1 of one that moves astern, no value of one that moves sideways."""
-        import sympy
-
-        return 1 / sympy.Function("signum")(self.along)
+        return 1 / self.f.signum(self.along)
 
 
 def _rolling(frame: Any, p: Any) -> _Rolling:
-    import sympy
-
     if frame.dimension == 2:
         heading, velocity = frame.direction(p.along), frame.velocity(p.point)
-        left = sympy.Matrix([-heading[1], heading[0]])
-        return _Rolling(heading.dot(velocity), left.dot(velocity), frame.u[2], 0)
+        left = Column(turned(heading))
+        return _Rolling(heading.dot(velocity), left.dot(velocity), frame.u[2], 0, frame.f)
     arm, heading, left = wheel_at_contact(frame, p)
     centre, turn = frame.velocity(p.center), frame.angular_velocity()
     axle = frame.direction(p.axle)
     level = axle.cross(p.normal)
-    lean = sympy.atan2(p.normal.dot(axle), sympy.sqrt(level.dot(level)))
-    return _Rolling(heading.dot(centre), left.dot(centre + turn.cross(arm)), p.normal.dot(turn), lean)
+    lean = frame.f.atan2(p.normal.dot(axle), frame.f.sqrt(level.dot(level)))
+    return _Rolling(heading.dot(centre), left.dot(centre + turn.cross(arm)), p.normal.dot(turn), lean, frame.f)
 
 
 def _slip(at: _Rolling, p: Any, states: Any) -> Any:
     """Return the slip angle, or what follows it over a relaxation length."""
-    import sympy
-
     if not states:
-        return sympy.atan2(at.across, sympy.Function("abs")(at.along))
+        return at.f.atan2(at.across, at.f.abs(at.along))
     return states[0].q[0] - _of_lean(at, p)
 
 
@@ -79,28 +74,24 @@ def _of_lean(at: _Rolling, p: Any) -> Any:
     return p.camber[0] / p.cornering[0] * at.lean if at.lean != 0 else 0
 
 
-def _side_force(p: Any, slip: Any) -> Any:
+def _side_force(at: _Rolling, p: Any, slip: Any) -> Any:
     """Return the side force at a slip: linear, or by the Magic Formula where there is a peak."""
     if not hasattr(p, "peak"):
         return -p.cornering[0] * slip
-    return -_magic(p.cornering[0], p, slip)
+    return -_magic(at, p.cornering[0], p, slip)
 
 
-def _magic(slope: Any, p: Any, slip: Any) -> Any:
+def _magic(at: _Rolling, slope: Any, p: Any, slip: Any) -> Any:
     """Return the Magic Formula with a slope at zero slip."""
-    import sympy
-
     x = slope / (p.shape_factor[0] * p.peak[0]) * slip
-    return p.peak[0] * sympy.sin(p.shape_factor[0] * sympy.atan(x - p.curvature_factor[0] * (x - sympy.atan(x))))
+    return p.peak[0] * at.f.sin(p.shape_factor[0] * at.f.atan(x - p.curvature_factor[0] * (x - at.f.atan(x))))
 
 
 def _acting(at: _Rolling, p: Any, slip: Any) -> Load:
-    import sympy
-
-    force = _side_force(p, slip)
+    force = _side_force(at, p, slip)
     moment = -p.trail[0] * at.along / at.speed * force
     thrust = -p.camber[0] * at.lean if at.lean != 0 else 0
-    return Load(power=((sympy.Matrix([force + thrust, moment]), sympy.Matrix([at.across, at.turn])),))
+    return Load(power=(((force + thrust, moment), (at.across, at.turn)),))
 
 
 def _tyre(frames: Any, p: Any, s: Any) -> Load:
@@ -110,20 +101,16 @@ def _tyre(frames: Any, p: Any, s: Any) -> Load:
 
 
 def _aligning(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
     wheel, *states = frames
     at = _rolling(wheel, p)
     slip = _slip(at, p, states)
-    moment = _magic(p.aligning[0], p, slip) if hasattr(p, "peak") else p.aligning[0] * slip
-    return Load(power=((sympy.Matrix([at.sense * moment]), sympy.Matrix([at.turn])),))
+    moment = _magic(at, p.aligning[0], p, slip) if hasattr(p, "peak") else p.aligning[0] * slip
+    return Load(power=(((at.sense * moment,), (at.turn,)),))
 
 
 def _camber_moment(frames: Any, p: Any, s: Any) -> Load:
-    import sympy
-
     at = _rolling(frames[0], p)
-    return Load(power=((sympy.Matrix([-at.sense * p.moment[0] * at.lean]), sympy.Matrix([at.turn])),))
+    return Load(power=(((-at.sense * p.moment[0] * at.lean,), (at.turn,)),))
 
 
 def _tyre_relaxation(frames: Any, p: Any, s: Any) -> Any:

@@ -5,16 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from mbstab.mechanics.catalogue import Number, Triad, Vector
-
-
-def dot(a: Vector, b: Vector) -> Number:
-    """Return a·b."""
-    return sum(x * y for x, y in zip(a, b, strict=True))
-
-
-def cross(a: Vector, b: Vector) -> Vector:
-    """Return a×b of vectors with three components."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+from mbstab.mechanics.frames import cross as cross
+from mbstab.mechanics.frames import dot as dot
 
 
 def norm(a: Vector, sqrt: Callable[[Number], Number]) -> Number:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Field, Number, Vector
-from mbstab.mechanics.measures import Pose
+from mbstab.mechanics.frames import Frame
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.exact_values import with_more_digits
 from mbstab.model.expressions import Expression, ExpressionError, Node
@@ -76,7 +76,7 @@ class Evaluator:
         self.lengths: list[float] = []
         self._known: dict[int, tuple[Node, Number]] = {}
         self.body_numbers = {name: i for i, name in enumerate(model.bodies)}
-        self.poses: dict[int, Pose] = {}
+        self.poses: dict[int, Frame] = {}
         self.coordinate_numbers = {name: i for i, name in enumerate(model.coordinates())}
 
     def complain(self, quantity: Quantity | Components, message: str, hint: str = "") -> None:

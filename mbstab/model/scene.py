@@ -10,7 +10,7 @@ from typing import Any
 from mbstab.errors import Location
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Kind, Marker, Number, Triad, Vector
-from mbstab.mechanics.measures import Pose
+from mbstab.mechanics.frames import Frame
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.dependencies import expressions_in
 from mbstab.model.evaluator import Evaluator
@@ -229,7 +229,7 @@ class ItemValues:
         """Return the joint of that name."""
         return self._others[f"joints.{name}"]
 
-    def at_reference(self, body: int) -> Pose:
+    def at_reference(self, body: int) -> Frame:
         """Return where a body stands at the reference, as far as the file says: guesses, or 0, where it does not."""
         return self.evaluator.poses[body]
 

@@ -47,7 +47,7 @@ def at_reference(joint: ItemValues, numbers: Vector) -> Vector:
     if f.name == "symbol":
         return within
     poses = [joint.at_reference(marker.body) for marker in joint.markers("between")]
-    angle = _plain(formula(poses, within, lambda x: x))
+    angle = _plain(formula(poses, within))
     value = next(_compared(joint), None)
     if value is not None:
         angle = angle + 2.0 * math.pi * _rounded((_plain(value) - angle) / (2.0 * math.pi))

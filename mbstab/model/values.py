@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 from mbstab.mechanics import vectors
 from mbstab.mechanics.bodies import combine
 from mbstab.mechanics.catalogue import GROUND, Number, Vector
+from mbstab.mechanics.frames import Frame
 from mbstab.mechanics.joints import motion_parameters
-from mbstab.mechanics.measures import MEASURES, Pose
+from mbstab.mechanics.measures import MEASURES
 from mbstab.model.arithmetic import FLOAT, Arithmetic, array_arithmetic
 from mbstab.model.charts import euler_matrix, regular
 from mbstab.model.evaluator import Evaluator
@@ -149,11 +150,11 @@ class _Assembly(Evaluator):
                       for name, x in model.measures.items()},
         ))  # fmt: skip
 
-    def start(self, bodies: tuple[BodyValues, ...], said: Mapping[str, Number]) -> dict[int, Pose]:
+    def start(self, bodies: tuple[BodyValues, ...], said: Mapping[str, Number]) -> dict[int, Frame]:
         d, zero = self.model.dimension, self.f.number("0")
         names = {i: [f"{body.name}.{c}" for c in body.coordinates] for i, body in enumerate(bodies)}
-        poses = {i: Pose(self.f, d, [said.get(x, zero) for x in own], bodies[i].base) for i, own in names.items()}
-        return poses | {GROUND: Pose(self.f, d, (), ())}
+        poses = {i: Frame(self.f, d, [said.get(x, zero) for x in own], bodies[i].base) for i, own in names.items()}
+        return poses | {GROUND: Frame(self.f, d, ())}
 
     def initial(self) -> InitialValues:
         given = self.model.initial

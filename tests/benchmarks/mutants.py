@@ -241,6 +241,7 @@ def noticed(copy: Path, mutant: Mutant, tests: list[str], limit: float, more: li
     place.write_bytes(mutant.applied(right))
     (copy / ".tests").write_text("\n".join(tests))
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "2", "-p", "no:cacheprovider", *more, "@.tests"]
+    subprocess.run([sys.executable, "-m", "mbstab.compiler.build"], cwd=copy, env=environment(copy), check=False)
     try:
         ended = subprocess.run(
             command, cwd=copy, env=environment(copy), timeout=limit, capture_output=True, text=True, check=False

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from mbstab.analysis.reference.efforts import Acted
-from mbstab.compiler.measured import occurring
+from mbstab.compiler.measured import frames, occurring
 from mbstab.compiler.system import Array, System
 from mbstab.model.arithmetic import array_arithmetic
 from mbstab.model.evaluator import Evaluator
-from mbstab.model.jets import Jet, jet_arithmetic
+from mbstab.model.jets import Jet
 from mbstab.model.measures import TRANSMITTED, Measurement, Places, unit_of_output
 from mbstab.model.values import measure_numbers
 
@@ -63,8 +63,7 @@ class Outputs:
             what = places.measure(x.axis or x.kind, x.arguments)
             numbers = measure_numbers(what, evaluator, joints.__getitem__)
             one, values = occurring(scene, f"{what.kind}({', '.join(x.arguments)})", numbers)
-            f = jet_arithmetic(array_arithmetic())
-            jet = Jet.of(one.of(f, moving, iter(values), lambda y: Jet(Jet.of(y).rate, Jet.of(y).second)))
+            jet = Jet.of(one.of(frames(array_arithmetic(), scene, moving), iter(values)))
             found[name] = np.asarray(np.broadcast_to((jet.value, jet.rate, jet.second)[x.order], q.shape[:-1]))
         return found
 

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.response.signals import Held, Signals, State, acting_system, slopes
-from mbstab.compiler.measured import occurring
+from mbstab.compiler.measured import frames, occurring
 from mbstab.compiler.system import Array, System
 from mbstab.mechanics.catalogue import GROUND, Effort, ElementUse, Kind, Marker
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.duals import Dual, dual_arithmetic
 from mbstab.model.evaluator import Evaluator
-from mbstab.model.jets import Jet, jet_arithmetic
+from mbstab.model.jets import Jet
 from mbstab.model.measures import TRANSMITTED, Measurement, Places
 from mbstab.model.quantities import AXES
 from mbstab.model.scene import ItemValues, MeasureNumbers, Scene
@@ -129,8 +129,7 @@ class Meter:
             if any(c in body for body in one.bodies)
         }
         constants = [jet((x, 0.0, 0.0), 4, by) for x, by in zip(values, self._by_inputs(given), strict=True)]
-        f = jet_arithmetic(dual_arithmetic(FLOAT))
-        return Jet.of(one.of(f, moving, iter(constants), lambda x: Jet(Jet.of(x).rate, Jet.of(x).second)))
+        return Jet.of(one.of(frames(dual_arithmetic(FLOAT), system.scene, moving), iter(constants)))
 
     def _motion(self, kind: str, joint: str) -> Jet:
         return self._measure(f"{kind}({joint})", lambda scene: joint_measure(kind, _item(scene, "joints", joint)))
