@@ -407,6 +407,23 @@ def creep(b, p, s, u, w):
 
 # --- the tables -------------------------------------------------------------------------------------------------------
 
+
+def numbered(p, names):
+    """Return vectors by name from the numbers of a measure."""
+    return dict(zip(names, np.split(p["numbers"], len(names)), strict=True))
+
+
+def turns_of(b, numbers):
+    """Return the angle of a joint in space from the directions of a measure and the angle from which it counts."""
+    zero, v2, v3 = (body.matrix() @ x for body, x in zip((b[0], b[1], b[1]), np.split(numbers[:9], 3), strict=True))
+    return numbers[9] + mpmath.atan2(zero @ v3, zero @ v2)
+
+
+def own_component(vector, i):
+    """Return a row: a component of a vector of a body in its own axes."""
+    return lambda b, p, s, u: [(b[0].matrix().T @ vector(b[0], p, u[0]))[i]]
+
+
 HOLONOMIC = {
     "coincident": lambda b, p, s: gap(b, p),
     "in_plane": lambda b, p, s: [(b[0].matrix() @ p["normal"]) @ gap(b, p)],
@@ -425,7 +442,11 @@ HOLONOMIC = {
     "angle_position": angle_position,
     "displacement_position": lambda b, p, s: [travel(b, p) - s[0]],
     "point_position": lambda b, p, s: [p["direction"] @ b[0].place(p["point"]) - s[0]],
+    "measure_angle": lambda b, p, s: [angle(b, p) if b[0].size == 2 else turns_of(b, p["numbers"])],
+    "measure_displacement": lambda b, p, s: [travel(b, numbered(p, ("first", "second", "second_v1")))],
+    "measure_distance": lambda b, p, s: [sum(gap(b, numbered(p, ("first", "second"))) ** 2) / 2],
 }
+HOLONOMIC |= {f"measure_{x}": lambda b, p, s, i=i: [b[0].place(p["numbers"])[i]] for i, x in enumerate("xyz")}
 """Residuals of rows, of bodies b, parameters p and given functions of time s."""
 
 NONHOLONOMIC = {
@@ -439,6 +460,8 @@ NONHOLONOMIC = {
     "angle_velocity": angle_velocity,
     "displacement_velocity": lambda b, p, s, u: [rate_of(lambda at: travel(at, p), b, u) - s[0]],
     "point_velocity": lambda b, p, s, u: [p["direction"] @ b[0].velocity(p["point"], u[0]) - s[0]],
+    **{f"measure_v{x}": own_component(lambda b, p, u: b.velocity(p["numbers"], u), i) for i, x in enumerate("xyz")},
+    **{f"measure_w{x}": own_component(lambda b, p, u: b.spin(u), i) for i, x in enumerate("xyz")},
 }
 
 NONHOLONOMIC |= {

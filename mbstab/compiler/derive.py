@@ -149,15 +149,21 @@ class Moving:
     Attributes
     ----------
     q, u : list of Term
-    along : list of dict
-        Rates of coordinates and of components of such vectors where one coordinate changes with the rate 1.
+    along, by_speed : list of dict
+        Rates of terms where one coordinate, or one speed, changes with the rate 1.
+    drift : dict
+        Rates of terms along the motion, without accelerations, where they are more than those of `along` say.
+    seen : list of str
+        Inputs that kernels of measures give.
     """
 
     def __init__(self, tape: Tape, q: list[str], u: list[str], s: list[str]) -> None:
         self.tape, self.names, self.rates = tape, q, u
         self._changing = [tape.input(name) for name in (*q, *u, *s)]
         self.q, self.u = ([tape.input(name) for name in x] for x in (q, u))
-        self.along = [{x: tape.term(1)} for x in self.q]
+        self.along, self.by_speed = ([{x: tape.term(1)} for x in terms] for terms in (self.q, self.u))
+        self.drift: dict[Term, Term] = {}
+        self.seen: list[str] = []
         self._steps: dict[int, Term] = {}
 
     def frame(self, names: list[str], dimension: int, base: list[Term], at_rest: bool = False) -> Frame:
@@ -170,12 +176,16 @@ class Moving:
         """Return the time derivative of what was computed from coordinates."""
         return self.tape.tangent(self.motion())(self.tape.term(x))
 
-    def motion(self) -> dict[Term, Term]:
-        """Return the rates along the motion."""
+    def motion(self, a: Sequence[Term] = ()) -> dict[Term, Term]:
+        """Return the rates along the motion at accelerations, or where they are zero and speeds are not asked for."""
         found: dict[Term, list[Term]] = {}
         for u, rates in zip(self.u, self.along, strict=True):
             for term, rate in rates.items():
                 found.setdefault(term, []).append(u * rate)
+        found |= {term: [rate] for term, rate in self.drift.items()}
+        for acceleration, rates in zip(a, self.by_speed, strict=False):
+            for term, rate in rates.items():
+                found.setdefault(term, []).append(acceleration * rate)
         return {term: self.tape.sum(rates) for term, rates in found.items()}
 
     def fixed(self, vector: Iterable[Any]) -> bool:
@@ -253,11 +263,13 @@ def differentiate(
     """
     inputs = {"q": motion.names, "u": motion.rates, "p": p}
     inputs["s"] = [*s, *(f"{x}_t" for x in s), *(f"{x}_tt" for x in s)]
-    U, (A, S) = motion.u, ([tape.input(name) for name in names] for names in (a, inputs["s"]))
-    rates = motion.motion() | dict(zip(S[: 2 * len(s)], S[len(s) :], strict=True))
-    total = tape.tangent(rates)
+    if motion.seen:
+        inputs["m"] = motion.seen
+    A, S = ([tape.input(name) for name in names] for names in (a, inputs["s"]))
+    signals = dict(zip(S[: 2 * len(s)], S[len(s) :], strict=True))
+    total, moving = (tape.tangent(motion.motion(x) | signals) for x in ((), A))
     one = tape.term(1)
-    Q, by_speed = motion.along, [{x: one} for x in U]
+    Q, by_speed = motion.along, motion.by_speed
 
     def jacobian(values: list[Term], directions: list[dict[Term, Term]]) -> Entries:
         slopes = [tape.tangent(rates) for rates in directions]
@@ -272,7 +284,6 @@ def differentiate(
         inputs["a"] = a
         momentum, slope = (gradient([(one, definition)], x) for x in (by_speed, Q))
         F = [total(p) - x for p, x in zip(momentum, slope, strict=True)]
-        moving = tape.tangent(rates | dict(zip(U, A, strict=True)))
         full = [moving(p) - x for p, x in zip(momentum, slope, strict=True)]
         dynamics = {"M": jacobian(momentum, by_speed), "F": _entries(F)}
         return Derived(inputs, tape, dynamics, {"K": jacobian(full, Q), "R": jacobian(F, by_speed)})
@@ -280,7 +291,7 @@ def differentiate(
         power = [(-f, v) for force, velocity in definition.power for f, v in zip(force, velocity, strict=True)]
         parts = (
             gradient([(one, tape.term(definition.potential))], Q),
-            tape.gradient([(one, tape.term(definition.dissipation)), *power], U),
+            gradient([(one, tape.term(definition.dissipation)), *power], by_speed),
         )
         F = [x + y for x, y in zip(*parts, strict=True)]
         return Derived(inputs, tape, {"F": _entries(F)}, {"K": jacobian(F, Q), "R": jacobian(F, by_speed)})
@@ -308,7 +319,6 @@ def differentiate(
     else:
         linearize = {"K": jacobian(push, Q), "R": jacobian(push, by_speed), "D": _entries(D)}
     # The derivatives of A = dV/dt are total derivatives of those of V.
-    moving = tape.tangent(rates | dict(zip(U, A, strict=True)))
     A_q = [[moving(x) for x in row] for row in D]
     A_u = [[x + moving(y) for x, y in zip(*rows, strict=True)] for rows in zip(D, J, strict=True)]
     return Derived(inputs, tape, dynamics, linearize, {"V_q": _entries(D), "A_q": _entries(A_q), "A_u": _entries(A_u)})

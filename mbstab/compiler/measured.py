@@ -67,7 +67,8 @@ class Measured:
             for body, size in zip(self.bodies, self.bases, strict=True)
         ]
         assert self.kind.formula is not None
-        return self.kind.formula(frames, [next(numbers) for _ in range(self.count)])
+        found = self.kind.formula(frames, [next(numbers) for _ in range(self.count)])
+        return frames[0].f.sqrt(2 * found) if self.kind.root else found
 
 
 def measured(scene: Scene, used: Container[str]) -> dict[Measured, tuple[Any, ...]]:

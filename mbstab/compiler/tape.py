@@ -386,6 +386,13 @@ class Tape:
             self._norms[term.step] = inside
         return term
 
+    def norm(self, square: Term, smaller: Iterable[Term]) -> Term:
+        """Return the root of a square, and know of terms that they vanish with it at least as fast."""
+        root = self.call("sqrt", square)
+        if self.shares:
+            self._norms[root.step] = frozenset(x.step for x in smaller)
+        return root
+
     def arithmetic(self) -> Arithmetic:
         """Return the arithmetic of terms, to write expressions on the tape."""
         pi = self.literal("pi")

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from mbstab.compiler.measure_kernels import MeasureKernel
 from mbstab.compiler.measured import Measured
 from mbstab.model.expressions import Expression, ExpressionError, Node
 
 if TYPE_CHECKING:
     from mbstab.compiler.derive import Derived, Moving
     from mbstab.compiler.tape import Term
-    from mbstab.mechanics.frames import Frame
 
 
 def user_kernel(
@@ -64,7 +64,7 @@ def _kernel(
     if role == "force":
         definition = Load(power=((definition, [rates[name] for name in rows]),))
     p = [f"p{i}" for i in range(contents.numbers)]
-    return _module("user", differentiate(tape, role, definition, motion, a, ["s1"], p))
+    return _module("user", differentiate(tape, role, definition, motion, a, ["s1"], p), contents.measures)
 
 
 @lru_cache(maxsize=256)
@@ -90,7 +90,8 @@ def moved_kernel(
     from mbstab.compiler.derive import derive
     from mbstab.mechanics.elements import ELEMENTS
 
-    return _module(name, derive(ELEMENTS[name], frame, _Moved(Contents(coordinates, parameters, measures), moved)))
+    contents = Contents(coordinates, parameters, measures)
+    return _module(name, derive(ELEMENTS[name], frame, _Moved(contents, moved)), contents.measures)
 
 
 class Contents:
@@ -99,26 +100,25 @@ class Contents:
     def __init__(
         self, coordinates: tuple[str, ...], parameters: tuple[str, ...], measures: tuple[Measured, ...]
     ) -> None:
-        self._coordinates, self._parameters, self._measures = coordinates, parameters, measures
+        self._coordinates, self._parameters = coordinates, parameters
         self.coordinates = len(coordinates)
         self.numbers = len(parameters) + sum(x.size for x in measures)
+        number = {name: i for i, name in enumerate(coordinates)}
+        place, self.measures = len(parameters), list[MeasureKernel]()
+        for k, measure in enumerate(measures):
+            self.measures.append(MeasureKernel(measure, f"m{k}_", number, place - self.numbers))
+            place += measure.size
 
     def on(self, motion: Moving, time: str, roots: Iterable[Node]) -> tuple[Any, dict[str, Term]]:
         """Return expressions on the tape of a motion, and the rates of the coordinates and measures."""
-        n, tape = len(self._parameters), motion.tape
+        tape = motion.tape
         inputs = {name: f"q{i}" for i, name in enumerate(self._coordinates)}
         inputs |= {name: f"p{i}" for i, name in enumerate(self._parameters)} | {"t": time}
         names = {name: tape.input(symbol) for name, symbol in inputs.items()}
         rates = {name: tape.input(f"u{i}") for i, name in enumerate(self._coordinates)}
-        numbers = (tape.input(f"p{i}") for i in range(n, self.numbers))
         f = tape.arithmetic()
-
-        def frame(body: Sequence[str], base: list[Term]) -> Frame:
-            return motion.frame([inputs[name] for name in body], measure.dimension, base)
-
-        for measure in self._measures:
-            value = tape.term(measure.of(frame, numbers))
-            names[measure.name], rates[measure.name] = value, value if measure.kind.speed else motion.rate(value)
+        for measure in self.measures:
+            names[measure.name], rates[measure.name] = measure.on(motion)
         found = []
         for root in roots:
             try:
@@ -147,8 +147,8 @@ class _Moved:
         return terms
 
 
-def _module(name: str, derived: Derived) -> ModuleType:
-    """Return a kernel made of what was derived."""
+def _module(name: str, derived: Derived, measures: list[MeasureKernel]) -> ModuleType:
+    """Return a kernel made of what was derived, and of the kernels of the measures in it."""
     from mbstab.compiler.emit import emit
 
     module: dict[str, Any] = {}
@@ -156,5 +156,18 @@ def _module(name: str, derived: Derived) -> ModuleType:
     exec(compile(emit(derived, "expressions of a model file"), "<user kernel>", "exec"), module)
     functions = [key for key in ("dynamics", "linearize", "linearize_rows") if key in module]
     kernel = ModuleType(name)
-    vars(kernel).update({key: module[key] for name in functions for key in (name, name.upper())})
+    for key in functions:
+        run = _seeing(key, module[key], measures) if measures else module[key]
+        vars(kernel).update({key: run, key.upper(): module[key.upper()]})
     return kernel
+
+
+def _seeing(function: str, run: Callable[..., Any], measures: list[MeasureKernel]) -> Callable[..., Any]:
+    """Return a function of a kernel that takes what measures give."""
+
+    def with_measures(f: Any, q: Any, u: Any, p: Any, s: Any, *last: Any) -> Any:
+        a = last[0] if function == "linearize_rows" else None
+        seen = [x for measure in measures for x in measure.values(f, function, q, u, p, a)]
+        return run(f, q, u, p, s, seen, *last)
+
+    return with_measures

@@ -7,7 +7,7 @@ from types import ModuleType
 from mbstab.mechanics.catalogue import Element, Kind
 from mbstab.mechanics.gathered import Gathered
 
-_MODULES = "bodies joints contacts drives forces bearings tyres creep gears"
+_MODULES = "bodies joints contacts drives forces bearings tyres creep gears measures"
 _FRAMES: Gathered[str, list[str]] = Gathered(__package__, _MODULES, lambda module: _frames(module.ELEMENTS))
 """The frames of each element, by its name without them; one module has all of them."""
 

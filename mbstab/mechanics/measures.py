@@ -7,9 +7,10 @@ measure it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Literal
 
+from mbstab.mechanics.catalogue import Element, Role
 from mbstab.mechanics.frames import Frame
 from mbstab.records import dataclass
 
@@ -35,6 +36,10 @@ class Measure:
     speed : bool
         Whether it is made of speeds, and has no rate.
     dimensions : tuple of int
+    numbers : (int, int)
+        How many numbers the formula takes in the plane and in space.
+    root : bool
+        Whether the formula gives half the square of the measure, which has derivatives where the measure is zero.
     """
 
     arguments: tuple[Argument, ...]
@@ -43,6 +48,21 @@ class Measure:
     formula: Formula | None = None
     speed: bool = False
     dimensions: tuple[int, ...] = (2, 3)
+    numbers: tuple[int, int] = (0, 0)
+    root: bool = False
+
+    def elements(self, name: str) -> Iterable[Element]:
+        """Return the elements whose only row is the formula, by which expressions are derived."""
+        for dimension in self.dimensions:
+            frame, count = ("planar", "spatial")[dimension - 2], self.numbers[dimension - 2]
+            role: Role = "nonholonomic" if self.speed else "holonomic"
+            parameters = (("numbers", count),) if count else ()
+            slots = 2 if self.arguments == ("joint",) else len(self.arguments)
+            yield Element(f"measure_{name}", role, (frame,), slots, parameters, self._row, units=("1",))
+
+    def _row(self, frames: Sequence[Frame], p: Any, s: Any) -> list[Any]:
+        assert self.formula is not None
+        return [self.formula(frames, getattr(p, "numbers", ()))]
 
 
 def _angle(frames: Sequence[Frame], p: Sequence[Any]) -> Any:
@@ -65,11 +85,11 @@ def _place(axis: int) -> Formula:
     return lambda frames, p: frames[0].position(p)[axis]
 
 
-def _distance(frames: Sequence[Frame], p: Sequence[Any]) -> Any:
+def _half_square_of_distance(frames: Sequence[Frame], p: Sequence[Any]) -> Any:
     first, second = frames
     d = first.dimension
     gap = first.position(p[:d]) - second.position(p[d:])
-    return first.f.sqrt(gap.dot(gap))
+    return gap.dot(gap) / 2
 
 
 def _speed(axis: int) -> Formula:
@@ -81,7 +101,9 @@ def _turn(axis: int) -> Formula:
 
 
 _PLACES = {
-    name: Measure(("point",), f"place of a point along {name}", "m", _place(i), dimensions=(2, 3)[i // 2 :])
+    name: Measure(
+        ("point",), f"place of a point along {name}", "m", _place(i), dimensions=(2, 3)[i // 2 :], numbers=(2, 3)
+    )
     for i, name in enumerate("xyz")
 }
 _SPEEDS = {
@@ -92,6 +114,7 @@ _SPEEDS = {
         _speed(i),
         speed=True,
         dimensions=(2, 3)[i // 2 :],
+        numbers=(2, 3),
     )
     for i, name in enumerate("xyz")
 }
@@ -103,9 +126,17 @@ _TURNS = {
 }
 
 MEASURES: dict[str, Measure] = {
-    "angle": Measure(("joint",), "angle of a joint; in space it counts from the turn of the reference", "rad", _angle),
-    "displacement": Measure(("joint",), "travel of a joint", "m", _displacement),
-    "distance": Measure(("point", "point"), "distance of two points", "m", _distance),
+    "angle": Measure(
+        ("joint",),
+        "angle of a joint; in space it counts from the turn of the reference",
+        "rad",
+        _angle,
+        numbers=(0, 10),
+    ),
+    "displacement": Measure(("joint",), "travel of a joint", "m", _displacement, numbers=(6, 9)),
+    "distance": Measure(
+        ("point", "point"), "distance of two points", "m", _half_square_of_distance, numbers=(4, 6), root=True
+    ),
     **_PLACES,
     **_SPEEDS,
     **_TURNS,
@@ -119,6 +150,8 @@ MEASURES: dict[str, Measure] = {
     ),
 }
 """Every kind of measure by its name in expressions."""
+
+ELEMENTS = tuple(x for name, kind in MEASURES.items() if kind.formula for x in kind.elements(name))
 
 
 def is_measure(name: str) -> bool:
