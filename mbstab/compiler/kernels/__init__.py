@@ -6,6 +6,7 @@ In a checkout they may be older than the definitions; they are derived in memory
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -49,7 +50,8 @@ def _stale() -> bool:
 def load(name: str) -> ModuleType:
     """Return the kernel of an element, such as ``planar_coincident``."""
     if not _stale():
-        return import_module(f"{__name__}.{name}")
+        with suppress(ModuleNotFoundError):  # as after a checkout of a commit that kept them
+            return import_module(f"{__name__}.{name}")
     _tell()
     from mbstab.compiler.emit import source
 
@@ -60,5 +62,5 @@ def load(name: str) -> ModuleType:
 
 @cache
 def _tell() -> None:
-    said = "the kernels are older than the definitions, and are derived at each start"
+    said = "the kernels are missing or older than the definitions, and are derived at each start"
     print(f"mbstab: {said}; '{_COMMAND}' writes them", file=sys.stderr)
