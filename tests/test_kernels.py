@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from element_tables import HOLONOMIC, NONHOLONOMIC, POWER, STEP, Body, turn, unit
 
+import mbstab
 from mbstab.compiler.derive import parameter_sizes
 from mbstab.compiler.kernels import load
 from mbstab.compiler.user import user_kernel
@@ -600,3 +601,25 @@ def test_a_kernel_has_the_same_value_at_a_special_state_as_next_to_it(name):
                 assert [float(x) for x in expected] == pytest.approx(list(exact), rel=1e-12, abs=1e-12)
                 tried += 1
     assert tried >= 6
+
+
+def test_the_mass_matrix_of_a_body_beside_its_centre_of_mass_is_exactly_diagonal_in_its_place():
+    body = "{type: spatial, mass: 3, inertia: [1, 2, 2.5], center_of_mass: [0.1, 0.2, 0.3], axes: [0.3, 0.7, 1.1]}"
+    system = mbstab.loads(f"mbstab: 1\ngravity: [0, 0, 0]\nbodies: {{a: {body}}}\n").system()
+    M = system.dynamics(np.full(6, 0.3), np.zeros(6), 0.0).M
+    assert np.array_equal(M[:3, :3], 3.0 * np.eye(3))
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.25])
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_forces_along_a_distance_have_their_slopes_where_it_is_zero(power, distance):
+    text = f"""\
+mbstab: 1
+gravity: [0, 0]
+bodies: {{a: {{type: planar_point, mass: 2}}}}
+forces: {{law: {{type: expression, on: {{"distance(a, ground)": "-6*distance(a, ground)**{power}"}}}}}}
+"""
+    system = mbstab.loads(text).system()
+    K, *_ = system.linearize(np.array([distance, 0.0]), np.zeros(2), np.zeros(2), np.zeros(0), 0.0)
+    slope = 6.0 * distance ** (power - 1)
+    assert pytest.approx(np.diag([power * slope, slope]), abs=1e-14) == K
