@@ -62,7 +62,7 @@ def approaches(evaluator: Evaluator, parameter: str, x: Array, branches: Complex
     def gaps(at: Array, values: Complex) -> Array:
         return np.asarray(values.imag - order * np.abs(at))
 
-    found = [*_crossings(x, branches, order), *_dips(x, branches, order)]
+    found = [*_crossings(x, branches, order), *(a for j, s in enumerate(branches.T) for a in _dips(j, x, s, order))]
     inside = np.linspace(0.0, 1.0, TOLERANCES.points_of_approach + 2)[1:-1]
     for n in range(TOLERANCES.rounds_of_approach):
         # Crossings are located by secants once their branches are alone.
@@ -88,11 +88,8 @@ def approaches(evaluator: Evaluator, parameter: str, x: Array, branches: Complex
             ]
             if not len(passed) and a.crosses:
                 parts.append(a)  # there is nothing in between
-            elif not len(passed) and np.any(known := np.isfinite(values)):
-                places, values = places[known], values[known]
-                k = int(np.argmin(np.abs(gaps(places, values))))
-                around = slice(max(k - 1, 0), k + 2)
-                parts.append(Approach(a.branch, places[around], values[around], False, False))
+            elif not len(passed):
+                parts += _dips(a.branch, places, values, order)
         found = parts
     return found
 
@@ -115,16 +112,15 @@ def _crossings(x: Array, branches: Complex, order: float) -> Iterator[Approach]:
                 yield Approach(j, x[i : i + 2], s[i : i + 2], True, True)
 
 
-def _dips(x: Array, branches: Complex, order: float) -> Iterator[Approach]:
+def _dips(branch: int, x: Array, s: Complex, order: float) -> Iterator[Approach]:
     """Yield a point and its neighbours where a gap is smallest among them, and not large beside its change."""
-    for j, s in enumerate(branches.T):
-        gap = s.imag - order * np.abs(x)
-        for i in np.flatnonzero(s.imag > 0.0).tolist():
-            beside = [k for k in (i - 1, i + 1) if 0 <= k < len(x) and s.imag[k] > 0.0 and gap[k] * gap[i] > 0.0]
-            changes = [abs(gap[k]) - abs(gap[i]) for k in beside]
-            if changes and min(changes) >= 0.0 and abs(gap[i]) <= TOLERANCES.reach_of_dip * max(changes):
-                part = sorted([i, *beside])
-                yield Approach(j, x[part], s[part], False, False)
+    gap = s.imag - order * np.abs(x)
+    for i in np.flatnonzero(s.imag > 0.0).tolist():
+        beside = [k for k in (i - 1, i + 1) if 0 <= k < len(x) and s.imag[k] > 0.0 and gap[k] * gap[i] > 0.0]
+        changes = [abs(gap[k]) - abs(gap[i]) for k in beside]
+        if changes and min(changes) >= 0.0 and abs(gap[i]) <= TOLERANCES.reach_of_dip * max(changes):
+            part = sorted([i, *beside])
+            yield Approach(branch, x[part], s[part], False, False)
 
 
 def _assigned(x: Array, branches: Complex, at: float, spectrum: Complex, a: Approach) -> complex:

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +56,7 @@ from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
 FROZEN = "frozen-time: the coefficients change along the motion"
+T = TypeVar("T")
 RAISED: Any = {"over": "raise", "divide": "raise", "invalid": "raise", "under": "ignore"}
 
 
@@ -122,25 +123,28 @@ class Evaluator:
 
     def shapes(self, values: Mapping[str, Array], count: int) -> dict[int, Shapes]:
         """Return `count` eigenvalues and their vectors by the numbers of those points that patterns fit; no verdict."""
-        work, found = _Work(self, values, lambda done: None), dict[int, Shapes]()
+        return self._fitted(values, count, lambda points, separation: shapes_of(points, separation).each())
+
+    def eigenvalues(self, values: Mapping[str, Array], count: int) -> Complex:
+        """Return `count` eigenvalues at points between others, without verdicts; nan where there are none."""
+        known = self._fitted(values, count, lambda points, separation: np.linalg.eigvals(separation.A))
+        result = np.full((len(next(iter(values.values()))), count), NO_EIGENVALUE)
+        for i, found in known.items():
+            result[i] = found
+        if len(left := np.setdiff1d(np.arange(len(result)), list(known))):
+            result[left] = self.near({name: x[left] for name, x in values.items()}, count).values
+        return result
+
+    def _fitted(self, values: Mapping[str, Array], count: int, of: Callable[..., Iterable[T]]) -> dict[int, T]:
+        """Return what is told of separated equations by the numbers of those points that patterns fit."""
+        work, found = _Work(self, values, lambda done: None), dict[int, T]()
         work.sampled, pending = False, np.arange(work.points)
         pending = pending if self.path is None else pending[self.path.covers(values)]
         for pattern in self.patterns:
             for start in range(0, len(pending), TOLERANCES.points_with_vectors):
-                some = work.shapes(pattern, pending[start : start + TOLERANCES.points_with_vectors])
-                found |= {i: shape for i, shape in some if len(shape.values) == count}
+                found |= work.separated(pattern, pending[start : start + TOLERANCES.points_with_vectors], count, of)
             pending = pending[~np.isin(pending, list(found))]
         return found
-
-    def eigenvalues(self, values: Mapping[str, Array], count: int) -> Complex:
-        """Return `count` eigenvalues at points between others, without verdicts; nan where there are none."""
-        shapes = self.shapes(values, count)
-        result = np.full((len(next(iter(values.values()))), count), NO_EIGENVALUE)
-        for i, shape in shapes.items():
-            result[i] = shape.values
-        if len(left := np.setdiff1d(np.arange(len(result)), list(shapes))):
-            result[left] = self.near({name: x[left] for name, x in values.items()}, count).values
-        return result
 
     def at_zeros(self, values: Mapping[str, Array], spectra: Complex, sides: Sides) -> npt.NDArray[np.int8]:
         """Return the verdicts of undecided points, as numbers, where exact zero eigenvalues may decide.
@@ -560,17 +564,17 @@ class _Work:
             self.found.append(Part(index[good], found.at(good), pattern.known))
         return good
 
-    def shapes(self, pattern: Pattern, index: Index) -> Iterator[tuple[int, Shapes]]:
-        """Yield the numbers of points that fit a pattern, with their eigenvalues and vectors."""
+    def separated(self, pattern: Pattern, index: Index, count: int, of: Callable[..., Iterable[T]]) -> dict[int, T]:
+        """Return what is told of the equations of points with `count` eigenvalues, by their numbers, if they fit."""
         with np.errstate(all="ignore"), contextlib.suppress(MbstabError, ArithmeticError, np.linalg.LinAlgError):
-            if not len(index) or (cancellation := self._cancellation(pattern, index)) is None:
-                return
-            good, points = self._equations(pattern, index, self.scene(index)).linearized(
-                cancellation.at(slice(0, len(index)))
-            )
-            found = shapes_of(points, separation := pattern.known.separated(points))
-            for n in np.flatnonzero(good & separation.good).tolist():
-                yield int(index[n]), Shapes(found.values[n], found.right[n], found.left[n])
+            if len(index) and (cancellation := self._cancellation(pattern, index)) is not None:
+                equations = self._equations(pattern, index, self.scene(index))
+                good, points = equations.linearized(cancellation.at(slice(0, len(index))))
+                separation = pattern.known.separated(points)
+                if separation.A.shape[-1] == count:
+                    told = zip(index.tolist(), (good & separation.good).tolist(), of(points, separation), strict=True)
+                    return {i: x for i, fits, x in told if fits}
+        return {}
 
     def _equations(self, pattern: Pattern, index: Index, scene: Scene) -> Equations:
         """Return the equations of some points of a pattern."""

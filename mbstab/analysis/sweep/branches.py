@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -57,7 +58,21 @@ class _Looked:
 
 
 class Branches:
-    """Eigenvalues at the points of a sweep and between them, joined into branches."""
+    """Eigenvalues at the points of a sweep and between them, joined into branches.
+
+    Parameters
+    ----------
+    evaluator : Evaluator
+    parameter : str
+    x : ndarray, shape (points,)
+    raw : Block
+        The eigenvalues there.
+    most : int, optional
+        Maximum number of intermediate points.
+    locates : float, optional
+        Eigenvalues that come near to each other far from the axis, too, are told apart in intervals down to this part
+        of the parameter. With `TOLERANCES.meeting_interval` it is told where they meet.
+    """
 
     def __init__(
         self,
@@ -66,7 +81,7 @@ class Branches:
         x: Array,
         raw: Block,
         most: int | None = None,
-        locates: bool = False,
+        locates: float = math.inf,
     ) -> None:
         self.evaluator, self.parameter, self.x, self.raw = evaluator, parameter, x, raw
         self.most, self.locates = TOLERANCES.branch_points if most is None else most, locates
@@ -96,6 +111,16 @@ class Branches:
         )
 
     @property
+    def _locates(self) -> bool:
+        """Whether eigenvalues are told apart far from the axis, too."""
+        return self.locates < math.inf
+
+    @property
+    def _tells(self) -> bool:
+        """Whether it is told where eigenvalues meet."""
+        return self.locates <= TOLERANCES.meeting_interval
+
+    @property
     def budget(self) -> int:
         """Maximum number of intermediate points."""
         return min(self.most, TOLERANCES.branch_eigenvalues // max(int(self.values.shape[1]), 1))
@@ -110,7 +135,7 @@ class Branches:
             " and critical values may be missing"
             if self.near_axis
             else f" and values where they meet may be missing, {far}"
-            if self.locates
+            if self._tells
             else f", {far}"
         )
         return (
@@ -303,7 +328,8 @@ class Branches:
             leaves = found is not None and any(x.collides for x in found.approaches)
             crowded = _near_axis(piece) and (leaves or not self._held(piece.interval))
             touches = found is not None and found.touches and not multiple[piece.interval]
-            if found is None and not crowded and (room < TOLERANCES.branch_split or not (all(ends) or self.locates)):
+            untold = not self._tells and not (self._is_wide(piece) if self._locates else all(ends))
+            if found is None and not crowded and (room < TOLERANCES.branch_split or untold):
                 done[piece.interval].append((piece, _straight(piece)))
                 if room < TOLERANCES.branch_split:
                     self._stop(0.5 * (piece.a + piece.b), near_axis=False)
@@ -311,21 +337,26 @@ class Branches:
                 done[piece.interval].append((piece, found.link))
                 self._record(piece, found)
             else:
-                guesses = _around(piece, found) if self.locates and found is not None and not touches else ()
+                guesses = _around(piece, found) if self._locates and found is not None and not touches else ()
                 left.append(replace(piece, crowded=crowded, guesses=guesses))
                 room -= TOLERANCES.branch_split * (not crowded)
         return left
 
     def _is_settled(self, piece: _Piece, found: Told, crowded: bool, touches: bool) -> bool:
         """Return whether what eigenvectors tell about a piece is enough: its links, or where eigenvalues meet in it."""
-        if not self.locates:
-            return not (crowded and (found.coupled or touches))
-        wide = piece.b - piece.a > TOLERANCES.meeting_interval * self.width
-        return not touches and not (wide and found.approaches)
+        if self._tells:
+            return not touches and not (found.approaches and self._is_wide(piece))
+        # Those that are not coupled pass each other on straight lines.
+        bent = touches or any(x.coupled for x in found.approaches)
+        return not (crowded and (found.coupled or touches)) and not (bent and self._is_wide(piece))
+
+    def _is_wide(self, piece: _Piece) -> bool:
+        """Return whether eigenvalues that come near to each other are told apart in a part of a piece."""
+        return piece.b - piece.a > self.locates * self.width
 
     def _record(self, piece: _Piece, found: Told) -> None:
         """Record where eigenvalues meet in a piece, unless they only come near to each other."""
-        for x in found.approaches if self.locates else ():
+        for x in found.approaches if self._tells else ():
             if x.collides or not x.coupled:
                 value = piece.a + x.t * (piece.b - piece.a)
                 self.meetings.append((value, "collide" if x.collides else "cross"))
@@ -334,7 +365,7 @@ class Branches:
         """Return the number of points that may still be computed only to tell eigenvalues apart."""
         r = int(self.values.shape[1])
         most = max(TOLERANCES.branch_points_each * len(self.x), TOLERANCES.branch_eigenvalues_least // max(r, 1))
-        return most * (TOLERANCES.branch_locating if self.locates else 1) - self.linked
+        return most * (TOLERANCES.branch_locating if self._locates else 1) - self.linked
 
     def _held(self, k: int) -> bool:
         """Return whether disturbances stay small at both ends of an interval without damping: by the energy."""

@@ -13,6 +13,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.sweep.batched_verdict import RIGHT, Sides
 from mbstab.analysis.sweep.branches import Branches
+from mbstab.analysis.sweep.shapes import groups
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import certain_links
 from mbstab.compiler.system import Array
@@ -108,7 +109,10 @@ def _joined(tracker: Branches, branches: Complex) -> tuple[Array, Complex, Flags
 
 
 def _between(values: Complex, links: Index) -> Index:
-    """Return the orders of spectra between two points whose orders are known: followed from both, joined where best."""
+    """Return the orders of spectra between two points whose orders are known: followed from both, joined where best.
+
+    Those that exchange their places are joined where they are next to each other, whatever the others do.
+    """
     if np.any(np.isnan(values[[0, -1]])):
         return np.tile(np.arange(values.shape[1]), (len(values), 1))
     forward, backward = [np.arange(values.shape[1])], [np.arange(values.shape[1])]
@@ -118,8 +122,12 @@ def _between(values: Complex, links: Index) -> Index:
         backward.append(np.argsort(link)[backward[-1]])
     ahead, back = np.array(forward), np.array(backward[::-1])
     one, other = (np.take_along_axis(values, order, axis=1) for order in (ahead, back))
-    best = int(np.argmin(np.sum(np.abs(one[:-1] - other[1:]), axis=1)))
-    return np.concatenate([ahead[: best + 1], back[best + 1 :]])
+    jump, places = np.abs(one[:-1] - other[1:]), np.argsort(back[-1])[ahead[-1]]
+    moves = places[:, None] == np.arange(len(places))
+    for group in groups(moves | moves.T):
+        best = int(np.argmin(np.sum(jump[:, group], axis=1)))
+        ahead[best + 1 :, group] = back[best + 1 :, group]
+    return ahead
 
 
 def _scale(branches: Complex) -> Array:

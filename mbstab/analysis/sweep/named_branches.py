@@ -236,7 +236,7 @@ def _branches(model: Model, parameter: str, ends: tuple[float, float], count: in
     patterns[:] = evaluator.patterns
     # Where most points have nothing in common, or no neighbours have, as many in between would take minutes.
     if evaluator.alone <= len(x) // 2 and np.any(raw.clear):
-        branches = Branches(evaluator, parameter, x, raw, TOLERANCES.points_between_names, locates=True)
+        branches = Branches(evaluator, parameter, x, raw, TOLERANCES.points_between_names, TOLERANCES.meeting_interval)
         found = branches.branches()
         if branches.stopped is None:
             return found if first < last else found[::-1]

@@ -37,6 +37,10 @@ class Shapes:
     right: Complex
     left: Complex
 
+    def each(self) -> list[Shapes]:
+        """Return those of each point by itself."""
+        return [Shapes(*x) for x in zip(self.values, self.right, self.left, strict=True)]
+
 
 @dataclass(frozen=True)
 class Approach:
@@ -151,7 +155,7 @@ def _resolved(link: Index, rows: Index, ends: tuple[Complex, Complex], overlap: 
     coupled = near & (np.minimum(np.abs(H), np.abs(H.T)) > TOLERANCES.uncoupled * size)
     same = least <= TOLERANCES.twin_distance * size
     found, approaches = link.copy(), list[Approach]()
-    for group in _groups(coupled | same):
+    for group in groups(coupled | same):
         within = np.ix_(group, group)
         # What the vectors of others have is lost.
         if np.any(np.abs(np.sum(share[within], axis=1) - 1.0) > TOLERANCES.other_vectors):
@@ -182,7 +186,7 @@ def _passing(a: Complex, b: Complex) -> Flags:
     return found
 
 
-def _groups(joined: Flags) -> list[Index]:
+def groups(joined: Flags) -> list[Index]:
     """Return the members of each set of eigenvalues that are joined, directly or through others."""
     reach = joined | np.eye(len(joined), dtype=bool)
     for _ in range(len(reach).bit_length()):

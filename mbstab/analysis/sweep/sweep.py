@@ -35,6 +35,7 @@ from mbstab.analysis.sweep.critical_values import CriticalValues
 from mbstab.analysis.sweep.detail import Detail, detailed
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
+from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
@@ -228,7 +229,8 @@ def _answer(
     """Return the branches and critical values along one path of solutions; with meetings and detail if asked for."""
     evaluator = Evaluator(model, path, patterns_at(model, path, home_of({parameter: x})))
     # Names and curves belong to branches.
-    tracker = CriticalValues(evaluator, parameter, x, raw, locates=any(asked) or bool(model.modes))
+    fine = TOLERANCES.meeting_interval if asked[0] or model.modes else TOLERANCES.detail_meeting if asked[1] else np.inf
+    tracker = CriticalValues(evaluator, parameter, x, raw, locates=fine)
     branches = tracker.branches()
     critical = tracker.critical(branches)
     # Zeros that nonlinear terms decide do not tell where stability changes.

@@ -155,6 +155,8 @@ class Tolerances:
     """A point is far from the chord of its neighbours if it is this part of the extent of its branch away."""
     detail_smallest: Final = 1e-3
     """The extent of a branch counts as no less than this part of the largest eigenvalue."""
+    detail_meeting: Final = 1e-3
+    """Eigenvalues that come near to each other are told apart in intervals down to this part of the parameter."""
     detail_narrow: Final = 1e-5
     """Intervals below this part of the range are not divided."""
     detail_apart: Final = 1e-7
