@@ -232,7 +232,8 @@ def zoo(folder: Path) -> list[Question]:
         found.append(Question("zoo", system.name, eig(path), frozenset(system.allowed), system.in_place, system.best))
         if "sweep" in system.commands:
             name, values = system.swept
-            ends = ["--from", repr(values[0]), "--to", repr(values[-1]), "--points", "21", "--format", "json"]
+            points = 3 if name == "dummy" else 21  # on which nothing depends: all points are one
+            ends = ["--from", repr(values[0]), "--to", repr(values[-1]), "--points", str(points), "--format", "json"]
             found.append(Question("zoo", f"{system.name} over {name}", ["sweep", str(path), "--param", name, *ends]))
     return found
 

@@ -62,7 +62,10 @@ def approaches(evaluator: Evaluator, parameter: str, x: Array, branches: Complex
     def gaps(at: Array, values: Complex) -> Array:
         return np.asarray(values.imag - order * np.abs(at))
 
-    found = [*_crossings(x, branches, order), *(a for j, s in enumerate(branches.T) for a in _dips(j, x, s, order))]
+    seen = [*_crossings(x, branches, order)]
+    alone = [a for a in seen if _is_alone(x, branches, a)]
+    found = [a for a in seen if not any(a is b for b in alone)]
+    found += (a for j, s in enumerate(branches.T) for a in _dips(j, x, s, order))
     inside = np.linspace(0.0, 1.0, TOLERANCES.points_of_approach + 2)[1:-1]
     for n in range(TOLERANCES.rounds_of_approach):
         # Crossings are located by secants once their branches are alone.
@@ -91,7 +94,7 @@ def approaches(evaluator: Evaluator, parameter: str, x: Array, branches: Complex
             elif not len(passed):
                 parts += _dips(a.branch, places, values, order)
         found = parts
-    return found
+    return alone + found
 
 
 def _changes(gap: Array) -> Index:
@@ -110,6 +113,14 @@ def _crossings(x: Array, branches: Complex, order: float) -> Iterator[Approach]:
                 s.imag[i] > line[i] or s.imag[i + 1] > line[i + 1] or s.imag[i] == line[i] > 0.0
             ):
                 yield Approach(j, x[i : i + 2], s[i : i + 2], True, True)
+
+
+def _is_alone(x: Array, branches: Complex, a: Approach) -> bool:
+    """Return whether the distances of a branch to all others change little in an interval, so that none meets it."""
+    i = int(np.searchsorted(x, a.x[0]))
+    before, after = (np.delete(s - s[a.branch], a.branch) for s in branches[i : i + 2])
+    nearest = np.minimum(np.abs(before), np.abs(after))
+    return bool(np.all(np.abs(after - before) <= TOLERANCES.tracking_step * nearest))
 
 
 def _dips(branch: int, x: Array, s: Complex, order: float) -> Iterator[Approach]:

@@ -98,8 +98,11 @@ class _Search:
 
     def values(self, order: float, passed: Sequence[Approach]) -> list[float]:
         """Return where branches cross a line in intervals, all looked for together; nan where one has no eigenvalue."""
+        # Eigenvalues are rounded by so much: the crossing is not known better.
+        rounding = EPS * float(np.nanmax(np.abs(self.result.branches), initial=0.0)) / order
         searches = [
-            Search(a.x, a.values.imag - order * np.abs(a.x), 0, 1, EPS * float(np.max(np.abs(a.x)))) for a in passed
+            Search(a.x, a.values.imag - order * np.abs(a.x), 0, 1, max(rounding, EPS * float(np.max(np.abs(a.x)))))
+            for a in passed
         ]
         parameter, count = self.result.parameter, self.result.branches.shape[1]
         while open_ := [(a, search) for a, search in zip(passed, searches, strict=True) if not search.done]:
