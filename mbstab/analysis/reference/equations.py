@@ -145,6 +145,8 @@ class Balance:
         The same for the speed of each row.
     ramp : float
         Fraction of the given rates: 1 except during spin-up.
+    acting : ndarray, shape (n_q,)
+        1 for forces that must balance, 0 for those that something else takes.
     """
 
     def __init__(
@@ -160,7 +162,7 @@ class Balance:
         self.open = np.flatnonzero(~held)
         self.free = [k for k in range(family.size) if k not in self.known]
         self.energy = self.speed = self.ramp = 1.0
-        self.row_speeds = np.ones(system.n_c)
+        self.row_speeds, self.acting = np.ones(system.n_c), np.ones(system.n_q)
         rates = system.scene.rates if family.size else {}
         self.given = np.array([i for i, name in enumerate(system.names) if name in rates], dtype=np.intp)
         values = [np.asarray(rates[system.names[i]], dtype=float) for i in self.given]
@@ -258,12 +260,13 @@ class Balance:
         dynamics = system.dynamics(q, u)
         M, J = dynamics.M, dynamics.J[..., self.rows, :]
         E, V = dynamics.E[..., self.rows], dynamics.V[..., self.rows]
-        force = ((M @ a[..., None])[..., 0] + dynamics.F0) * self.sizes / self.energy
+        weights = self.acting * self.sizes
+        force = ((M @ a[..., None])[..., 0] + dynamics.F0) * weights / self.energy
         lengths = self._lengths(J)
         if self.ramp < 1.0:
             # The given rates of drives are scaled by the ramp.
             V = V - (1.0 - self.ramp) * system.bodily.dynamics(q, 0.0 * u).V[..., self.rows]
-        rows = self._pushing(J) * self.sizes / lengths[..., None]
+        rows = self._pushing(J) * weights / lengths[..., None]
         nu = -least_multipliers(rows, force)
         parts = [force + (np.swapaxes(rows, -1, -2) @ nu[..., None])[..., 0], E[..., :n_h] / lengths[..., :n_h]]
         if self.with_speeds:
@@ -320,7 +323,7 @@ class Balance:
         # a = DX X is quadratic in the rates.
         A = np.concatenate([Xi @ X, *[unit.frame(at.q)[0] @ at.u[..., None] for unit in units]], axis=-1)
         A = A[..., : len(units)] + A[..., len(units) :]
-        weights, columns = (self.sizes / self.energy)[:, None], self.sizes[self.open]
+        weights, columns = (self.acting * self.sizes / self.energy)[:, None], self.sizes[self.open]
         c, n_c = len(units), J.shape[-2]
         V_q = system.linearize_rows(at.q, at.u, at.a)[0][..., self.rows, :] if self.with_speeds else 0.0 * J
         _, stiffness, turned = in_frame(M, R, K, J, V_q, Xi, Xi_2)

@@ -232,7 +232,9 @@ class Problem:
             try:
                 return self._solved(start, c, STRATEGIES)
             except EquilibriumError:
-                raise declared from None  # of the motion that the file declares
+                if any(self.system.names[i] in self.scene.rates for i in self.family.columns):
+                    raise  # the file declares spins
+                raise declared from None
         return self._solved(start, c, STRATEGIES if c is None else STRATEGIES[:1])
 
     def _without_spins(self) -> Problem:
@@ -279,23 +281,13 @@ class Problem:
         unbalanced = [
             float(np.max(np.abs(force[kind]), initial=0.0)) for kind in (self.finder.is_length, ~self.finder.is_length)
         ]
-        loads = reactions(self.system, motion.q, motion.u, motion.dynamics.J, motion.nu)
-        placement = Placement(Attitudes.of(self.system), self.system, motion.q, motion.u)
-        acting = efforts(placement, motion.nu, motion.time)
+        loads, acting = _loads(self.system, motion)
         return Equilibrium(
-            motion, at.steady, loads, acting, self._outputs(motion, loads, acting), float(np.max(np.abs(at.residual))),
+            motion, at.steady, loads, acting, outputs_along(self.system, motion), float(np.max(np.abs(at.residual))),
             (unbalanced[0], unbalanced[1]), search.iterations, strategy, tuple(s.name for s in known),
             tuple(_open_directions(search, at, known)),
             not np.any(at.u) and self.scene.timed,
         )  # fmt: skip
-
-    def _outputs(self, motion: Motion, loads: list[Reaction], acting: list[Acted]) -> dict[str, float]:
-        outputs, state = Outputs(self.system), (motion.q, motion.u, motion.a)
-        values = outputs.values(outputs.measured(self.system, *state), *state, components(loads), acting)
-        return {
-            name: x if math.isfinite(x) else math.nan
-            for (name, _), x in zip(outputs.names, values.tolist(), strict=True)
-        }
 
     def _require_steady(self, motion: Motion, at: State) -> None:
         """Refuse rates of a file that no steady motion has; forces may balance at an instant.
@@ -403,6 +395,22 @@ class Problem:
             return False
         # What a symmetry does not change: the loads and the spectrum of the stiffness.
         return _alike(_signature(self.system, one), _signature(self.system, other))
+
+
+def _loads(system: System, motion: Motion) -> tuple[list[Reaction], list[Acted]]:
+    """Return what is transmitted at a motion, and what acts along one motion of bodies."""
+    placement = Placement(Attitudes.of(system), system, motion.q, motion.u)
+    transmitted = reactions(system, motion.q, motion.u, motion.dynamics.J, motion.nu)
+    return transmitted, efforts(placement, motion.nu, motion.time)
+
+
+def outputs_along(system: System, motion: Motion) -> dict[str, float]:
+    """Return the outputs of the file at a motion by name, nan where one has no value."""
+    outputs, state, (loads, acting) = Outputs(system), (motion.q, motion.u, motion.a), _loads(system, motion)
+    values = outputs.values(outputs.measured(system, *state), *state, components(loads), acting)
+    return {
+        name: x if math.isfinite(x) else math.nan for (name, _), x in zip(outputs.names, values.tolist(), strict=True)
+    }
 
 
 def _tidied(search: Search, at: State) -> State:

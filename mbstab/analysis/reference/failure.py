@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from typing import Protocol
 
 import numpy as np
@@ -13,7 +14,7 @@ from mbstab.analysis.reference.assembly import unclosed, unit_of_row
 from mbstab.analysis.reference.equations import State
 from mbstab.analysis.reference.imbalance import force_change, rate_rounding
 from mbstab.analysis.reference.motion import Finder
-from mbstab.analysis.reference.newton import Search
+from mbstab.analysis.reference.newton import Search, Stalled
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, turns_and_degrees
 from mbstab.analysis.reference.steady import Family, not_round
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -334,9 +335,10 @@ class Failure:
 
     def _drained(self, state: State) -> str:
         """Return what takes power at the given rates where neither a force nor a row gives any, in words."""
-        q, time = state.q, self.scene.time
+        time = self.scene.time
         if not self.family.size or not any(self.scene.rates.values()):
             return ""
+        q = self._at_given_rates(state)
         u = self.family.basis(q) @ self.rates(q)
         if np.any(self.system.dynamics(q, 0.0 * u, time).V):
             return ""
@@ -353,3 +355,13 @@ class Failure:
             return ""
         most = max(taken, key=lambda path: taken[path])
         return f"{most} takes {taken[most]:.3g} W from the motion there, and nothing gives any: it slows down"
+
+    def _at_given_rates(self, state: State) -> Array:
+        """Return where forces balance while something holds the given rates; where the search ended if nowhere."""
+        search, balance = copy(self.search), copy(self.search.balance)
+        balance.acting = np.where(np.isin(np.arange(self.system.n_q), balance.given), 0.0, balance.acting)
+        search.balance = balance
+        try:
+            return search.newton(search.state(state.q, state.c)).q
+        except (Stalled, *FAILURES):
+            return state.q
