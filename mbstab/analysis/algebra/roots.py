@@ -113,7 +113,7 @@ class Search:
         even = np.linspace(a, b, 2 * beside + 3)[1:-1]
         chosen = even
         if self.guessed:
-            guess, error = self._guess()
+            guess, error = self.guess()
             reach = 0.5 * max(min(guess - a, b - guess), 0.0) / TOLERANCES.search_spread ** (beside - 1)
             steps = max(
                 min(2.0 * error, reach), 2.0 * EPS * abs(guess), 0.5 * self.least
@@ -123,7 +123,7 @@ class Search:
         inside: Array = found[(found > a) & (found < b)]
         return inside if len(inside) else even
 
-    def _guess(self) -> tuple[float, float]:
+    def guess(self) -> tuple[float, float]:
         """Return where the polynomial through values on both sides is zero, and how much the last of them changes."""
         first, last = self.left, self.left + 1
         up = np.sign(self.y[last] - self.y[first])

@@ -225,8 +225,8 @@ class _Curve(CurveEquations):
 
     def _joined(self, run: Run, solved: Solved) -> bool:
         """Add a solution to a run if a step leads to it."""
-        at, (q, c, p, A) = run.points[-1], solved
-        point = self._point(q, c, p, A, at.tangent, at)
+        at, (q, c, p, G) = run.points[-1], solved
+        point = self._point(q, c, p, G, at.tangent, at)
         gap = self._open(self._between(at, point))
         ahead = float(gap @ at.tangent)
         if (
@@ -371,6 +371,12 @@ class _Curve(CurveEquations):
             turns = low.turns_to(found), found.turns_to(high)
             if not any(turns):
                 return True  # a long step, but along the path
+            # Where constraints lose rank, the equations have a pole: their sizes tell the distances from it.
+            reach = length / (found.size / low.size + found.size / high.size)
+            if reach < TOLERANCES.pole_distance and found.size > TOLERANCES.growth_at_pole * max(
+                before.size, after.size
+            ):
+                return self._past_pole(run, before, found, after)
             if all(turns) and found.least > clear:
                 if not self._cross(run, low, found):
                     return False
@@ -396,6 +402,29 @@ class _Curve(CurveEquations):
             run.points += halves if pair[1] is at else halves[::-1]
         return True
 
+    def _past_pole(self, run: Run, before: Point, pole: Point, after: Point) -> bool:
+        """Add points that close in on a pole of the equations; return whether the path leads there and on behind it."""
+        gap = self._open(self._between(before, after))
+        length = float(np.linalg.norm(gap))
+        place = float(self._open(self._between(before, pole)) @ gap) / length**2
+        halvings = 0.5 ** np.arange(1, 2 - math.floor(math.log2(TOLERANCES.pole_distance)))
+        sides = [
+            [
+                self._inside(before, after, place + x * part)
+                for part in halvings
+                if abs(x) * part * length > TOLERANCES.pole_distance
+            ]
+            for x in (-place, 1.0 - place)
+        ]
+        near, far = ([point for point in side if point is not None] for side in sides)
+        for first, points in ((before, near), (None, far[::-1])):
+            for point in points:
+                if first is not None and not self._leads(run, first, point):
+                    return False
+                run.points.append(point)
+                first = point
+        return self._leads(run, far[0], after) if far else True
+
     def _inside(self, one: Point, other: Point, part: float) -> Point | None:
         """Return a solution between two, predicted by a cubic through both; its tangent must fit their path."""
         gap = self._open(self._between(one, other))
@@ -413,8 +442,8 @@ class _Curve(CurveEquations):
         """Return the parts of the other path through a fold of this one."""
         if self.spent:
             return []
-        _, A = self._equations(fold.q, fold.c, fold.p)
-        null = np.linalg.svd(A)[2][self.rank - 1 :].T
+        _, G = self._equations(fold.q, fold.c, fold.p)
+        null = np.linalg.svd(self._along_rows(G))[2][self.rank - 1 :].T
         aside = null @ null[-1]
         aside -= fold.tangent * (fold.tangent @ aside)
         size = float(np.linalg.norm(aside))

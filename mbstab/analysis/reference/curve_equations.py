@@ -11,6 +11,7 @@ from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.reference.curve_points import Point, nearest_turn
+from mbstab.analysis.reference.equations import LinearBalance
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
@@ -50,12 +51,13 @@ class CurveEquations:
         self.low, self.high = (self._last_valid(start, end) for end in ends)
         _, search, at, _ = self.problem.solved(*((self.problem.start,) if near is None else near))
         self.balance = search.balance
-        _, A = self._equations(at.q, at.c, start)
+        _, G = self._equations(at.q, at.c, start)
+        A = self._along_rows(G)
         s = np.linalg.svd(A, compute_uv=False)
         self.rank = int(np.sum(s > TOLERANCES.path_singular_value * max(float(s[0]), 1e-300))) if len(s) else 0
         # The minimum-norm change with the parameter: it has no component along symmetries.
         by_p = np.append(least_squares(A[:, :-1], -A[:, -1], rcond=TOLERANCES.path_singular_value), 1.0)
-        self.first = self._point(at.q, at.c, start, A, by_p, None)
+        self.first = self._point(at.q, at.c, start, G, by_p, None)
 
     def _last_valid(self, start: float, end: float) -> float:
         """Return the value nearest to an end of the range up to which the model is valid."""
@@ -76,15 +78,15 @@ class CurveEquations:
         return good
 
     def _equations(self, q: Array, c: Array, p: float) -> tuple[Array, Array]:
-        """Return the residuals that multipliers cannot balance, and their derivative by the scaled unknowns."""
+        """Return the residuals, and their derivative by the scaled unknowns and the multipliers."""
         step = TOLERANCES.parameter_difference * self.width
         # Central, or at an end of the range or of the solutions one-sided with two points: of second order everywhere.
         inward = -step if p > self.high - step else step
         central = [(step, -step)] if self.low + step <= p <= self.high - step else []
         for sides in (*central, (inward, 2.0 * inward), (-inward, -2.0 * inward)):
             with contextlib.suppress(*FAILURES):
-                ((residual, A),) = self._differences(q[None], c[None], np.array([p]), np.array([sides]))
-                return residual, A
+                (found,) = self._differences(q[None], c[None], np.array([p]), np.array([sides]))
+                return found
         raise NumericalError("the equations are not finite")
 
     def _at_points(self, q: Array, c: Array, p: Array) -> Iterator[tuple[Array, Array]]:
@@ -113,21 +115,33 @@ class CurveEquations:
         for own, derivative, values in zip(around, G, residuals, strict=True):
             (one, two), changes = own[1:] - own[0], values[1:] - values[0]
             by_p = (changes[0] * two / one - changes[1] * one / two) / (two - one) * self.width
-            A, forces = np.column_stack([derivative[:, :moving], by_p]), derivative[:, moving:]
-            if not forces.size:
-                found.append((values[0], A))
-                continue
-            left = rank_of(forces.T / max(float(np.max(np.abs(forces))), 1e-300)).null
-            # With the rows themselves: a basis would differ at every solution, and with it the signs of determinants.
-            found.append((left @ (left.T @ values[0]), left @ (left.T @ A)))
+            found.append((values[0], np.column_stack([derivative[:, :moving], by_p, derivative[:, moving:]])))
         return found
+
+    def _along_rows(self, G: Array) -> Array:
+        """Return the derivative by coordinates, rates and the parameter of what multipliers cannot balance."""
+        A, forces = np.hsplit(G, [self.balance.moving + 1])
+        if not forces.size:
+            return A
+        left = rank_of(forces.T / max(float(np.max(np.abs(forces))), 1e-300)).null
+        # With the rows themselves: a basis would differ at every solution, and with it the signs of determinants.
+        along: Array = left @ (left.T @ A)
+        return along
+
+    def _step(self, residual: Array, G: Array, hold: Array) -> Array:
+        """Return the change of coordinates, rates and the parameter that takes residuals away, across a direction."""
+        across, moving = np.zeros(G.shape[1]), len(hold)
+        across[:moving] = hold
+        linear = LinearBalance(np.vstack([G, across]), self.problem.system.n_q, moving)
+        return linear.step(np.append(residual, 0.0))[:moving]
 
     def _stepped(self, q: Array, c: Array, p: float, step: Array) -> tuple[Array, Array, float]:
         q, c = self.balance.shifted(q, c, step[:-1])
         return q, c, p + float(step[-1]) * self.width
 
-    def _point(self, q: Array, c: Array, p: float, A: Array, along: Array, before: Point | None) -> Point:
+    def _point(self, q: Array, c: Array, p: float, G: Array, along: Array, before: Point | None) -> Point:
         """Return a solution with the tangent nearest to a direction, aligned with a solution next to it."""
+        A = self._along_rows(G)
         left, s, right = np.linalg.svd(A)
         left, right = left[:, self.rank :], right[self.rank :].T
         tangent = right @ (right.T @ along)
@@ -148,8 +162,8 @@ class CurveEquations:
         try:
             with np.errstate(all="ignore"):
                 for _ in range(TOLERANCES.path_newton_steps):
-                    residual, A = self._equations(q, c, p)
-                    step = least_squares(np.vstack([A, hold]), -np.append(residual, 0.0), rcond=1e-11)
+                    residual, G = self._equations(q, c, p)
+                    step = self._step(residual, G, hold)
                     q, c, p = self._stepped(q, c, p, step)
                     missed += step
                     if not np.max(np.abs(missed)) < 1.0:
@@ -160,10 +174,10 @@ class CurveEquations:
                         and np.max(np.abs(step)) < TOLERANCES.path_step_rounding
                     )
                     if slow or np.max(np.abs(step)) < TOLERANCES.path_last_newton_step:
-                        residual, A = self._equations(q, c, p)
+                        residual, G = self._equations(q, c, p)
                         if np.max(np.abs(residual)) > TOLERANCES.residual:
                             return None
-                        point = self._point(q, c, p, A, start.tangent, start)
+                        point = self._point(q, c, p, G, start.tangent, start)
                         return point, float(np.max(np.abs(missed)))
         except FAILURES:
             pass
@@ -181,9 +195,9 @@ class CurveEquations:
             with np.errstate(all="ignore"):
                 for _ in range(TOLERANCES.path_newton_steps):
                     steps, residuals = np.zeros_like(missed), np.zeros(len(starts))
-                    for k, (residual, A) in enumerate(self._at_points(q, c, p)):
+                    for k, (residual, G) in enumerate(self._at_points(q, c, p)):
                         if good[k]:
-                            steps[k] = least_squares(np.vstack([A, hold[k]]), -np.append(residual, 0.0), rcond=1e-11)
+                            steps[k] = self._step(residual, G, hold[k])
                             residuals[k] = np.max(np.abs(residual), initial=0.0)
                     good &= np.max(np.abs(missed + steps), axis=1) < 1.0
                     steps[~good] = 0.0

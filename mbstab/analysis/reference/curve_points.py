@@ -51,6 +51,11 @@ class Point:
         """The derivative of the parameter by the arc length."""
         return float(self.tangent[-1])
 
+    @property
+    def size(self) -> float:
+        """The size of the derivative of the equations."""
+        return float(np.linalg.norm(self.bordered))
+
     def turns_to(self, other: Point) -> bool:
         """Return whether the equations may be singular on the way to another solution.
 

@@ -188,6 +188,10 @@ class Tolerances:
     """A path is continued this fraction of the range beyond a kink, if the solution moves by little more."""
     crossing_distance: Final = 1e-6
     """The place of a crossing is known to the square of this."""
+    growth_at_pole: Final = 3.0
+    """Between solutions the equations have a pole where their derivative is so many times as large …"""
+    pole_distance: Final = 1e-4
+    """… and as large as at this distance from it, up to which points are computed."""
     branch_step: Final = 1e-3
     """Distance from a branch point at which another path is started."""
     equal_solutions: Final = 1e-9
@@ -206,8 +210,6 @@ class Tolerances:
     """… and the size of the last one: what it leaves is its square."""
     reach_at_many_points: Final = 0.2
     """No step is longer than this part of the size of the scene, or this angle (rad)."""
-    normal_equations_ridge: Final = 1e-14
-    """Normal equations are regularized by this part of their trace."""
     points_of_a_derivative: Final = 16
     """One of so many points lends its derivative to those near it …"""
     chord_contraction: Final = 0.25

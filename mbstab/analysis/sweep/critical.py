@@ -84,7 +84,8 @@ class Critical:
         In SI.
     kind : str
         ``divergence`` (an eigenvalue passes zero), ``flutter`` (a pair passes the imaginary
-        axis), ``collision`` (two pairs meet on the imaginary axis), ``branch
+        axis), ``collision`` (two pairs meet on the imaginary axis), ``infinity``
+        (a real eigenvalue passes through infinity: constraints lose rank, or a mass or stiffness is infinite), ``branch
         point`` (other equilibria branch off; stability need not change), ``fold`` (the path of
         equilibria turns back), ``loss of equilibrium`` (it ends), ``end of the equations``
         (it ends where they have no value beyond), ``unresolved``.

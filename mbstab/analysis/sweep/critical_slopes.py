@@ -34,6 +34,7 @@ WITHOUT = {
     "fold": "the path of equilibria turns back there",
     "loss of equilibrium": "the path of equilibria ends there",
     "end of the equations": "the equations end there",
+    "infinity": "an eigenvalue is infinite there",
     "unresolved": "it is not known what happens there",
 }
 """Why critical values of some kinds have no derivatives."""

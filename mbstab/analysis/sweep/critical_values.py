@@ -146,7 +146,32 @@ class CriticalValues(Branches):
             if found:
                 return found
         left = self._leaving(part, (a, b), (low, high), branches)
+        place = self._pole((float(part.x[0]), low, high, float(part.x[-1])))
+        if place is not None and not left:
+            return [Critical(place, "infinity", (), 0.0, counts)]
         return left or [Critical(0.5 * (low + high), "unresolved", (), 0.0, counts)]
+
+    def _pole(self, ends: tuple[float, float, float, float]) -> float | None:
+        """Return where between the inner two of four values a single eigenvalue is infinite; None if none is.
+
+        The reciprocal of the product of all is zero there, and smooth; eigenvalues are known at some distance only.
+        """
+        first, low, high, last = ends
+        reach = max(TOLERANCES.pole_reach * (high - low), TOLERANCES.meeting_rounding * self.width)
+        steps = min(reach, low - first, last - high) * 0.5 ** np.arange(TOLERANCES.pole_points)
+        x = np.concatenate([low - steps, high + steps[::-1]])
+        if not steps[0] > high - low:
+            return None
+        spectra = self._spectra(x, needed=True).values
+        if np.any(np.isnan(spectra)):
+            return None
+        size = float(np.max(np.abs(spectra)))
+        y = np.array([1.0 / self._product(spectrum, size) for spectrum in spectra])
+        rising = np.diff(y) * np.sign(y[-1] - y[0])
+        if y[0] * y[-1] >= 0.0 or np.any(rising <= 0.0):
+            return None
+        value, error = Search(x, y, TOLERANCES.pole_points - 1, TOLERANCES.pole_points).guess()
+        return value if low <= value <= high and error <= high - low else None
 
     def _beginning(self, part: Stretch, places: tuple[int, int], branches: Complex) -> list[Critical]:
         """Return a change exactly at a point where the spectrum is symmetric, as where damping begins at zero."""

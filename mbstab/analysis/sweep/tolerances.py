@@ -81,6 +81,10 @@ class Tolerances:
     """Where two eigenvalues seem to meet, points are computed at this fraction of the interval on both sides."""
     meeting_rounding: Final = 1e-7
     """Nearer to a meeting than this, relative to the parameter, rounding may show a pair on the wrong side."""
+    pole_reach: Final = 128.0
+    """Where eigenvalues become infinite is told by points up to so many times the interval in which none is known …"""
+    pole_points: Final = 4
+    """… on either side of it, so many on each side, each half as far away."""
     direction_difference: Final = 1e-6
     """Where eigenvalues meet, their directions are taken over this fraction of the parameter's value."""
     branch_split: Final = 8
@@ -165,6 +169,8 @@ class Tolerances:
     """A branch that moves by more than this part of its extent, where what continues it is open, is interrupted."""
 
     # Boundaries of charts
+    same_place: Final = 1e-9
+    """Points of boundaries nearer than this, relative to the ranges, are one …"""
     boundary_turn: Final = 0.95
     """A chart gets more lines where a boundary turns by more than the angle with this cosine …"""
     boundary_parts: Final = 4
