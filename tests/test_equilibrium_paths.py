@@ -799,3 +799,121 @@ def test_what_has_no_answer_begins_where_the_path_ends():
     assert found == [(pytest.approx(0.0584430954089223, rel=1e-8), 0.07, -1)]
     down = list(SweepCurves(CAR_TURN.sweep("steer", np.linspace(0.07, 0.03, 9), detail=True), Axis("steer")).ranges())
     assert down == found
+
+
+# --- outputs along paths ----------------------------------------------------------------------------------------------
+
+
+TURNING = """
+mbstab: 1
+parameters: {Omega: {value: 10, unit: rad/s}, l: 0.5}
+gravity: [0, 0, -9.81]
+bodies: {ball: {type: point, mass: 2}}
+joints: {rod: {type: distance, between: [ball, ground], length: l}}
+outputs: {depth: -ball.z, pull: force(rod.x), height: l + ball.z, gone: log(-1 - ball.x**2)}
+reference:
+  find: steady
+  steady: {axis: z, rate: Omega}
+  coordinates: {ball: {y: 0}}
+  guess: {ball: {x: 0.45, z: -0.2}}
+"""
+
+
+def test_outputs_of_the_file_follow_the_path(tmp_path):
+    model = tmp_path / "turning.yaml"
+    model.write_text(TURNING)
+    Omega = np.linspace(6.0, 12.0, 5)
+    result = mbstab.load(model).sweep("Omega", Omega)
+    np.testing.assert_allclose(result.outputs["depth"], 9.81 / Omega**2, rtol=1e-9)
+    (one,) = mbstab.load(model).equilibria(Omega=Omega[1])
+    assert result.outputs["pull"][1] == pytest.approx(one.outputs["pull"], rel=1e-9)
+    assert np.all(np.isnan(result.outputs["gone"]))
+    options = [str(model), "--param", "Omega", "--from", "6", "--to", "12", "--points", "5"]
+    data = json.loads(run("sweep", *options, "--plot", "none", "--format", "json").stdout)
+    assert data["outputs"]["depth"] == result.outputs["depth"].tolist()
+    assert data["outputs"]["gone"] == [None] * 5
+    rows = list(csv.DictReader(io.StringIO(run("sweep", *options, "--plot", "none", "--format", "csv").stdout)))
+    assert [float(row["depth (m)"]) for row in rows] == data["outputs"]["depth"]
+    assert {row["gone"] for row in rows} == {""}
+    assert "depth" in shown_names(result, ())[0] + shown_names(result, ["depth"])[0]
+    picture = tmp_path / "path.png"
+    drawn = run("sweep", *options, "--plot", "path", "--coordinate", "depth,pull", "--pictures", str(picture))
+    assert drawn.exit_code == 0
+    assert "wrote" in drawn.stderr
+    wrong = run("sweep", *options, "--plot", "path", "--coordinate", "dept")
+    assert "depth" in wrong.stderr
+
+
+# --- beside singular configurations -----------------------------------------------------------------------------------
+
+
+FIVE_BAR = """
+mbstab: 1
+parameters: {d: 0.2, a: 0.25, b: 0.35, ma: 0.6, mb: 0.4, mt: 0.5, kp: 60, kd: 3, q1: 130*deg, q2: 50*deg}
+gravity: [0, -9.81]
+ground: {points: {L: [-d/2, 0], R: [d/2, 0]}}
+bodies:
+  c1: {type: planar, mass: ma, shape: {type: rod, length: a}, points: {o: [-a/2, 0], e: [a/2, 0]}}
+  c2: {type: planar, mass: ma, shape: {type: rod, length: a}, points: {o: [-a/2, 0], e: [a/2, 0]}}
+  r1: {type: planar, mass: mb, shape: {type: rod, length: b}, points: {o: [-b/2, 0], e: [b/2, 0]}}
+  r2: {type: planar, mass: mb, shape: {type: rod, length: b}, points: {o: [-b/2, 0], e: [b/2, 0]}}
+  tip: {type: planar_point, mass: mt}
+joints:
+  m1: {type: revolute, between: [c1.o, ground.L]}
+  m2: {type: revolute, between: [c2.o, ground.R]}
+  e1: {type: revolute, between: [r1.o, c1.e]}
+  e2: {type: revolute, between: [r2.o, c2.e]}
+  t: {type: revolute, between: [r1.e, r2.e]}
+  g: {type: revolute, between: [tip, r1.e]}
+forces:
+  pd1: {type: joint_spring, joint: m1, stiffness: kp, damping: kd, rest: q1}
+  pd2: {type: joint_spring, joint: m2, stiffness: kp, damping: kd, rest: q2}
+  fr: {type: joint_spring, joint: t, damping: 0.02}
+reference:
+  find: equilibrium
+  guess: {c1: {theta: q1}, c2: {theta: q2}, r1: {theta: 60*deg}, r2: {theta: 120*deg}, tip: {y: 0.45}}
+"""
+D, A, B, M_A, M_B, M_T, REST, G = 0.2, 0.25, 0.35, 0.6, 0.4, 0.5, math.radians(130.0), 9.81
+RATIO = A + math.sqrt(A * B)
+STRETCHED = G * (M_A * A + M_B * (A + RATIO) + M_T * RATIO) / (2.0 * (math.pi - REST))
+"""The stiffness at which all links lie on a line: the balance of moments at the cranks, by virtual work."""
+
+
+def stiffness_that_holds(turned):
+    """Return the stiffness at which the cranks of the five-bar stand so far beyond the line, and the tip's height.
+
+    The mechanism is symmetric, so that one angle is left: kp (q - q1) balances the weights. The height of the
+    connecting rods is a root, whose sign changes with the angle.
+    """
+    q = math.pi + turned
+    # b² - (d/2 - a cos q)² by sin²(turned/2), without cancellation.
+    x = 2.0 * A * math.sin(0.5 * turned) ** 2
+    root_ = math.copysign(math.sqrt(x * (2.0 * B - x)), turned)
+    slope = -(B - x) * A * math.sin(q) / root_
+    rise = A * math.cos(q) - slope
+    weight = M_A * A * math.cos(q) + M_B * (A * math.cos(q) + rise) + M_T * rise
+    return -G * weight / (2.0 * (q - REST)), A * math.sin(q) - root_
+
+
+LINES = [((5.0, 4.0), 12), ((3.9, 4.6), 8), ((2.0, 60.0), 401), ((60.0, 2.0), 401)]
+
+
+@pytest.mark.parametrize(
+    ("ends", "points"), [*LINES[:2], *(pytest.param(*x, marks=pytest.mark.long) for x in LINES[2:])]
+)
+def test_an_eigenvalue_is_infinite_where_all_links_lie_on_a_line(ends, points):
+    result = mbstab.loads(FIVE_BAR).sweep("kp", np.linspace(*ends, points))
+    *_, infinite = result.critical
+    assert (infinite.kind, infinite.unstable) == ("infinity", (1, 0))
+    assert infinite.value == pytest.approx(STRETCHED, rel=1e-10)
+    assert [c.unstable for c in result.critical] == [(0, 1), (1, 0)][-len(result.critical) :]
+
+
+def test_equilibria_beside_a_singular_configuration_are_found_to_rounding():
+    """Multipliers grow without bound there, and with them what rounding does to the balance."""
+    turned = np.concatenate([sign * np.geomspace(1e-3, 0.03, 8) for sign in (1.0, -1.0)])
+    held = sorted(stiffness_that_holds(x) for x in turned.tolist())
+    result = mbstab.loads(FIVE_BAR).sweep("kp", np.array([kp for kp, _ in held]))
+    heights = np.array([y for _, y in held])
+    np.testing.assert_allclose(result.reference["tip.y"], heights, atol=1e-10)
+    assert np.all(result.unstable == np.where(heights < 0.0, 1, 0))

@@ -176,8 +176,9 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     null if they are given), ``orders``, ``crossings`` (of frequencies with these: ``value``, ``order``,
     ``frequency`` in rad/s, ``branch`` from 1, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches, with
     orders: ``forward``, ``backward``, ``mixed``, ``changing``, null where nothing whirls), ``reference`` (where the
-    file asks to find it, lists of its coordinates in m and rad by name, and of its rates as ``rate(…)``; else empty)
-    and ``beyond``: for each path beyond a fold, an object with the same keys from ``values`` on.
+    file asks to find it, lists of its coordinates in m and rad by name, and of its rates as ``rate(…)``; else empty),
+    ``outputs`` (the outputs of the file there, lists by name) and ``beyond``: for each path beyond a fold, an object
+    with the same keys from ``values`` on.
 
     An ``enclosure`` is null unless proofs are asked for: ``midpoint`` and ``radius`` as decimal texts, in the unit of
     the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why
@@ -233,6 +234,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
         ],
         "whirls": [word or None for word in result.whirls] or [None] * result.branches.shape[1],
         "reference": result.reference,
+        "outputs": result.outputs,
     }
 
 
@@ -246,9 +248,10 @@ def sweep_csv(result: Sweep, unit: str, factor: float) -> str:
     """Return one line per value: the value, the number of unstable eigenvalues, the verdict, the branches, the path.
 
     The heads of branches with names contain these. Coordinates and rates of a reference that is found follow the
-    branches. Paths count from 1; those beyond folds come after the first. The last column says why there is no answer,
-    ``undecided`` where the verdict is open, and ``ok`` otherwise. Where proofs are requested, a line for each critical
-    value follows those of its path; its last column begins with ``critical`` and says what is proven.
+    branches, and then the outputs of the file there. Paths count from 1; those beyond folds come after the first. The
+    last column says why there is no answer, ``undecided`` where the verdict is open, and ``ok`` otherwise. Where proofs
+    are requested, a line for each critical value follows those of its path; its last column begins with ``critical``
+    and says what is proven.
     """
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)
@@ -261,7 +264,7 @@ def sweep_csv(result: Sweep, unit: str, factor: float) -> str:
         "unstable",
         "verdict",
         *parts,
-        *(f"{x} ({units[x]})" for x in followed),
+        *(f"{x} ({units[x]})" if units[x] else x for x in followed),
         "path",
         "status",
     ]
@@ -270,7 +273,7 @@ def sweep_csv(result: Sweep, unit: str, factor: float) -> str:
         missing = [float("nan")] * (2 * (count - path.branches.shape[1]))
         columns = zip(in_unit(path.values, factor), path.unstable, path.verdicts, path.branches, strict=True)
         # A path on which a rate is zero everywhere does not list it.
-        solved = [path.reference.get(name, 0.0 * path.values).tolist() for name in followed]
+        solved = [path.found.get(name, 0.0 * path.values).tolist() for name in followed]
         for i, (x, n, verdict, row) in enumerate(columns):
             numbers = [float(part) for s in row for part in (s.real, s.imag)]
             at = [column[i] for column in solved]
@@ -310,6 +313,8 @@ def sweep_arrays(result: Sweep, factor: float) -> dict[str, Any]:
         "path": np.repeat(np.arange(len(paths)) + 1, [len(path.values) for path in paths]),
         "reference_names": np.array([*solved], dtype=str),
         "reference": np.array([np.concatenate(columns) for columns in solved.values()]).T,
+        "output_names": np.array([*result.outputs], dtype=str),
+        "outputs": np.array([np.concatenate([x.outputs[name] for x in paths]) for name in result.outputs]).T,
         "critical": np.array([c.value / factor for path in paths for c in path.critical]),
         "critical_kind": np.array([c.kind for path in paths for c in path.critical]),
     }

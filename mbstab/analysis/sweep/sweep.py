@@ -14,6 +14,7 @@ if the verdicts on both sides of it confirm the change.
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import field, replace
 from itertools import islice
 
@@ -21,14 +22,15 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags
+from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.continuation import follow as follow_path
+from mbstab.analysis.reference.equilibrium import outputs_along
 from mbstab.analysis.reference.guesses import idle
+from mbstab.analysis.reference.motion import motion_at
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import (
-    unstable_counts,
-)
+from mbstab.analysis.sweep.batched_verdict import unstable_counts
 from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks, undecided
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
@@ -37,10 +39,12 @@ from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import WORDS
-from mbstab.compiler.system import Array
+from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 from mbstab.model.doubts import doubts
+from mbstab.model.measures import unit_of_output
 from mbstab.model.schema import Model
+from mbstab.model.values import evaluate
 from mbstab.records import Answer, dataclass
 
 
@@ -117,8 +121,10 @@ class Sweep(Answer):
     reference : dict of ndarray, shape (points,)
         If the file asks to find the reference: its coordinates by name (m, rad), and as ``rate(…)`` those rates that
         are not zero everywhere; nan where there is no answer.
+    outputs : dict of ndarray, shape (points,)
+        If the file asks to find the reference: the outputs of the file there, nan where one has no value.
     units : dict
-        Units of the columns of `reference`.
+        Units of the columns of `reference` and `outputs`.
     turning : bool
         Whether the eigenvalues are those of disturbances in a frame that turns with the motion.
     detail : Detail or None
@@ -144,9 +150,15 @@ class Sweep(Answer):
     crossings: tuple[OrderCrossing, ...] = ()
     whirls: tuple[str, ...] = ()
     reference: dict[str, Array] = field(default_factory=dict)
+    outputs: dict[str, Array] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     turning: bool = False
     detail: Detail | None = None
+
+    @property
+    def found(self) -> dict[str, Array]:
+        """The columns of `reference` and `outputs`."""
+        return self.reference | self.outputs
 
     @property
     def verdicts(self) -> list[str]:
@@ -250,12 +262,14 @@ def _answer(
     points = [(pattern.linear.system, pattern.linear.motion) for pattern in evaluator.patterns[:1]]
     warnings += tuple(text for system, motion in points for text in misread(system, motion.q, motion.u))
     warnings += tuple(doubts(model))
-    reference = _named(model, raw.motion)
+    reference, outputs = _named(model, raw.motion), _outputs(model, parameter, x, raw.motion)
+    units = {name: model.unit_of_solved(name) for name in reference}
+    units |= {name: unit_of_output(model, model.outputs[name]) for name in outputs}
     return Sweep(
         parameter, x, branches, unstable_counts(raw.sides, words), raw.neutral, tuple(critical),
         tuple(sorted(tracker.meetings)) if asked[0] else (), raw.problems, None if path is None else path.start,
         "" if path is None else path.moved, (), words,
-        warnings, reference=reference, units={name: model.unit_of_solved(name) for name in reference},
+        warnings, reference=reference, outputs=outputs, units=units,
         turning=_turns(evaluator), detail=detailed(tracker, branches) if asked[1] else None,
     )  # fmt: skip
 
@@ -276,6 +290,19 @@ def _named(model: Model, motion: Array) -> dict[str, Array]:
     return dict(zip(names, q, strict=True)) | moving
 
 
+def _outputs(model: Model, parameter: str, x: Array, motion: Array) -> dict[str, Array]:
+    """Return the outputs of the file at solved references, by name."""
+    if not motion.shape[1] or not model.outputs:
+        return {}
+    found = np.full((len(x), len(model.outputs)), np.nan)
+    for i in np.flatnonzero(~np.any(np.isnan(motion), axis=1)).tolist():
+        with contextlib.suppress(*FAILURES):
+            system = System(evaluate(model, {parameter: float(x[i])}))
+            q, u = np.split(motion[i], 2)
+            found[i] = list(outputs_along(system, motion_at(system, q, u, system.scene.time, massless=True)).values())
+    return dict(zip(model.outputs, found.T, strict=True))
+
+
 def _at(x: Array, result: Sweep) -> Sweep:
     """Return a sweep at some of its points."""
     kept = np.flatnonzero(np.isin(result.values, x))
@@ -283,6 +310,7 @@ def _at(x: Array, result: Sweep) -> Sweep:
     return replace(
         result, values=x, branches=result.branches[kept], unstable=result.unstable[kept], words=result.words[kept],
         problems=problems, reference={name: x[kept] for name, x in result.reference.items()},
+        outputs={name: x[kept] for name, x in result.outputs.items()},
     )  # fmt: skip
 
 
@@ -298,7 +326,5 @@ def _ordered(result: Sweep, order: slice) -> Sweep:
         words=result.words[order],
         problems=dict(sorted(problems.items())),
         reference={name: x[order] for name, x in result.reference.items()},
+        outputs={name: x[order] for name, x in result.outputs.items()},
     )
-
-
-# --- branches -------------------------------------------------------------------------------------------------------

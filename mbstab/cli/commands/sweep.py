@@ -277,11 +277,11 @@ def _check_path(
             "--plot path draws a reference that is found, and the coordinates of this one are given or follow from "
             "the constraints\nhint: reference: has a key find:, see mbstab manual find"
         )
-    known = model.coordinates()
+    known = [*model.coordinates(), *model.outputs]
     for name in coordinates:
         if name.removeprefix("rate(").removesuffix(")") not in known:
-            hint = alternatives(name, known, "coordinates")
-            raise UsageError(f"--coordinate {name}: no coordinate or rate\nhint: {hint}")
+            hint = alternatives(name, known, "coordinates and outputs")
+            raise UsageError(f"--coordinate {name}: no coordinate, rate or output\nhint: {hint}")
 
 
 def _grids(

@@ -69,8 +69,8 @@ def shown_names(result: Sweep, asked: Sequence[str]) -> tuple[list[str], int]:
     """
     paths = (result, *result.beyond)
     units = _units(result)
-    columns = {name: np.concatenate([path.reference.get(name, 0.0 * path.values) for path in paths])
-               for path in paths for name in path.reference}  # fmt: skip
+    columns = {name: np.concatenate([path.found.get(name, 0.0 * path.values) for path in paths])
+               for path in paths for name in path.found}  # fmt: skip
     for name in asked:
         if name not in columns:
             hint = alternatives(name, columns, "coordinates")
@@ -198,7 +198,7 @@ def _pieces(result: Sweep, curves: SweepCurves, factor: float, names: Sequence[s
 def _columns(path: Sweep, factor: float, names: Sequence[str]) -> tuple[Array, dict[str, Array], Index]:
     """Return ascending values with an answer, the columns there, and numbers that differ between runs of neighbours."""
     order = np.argsort(path.values)
-    columns = {name: path.reference.get(name, 0.0 * path.values)[order] for name in names}
+    columns = {name: path.found.get(name, 0.0 * path.values)[order] for name in names}
     known = np.flatnonzero(np.isfinite(np.array([*columns.values()])).all(axis=0)) if names else np.arange(0)
     run: Index = np.cumsum(np.diff(known, prepend=known[:1]) > 1)
     return path.values[order][known] / factor, {name: x[known] for name, x in columns.items()}, run
