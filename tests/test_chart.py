@@ -118,6 +118,20 @@ def test_three_regions_meet():
     assert np.all(np.min(np.abs(np.concatenate(result.boundaries)), axis=1) < 1e-9)
 
 
+def test_boundaries_through_points_of_the_grid_are_lines():
+    """A stiffness is zero at points of the grid, where an eigenvalue is undecided."""
+    text = OSCILLATORS.replace("a.x: -k*a.x", "a.x: -(k - c)*a.x")
+    values = np.linspace(0.2, 1.0, 9)
+    result = mbstab.loads(text).chart({"k": values, "c": values})
+    points = np.concatenate(result.boundaries)
+    assert np.max(np.abs(points[:, 0] - points[:, 1])) < 1e-9
+    along = np.sort(points[:, 0])
+    assert along[0] < 0.31
+    assert along[-1] > 0.89
+    assert np.max(np.diff(along)) < 0.11
+    assert len(result.detail.x) == 9  # what runs through points of the grid needs no finer one
+
+
 @pytest.mark.long
 def test_curves_reach_the_point_where_they_meet():
     # Weave, capsize and both: three regions in one cell.

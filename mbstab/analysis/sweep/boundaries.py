@@ -44,7 +44,7 @@ class Grid:
     unstable : ndarray of int, shape (len(y), len(x))
         Number of unstable eigenvalues, −1 where the verdict is open or there is no answer …
     settled : ndarray of int, shape (len(y), len(x))
-        … or only where more eigenvalues are undecided than at all points …
+        … or −1 only where more eigenvalues are undecided than at all points, and −2 where there is no answer …
     oscillating : ndarray of int, shape (len(y), len(x))
         … and how many of them are complex.
     """
@@ -87,10 +87,11 @@ def traced(
     known: dict[Place, tuple[Array, bool]] = {}
     between_rows = not isinstance(evaluator.path, Sheet)
     while True:
-        edges = _changes(grid.settled, between_rows)
+        told = replace(grid, settled=_beside_boundaries(grid.settled, between_rows))
+        edges = _changes(told.settled, between_rows)
         places = {edge: _place(grid, edge) for edge in edges}
         new = [edge for edge in edges if places[edge] not in known]
-        found = _located(evaluator, names, new, grid, count, unplaced)
+        found = _located(evaluator, names, new, told, count, unplaced)
         known |= dict(zip((places[edge] for edge in new), found, strict=True))
         points = {edge: known[places[edge]][0] for edge in edges}
         neighbours = _neighbours(points, *grid.unstable.shape)
@@ -103,6 +104,21 @@ def traced(
 
 
 # --- points on edges ------------------------------------------------------------------------------------------------
+
+
+def _beside_boundaries(numbers: Counts, between_rows: bool) -> Counts:
+    """Return the numbers with that of a neighbour at open points whose neighbours differ: boundaries run through them.
+
+    Of neighbours on opposite sides, along rows, columns and diagonals, or only along rows.
+    """
+    result, around = numbers.copy(), np.pad(numbers, 1, constant_values=-2)
+    for i, j in ((0, 1), (1, 0), (1, 1), (1, -1)) if between_rows else ((0, 1),):
+        one, other = (
+            around[1 + s * i : around.shape[0] - 1 + s * i, 1 + s * j : around.shape[1] - 1 + s * j] for s in (-1, 1)
+        )
+        inside = (result == -1) & (one >= 0) & (other >= 0) & (one != other)
+        result = np.where(inside, one, result)
+    return result
 
 
 def _changes(numbers: Counts, between_rows: bool) -> list[Edge]:
@@ -233,6 +249,8 @@ def _bends(edge: Edge, points: dict[Edge, Array], beside: Sequence[Edge], size: 
     if len(beside) < 2:
         return False
     ways = np.array([(points[other] - points[edge]) / size for other in beside])
+    if not np.all(np.any(np.abs(ways) > TOLERANCES.same_place, axis=1)):
+        return False  # it runs through a point of the grid, which is on it
     one, other = ways[0], -ways[1]
     cosine = float(one @ other) / max(float(np.hypot(*one) * np.hypot(*other)), 1e-300)
     return len(beside) > 2 or cosine < TOLERANCES.boundary_turn
@@ -261,7 +279,7 @@ def _filled(
         filled = np.empty(new.shape, dtype=np.intp)
         filled[old], filled[new] = before, numbers
         whole.append(filled)
-    whole[1][rows[list(found.problems)], columns[list(found.problems)]] = -1
+    whole[1][rows[list(found.problems)], columns[list(found.problems)]] = -2
     return replace(grid, x=x, y=y, unstable=whole[0], settled=whole[1], oscillating=whole[2])
 
 

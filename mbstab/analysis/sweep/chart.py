@@ -152,7 +152,7 @@ def _charted(
     problems = evaluator.missing(points, others(len(x) * len(y), place))
     shape = len(y), len(x)
     unstable = np.full(shape, -1)
-    grid = Grid(x, y, np.full(shape, -1), np.full(shape, -1), np.zeros(shape, dtype=int))
+    grid = Grid(x, y, np.full(shape, -1), np.full(shape, -2), np.zeros(shape, dtype=int))
     words = np.full(shape, WORD[UNDECIDED], dtype=np.int8)
     count = unplaced = 0
     if blocks:
@@ -166,7 +166,7 @@ def _charted(
         for goal, numbers in zip((grid.unstable, grid.settled, grid.oscillating), counts(whole, unplaced), strict=True):
             goal.flat[place] = numbers
         problems |= {int(place[i]): text for i, text in whole.problems.items()}
-        grid.settled.flat[list(problems)] = -1
+        grid.settled.flat[list(problems)] = -2
         # Between the points exact zeros decide nothing: boundaries are followed without them.
         unstable.flat[place] = unstable_counts(whole.sides, judged_words)
     detail, boundaries, divisions = traced(evaluator, (one, other), grid, count, unplaced)
