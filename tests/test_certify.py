@@ -4,7 +4,6 @@ import json
 import math
 import random
 import re
-import sys
 from fractions import Fraction
 from pathlib import Path
 
@@ -747,12 +746,6 @@ reference: {find: equilibrium, guess: {disk: {x: 0.3, y: 1.2, theta: 0}}}
     result = mbstab.loads(text).certify()
     assert not result.proven
     assert "not isolated" in result.statement
-
-
-def test_without_the_library_the_way_to_get_it_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "flint", None)
-    with pytest.raises(UsageError, match="pip install python-flint"):
-        mbstab.load("pendulum.yaml").certify()
 
 
 # --- numbers --------------------------------------------------------------------------------------------------------

@@ -159,7 +159,7 @@ def test_each_library_is_imported_in_its_places_only():
 
 LIBRARIES = (
     "numpy numpy.ma numpy.random numpy.typing multiprocessing concurrent.futures logging rich sympy scipy mpmath "
-    "matplotlib yaml"
+    "matplotlib yaml flint"
 )
 """What takes noticeably long to import."""
 

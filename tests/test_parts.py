@@ -303,7 +303,6 @@ def rigid_motions(system, q):
 
 @pytest.mark.parametrize(("dimension", "variant"), SCENES)
 def test_forces_and_rows_are_enclosed_in_balls(dimension, variant):
-    pytest.importorskip("flint")
     system = scene(dimension, variant)
     ((q, u),) = states(system, 1)
     with balls.digits(30):

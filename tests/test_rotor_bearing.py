@@ -373,7 +373,6 @@ def test_eigenvalues_over_the_speed_are_proven_and_computed_to_many_digits(turni
     mechanism = mbstab.load(turning(function=function))
     values = np.sort_complex([complex(x) for x in mechanism.eig_precise(25).values()])
     np.testing.assert_allclose(values, np.sort_complex(mechanism.eig().values()), rtol=1e-12)
-    pytest.importorskip("flint")
     assert mechanism.certify().verdict == "asymptotically stable up to symmetry"
 
 

@@ -188,7 +188,6 @@ def test_every_way_of_asking_gives_the_same():
 
 
 def test_eigenvalues_with_states_are_proven():
-    pytest.importorskip("flint")
     proven = on_a_line("m: 1, k: 100, km: 400, c: 10", *ZENER).certify()
     assert proven.verdict == "asymptotically stable"
     proven = on_a_line("m: 1, k: 100, km: 400, c: -10", *ZENER).certify()

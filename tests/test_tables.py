@@ -75,7 +75,6 @@ def test_every_number_system_has_the_same_function(function, x):
     exec(text, names)
     assert names["evaluate"]([x])[0] == near
     if x != 1.0:
-        pytest.importorskip("flint")
         from mbstab.analysis.algebra.balls import ball, ball_arithmetic, digits
 
         with digits(30):
@@ -183,7 +182,6 @@ def test_a_spring_with_a_characteristic(function):
         assert values == pytest.approx(expected, rel=1e-11 if method == "nullspace" else 1e-8)
     precise = np.sort_complex([complex(x) for x in model(function).eig_precise(25).values()])
     assert precise == pytest.approx(expected, rel=1e-13)
-    pytest.importorskip("flint")
     assert model(function).certify().verdict == "asymptotically stable"
 
 
@@ -211,7 +209,6 @@ reference: {{coordinates: {{b: {{x: 0, y: 0}}}}}}
 )
 def test_a_slope_that_is_zero_is_exactly_zero(x, y, force, verdict):
     """Rounded slopes would let --certify prove, and many digits show, what the sign of the rounding says."""
-    pytest.importorskip("flint")
     mechanism = mbstab.loads(CRITICAL.format(x=x, y=y, force=force))
     for found in (mechanism.eig(), mechanism.eig_precise(30)):
         assert found.verdict == verdict

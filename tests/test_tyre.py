@@ -252,7 +252,6 @@ def test_a_car_in_a_steady_turn_has_the_eigenvalues_of_its_speeds(relaxed):
 
 
 def test_shimmy_is_certified():
-    pytest.importorskip("flint")
     wheel = mbstab.loads(SHIMMY)
     assert wheel.certify().verdict == "unstable"
     assert wheel.certify(V=200).verdict == "asymptotically stable"

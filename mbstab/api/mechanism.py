@@ -245,7 +245,7 @@ class Mechanism(Ports):
         Raises
         ------
         UsageError
-            If python-flint is missing, or a parameter is unknown.
+            If a parameter is unknown.
         """
         digits = whole("digits", digits)
         model = self._afforded("modes", parameters)
@@ -311,7 +311,7 @@ class Mechanism(Ports):
         Raises
         ------
         UsageError
-            If names, values or orders are wrong, or python-flint is missing for `certify`.
+            If names, values or orders are wrong.
         """
         x = swept_values(self.model, parameter, values, si)
         from mbstab.analysis.proof.swept import swept

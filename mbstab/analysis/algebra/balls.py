@@ -49,22 +49,6 @@ class Hopeless(NotProvable):
     """Something cannot be proven with any number of digits."""
 
 
-def require_flint() -> None:
-    """Require python-flint, and let its numbers go to other processes.
-
-    Raises
-    ------
-    UsageError
-        If it is not installed.
-    """
-    try:
-        from flint import arb
-    except ImportError:
-        message = "proofs need the library python-flint, which is not installed"
-        raise UsageError(f"{message}\nhint: pip install 'mbstab[certify]', or pip install python-flint") from None
-    copyreg.pickle(arb, _as_integers)
-
-
 def _as_integers(x: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
     """Return a finite ball as mantissa and exponent of its midpoint and of its radius, which may grow by rounding."""
     return _ball_again, tuple(int(number) for part in (x.mid(), x.rad()) for number in part.man_exp())
@@ -73,6 +57,7 @@ def _as_integers(x: Any) -> tuple[Callable[..., Any], tuple[Any, ...]]:
 def _ball_again(middle: int, power: int, radius: int, power_of_radius: int) -> Any:
     from flint import arb
 
+    copyreg.pickle(arb, _as_integers)
     return arb((middle, power), (radius, power_of_radius))
 
 
@@ -349,6 +334,7 @@ def ball_arithmetic() -> Arithmetic:
     """
     from flint import arb, fmpq
 
+    copyreg.pickle(arb, _as_integers)  # balls go to other processes
     Turns = _turns_type()
 
     def number(text: str) -> Any:

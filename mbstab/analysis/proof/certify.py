@@ -153,11 +153,10 @@ def certify(model: Model, digits: int = 50, progress: Callable[[float], object] 
     Raises
     ------
     UsageError
-        If python-flint is missing, or more than one parameter is an interval.
+        If more than one parameter is an interval.
     MbstabError
         As `mbstab.analysis.reference.requested.reference_motion`.
     """
-    balls.require_flint()
     if not 10 <= digits <= 10_000:
         raise UsageError(f"--precision {digits}: give a number from 10 to 10000")
     wide = [name for name, x in model.parameters.items() if x.given is not None and len(x.given.ends) == 2]

@@ -64,13 +64,7 @@ def with_enclosures(model: Model, sweep: Sweep, progress: Callable[[float], obje
         Is called with the part of the work that is done, from 0 to 1.
     digits : int
         Digits to which critical values are enclosed.
-
-    Raises
-    ------
-    UsageError
-        If python-flint is missing.
     """
-    balls.require_flint()
     found = []
     for number, critical in enumerate(sweep.critical, 1):
         found.append(replace(critical, enclosed=_enclosed(model, sweep, critical, digits)))
@@ -124,10 +118,7 @@ def proven_change(model: Model, parameter: str, low: Fraction, high: Fraction, d
     ------
     NotProvable
         If no test function changes its sign, or stability is not proven to change with one.
-    UsageError
-        If python-flint is missing.
     """
-    balls.require_flint()
     with balls.digits(digits + TOLERANCES.critical_digits_beyond):
         return _Search(model, parameter, (low, high)).found(digits)
 

@@ -29,13 +29,9 @@ def swept(
     Raises
     ------
     UsageError
-        As `mbstab.analysis.sweep.sweep.sweep`, if orders are wrong, or if python-flint is missing for proofs.
+        As `mbstab.analysis.sweep.sweep.sweep`, or if orders are wrong.
     """
     parts = 1 + certify + sensitivity
-    if certify:
-        from mbstab.analysis.algebra.balls import require_flint
-
-        require_flint()
     found = sweep(model, parameter, values, lambda done: progress(done / parts), settings, *drawn)
     if certify:
         from mbstab.analysis.proof.critical_values import with_enclosures
