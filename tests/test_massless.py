@@ -11,6 +11,8 @@ from scipy.linalg import eigvals, expm
 from scipy.optimize import brentq, fsolve, linear_sum_assignment
 
 import mbstab
+from mbstab.analysis.sweep.batched_spectra import Evaluator
+from mbstab.analysis.sweep.batched_verdict import RIGHT
 from mbstab.errors import MassError, MbstabError, NumericalError
 
 
@@ -427,6 +429,63 @@ def test_sweeps_and_eig_of_chains_with_massless_nodes_agree(seed):
         assert found.verdicts[i] == alone.verdict
         own = sorted(alone.values(), key=abs, reverse=True)[: found.branches.shape[1]]
         assert close(found.branches[i], own, 1e-9)
+
+
+COLUMN = """
+mbstab: 1
+parameters: {P: 10, EI: 1, a: 0.5, c: 0, l: a/2, r: (1 - a)/2}
+bodies:
+  a1: {type: planar, mass: 0, inertia: 0, points: {O: [-l/2, 0], E: [l/2, 0]}}
+  a2: {type: planar, mass: 0, inertia: 0, points: {O: [-l/2, 0], E: [l/2, 0]}}
+  b1: {type: planar, mass: 0, inertia: 0, points: {O: [-r/2, 0], E: [r/2, 0]}}
+  b2: {type: planar, mass: 0, inertia: 0, points: {O: [-r/2, 0], E: [r/2, 0]}}
+  m1: {type: planar_point, mass: 1}
+  m2: {type: planar_point, mass: 1}
+joints:
+  j1: {type: revolute, between: [a1.O, ground]}
+  j2: {type: revolute, between: [a2.O, a1.E]}
+  i1: {type: revolute, between: [b1.O, a2.E]}
+  i2: {type: revolute, between: [b2.O, b1.E]}
+  h1: {type: spherical, between: [a2.E, m1]}
+  h2: {type: spherical, between: [b2.E, m2]}
+forces:
+  k1: {type: joint_spring, joint: j1, stiffness: 2*EI/l}
+  k2: {type: joint_spring, joint: j2, stiffness: EI/l, damping: c}
+  k3: {type: joint_spring, joint: i1, stiffness: 2*EI/(l + r)}
+  k4: {type: joint_spring, joint: i2, stiffness: EI/r}
+  load: {type: force, at: b2.E, vector: [-P, 0], frame: body}
+reference:
+  coordinates:
+    {a1: {x: l/2, y: 0, theta: 0}, a2: {x: 3*l/2, y: 0, theta: 0}, b1: {x: a + r/2, y: 0, theta: 0},
+    b2: {x: a + 3*r/2, y: 0, theta: 0}, m1: {x: a, y: 0}, m2: {x: 1, y: 0}}
+"""
+"""A column of four links without mass under a load that follows its end: the motions without mass bend it."""
+
+
+@pytest.mark.parametrize("c", [0.0, 0.05])
+def test_motions_without_mass_oblique_to_the_coordinates_are_swept_together(c):
+    column, values = mbstab.loads(COLUMN).at(c=c), np.linspace(1.0, 20.0, 25)
+    evaluator = Evaluator(column.model)
+    evaluator.patterns += evaluator.patterns_at({"P": 8.0})
+    found = evaluator.near({"P": values}, 4 + (c > 0.0))
+    assert evaluator.alone == 0
+    for i in (0, 9, 17, 24):
+        alone = column.eig(P=values[i])
+        assert np.any(found.sides[i] == RIGHT) == (alone.verdict == "unstable")
+        assert close(found.values[i], alone.values(), 1e-10)
+
+
+@pytest.mark.long
+def test_a_column_without_mass_is_designed():
+    """No damping: what is stable is so marginally, up to a load at which two pairs meet."""
+    column = mbstab.loads(COLUMN)
+    found = column.design({"a": (0.2, 0.9)}, "range:P=1..30")
+    ends = {
+        a: column.sweep("P", np.linspace(1.0, 30.0, 60), a=a).critical[0].value
+        for a in (0.5, *np.linspace(0.2, 0.9, 29))
+    }
+    assert found.interval_before == pytest.approx((1.0, ends[0.5]), rel=1e-5)
+    assert found.interval[1] > 0.999 * max(ends.values())
 
 
 def test_some_of_all_eigenvalues_are_those_nearest_or_rightmost():

@@ -316,7 +316,7 @@ def _slow(local: Local, i: int) -> bool:
 
 
 class Range:
-    """The width of the widest range of a parameter in which all eigenvalues lie left of the imaginary axis."""
+    """The width of the widest range of a parameter in which no eigenvalue lies right of the imaginary axis."""
 
     def __init__(self, plant: Plant, cube: Cube, parameter: str, window: Ends) -> None:
         self.plant, self.cube, self.parameter, self.window = plant, cube, parameter, window
@@ -347,7 +347,7 @@ class Range:
         inside = TOLERANCES.window_inside * (last - first)
         v = np.linspace(first + inside, last - inside, points)
         growth = self._growth(x, v)
-        runs = [_longest(row) for row in growth < 0.0]
+        runs = [_longest(row) for row in growth <= 0.0]
         known = np.array([run is not None for run in runs])
         rows = np.arange(len(x))[:, None]
         stable = np.array([run or (0, 0) for run in runs])
@@ -365,7 +365,7 @@ class Range:
             part = _secant(fa, fb)
             middle = a + np.where(np.isnan(part), 0.5, part) * (b - a)
             f = self._growth(x, middle)
-            inside = f < 0.0
+            inside = f <= 0.0
             # The end that stays twice counts half (Illinois rule; Dowell and Jarratt 1971, BIT 11).
             fa = np.where(inside, f, np.where(kept < 0.0, 0.5 * fa, fa))
             fb = np.where(inside, np.where(kept > 0.0, 0.5 * fb, fb), f)
@@ -387,7 +387,8 @@ class Range:
         step = min(TOLERANCES.inside * (self.window[1] - self.window[0]), 0.25 * (high - low))
         inside = [i for i in range(1, len(v) - 1) if low < v[i - 1] and v[i + 1] < high]
         least = -TOLERANCES.peak * max((-growth[i] for i in inside), default=0.0)
-        peaks = [i for i in inside if growth[i] >= max(growth[i - 1], growth[i + 1], least)]
+        beside = {i: (growth[i - 1], growth[i + 1]) for i in inside}
+        peaks = [i for i in inside if growth[i] >= max(*beside[i], least) and growth[i] > min(beside[i])]
         return [(low + step, 0), (high - step, 1), *((float(v[i]), 2) for i in peaks)], [low, high]
 
     def model(self, x: Array) -> tuple[Rows, list[Variant]]:

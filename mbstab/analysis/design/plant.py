@@ -10,6 +10,7 @@ from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.design.moving import Moving
 from mbstab.analysis.spectrum.sensitivity import moved_matrix
 from mbstab.analysis.sweep.batched_spectra import Evaluator
+from mbstab.analysis.sweep.batched_verdict import AXIS
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.parameters import bound, settings_in_si
@@ -84,11 +85,14 @@ class Plant:
             raise NumericalError(f"there are no eigenvalues to improve at the start: {reason}")
 
     def values(self, points: Mapping[str, Array]) -> Complex:
-        """Return the eigenvalues that are not neutral, shape (points, r); nan where there is no answer."""
-        found = self.evaluator.near(points, self.count).values
-        if found.shape[1] == self.count:
-            return found
-        return np.full((len(found), self.count), np.nan + 0j)
+        """Return the eigenvalues that are not neutral, shape (points, r); nan where there is no answer.
+
+        Those that a structure holds on the imaginary axis have no real part.
+        """
+        found = self.evaluator.near(points, self.count)
+        if found.values.shape[1] == self.count:
+            return np.where(found.sides == AXIS, 1j * found.values.imag, found.values)
+        return np.full((len(found.values), self.count), np.nan + 0j)
 
     def local(self, place: Place, names: Sequence[str]) -> Local:
         """Return the eigenvalues at a place and their derivatives by some parameters.

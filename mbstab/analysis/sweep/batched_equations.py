@@ -107,9 +107,9 @@ class Equations:
             T = allowed @ Z
             self.good &= np.max(np.abs(transposed(T) @ balance[0][..., None]), axis=(-1, -2), initial=0.0) <= balance[1]
         if self.light is not None:
-            self.good &= self.light.found(M, R, J)
-            J, D_q, regular = self.light.extended(R, K, J, D_q)
-            self.good &= regular
+            without_mass, alike = self.light.found(M, allowed @ Z)
+            J, D_q, regular = self.light.extended(without_mass, R, K, J, D_q)
+            self.good &= alike & regular
             bases = self._subspaces(J, pattern.linear.n_h, pattern.linear.spaces)
         N, Z, inverse, W_inverse = bases
         P = -(W_inverse @ (D_q @ N))

@@ -511,7 +511,7 @@ class _Work:
         linear, family = grounds.linear, None
         if grounds.idle_frame and (not grounds.structure.work.conserved or len(linear.D_q)):
             return None  # damping takes energy from motions in one frame, not in the other
-        if grounds.lost or (linear.massless is not None and not linear.massless.exact):
+        if grounds.lost:
             return None
         if linear.generator is not None and linear.generator.turns:
             directions = np.eye(3)[: linear.system.scene.dimension]
