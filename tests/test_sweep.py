@@ -821,7 +821,7 @@ def test_csv_has_a_line_for_each_value_and_npz_the_arrays(tmp_path):
     run("top.yaml", "--param", "omega", "--points", 7, "--plot", "none", "--output", place)
     with np.load(place) as data:
         keys = {"parameter", "values", "branches", "unstable", "verdicts", "path", "critical", "critical_kind", "names"}
-        keys |= {"reference", "reference_names"}
+        keys |= {"reference", "reference_names", "outputs", "output_names"}
         assert set(data) == keys
         assert data["verdicts"].tolist() == [line[2] for line in rows[1:]]
         assert data["parameter"] == "omega"
