@@ -78,6 +78,15 @@ def test_all_forces_are_the_same_once_the_state_has_settled(side, magic):
     assert lagging.V[-1] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("more", ["", "trail: 0.05, ", "aligning_stiffness: 20, "])
+def test_the_slip_of_a_wheel_that_is_led_straight_decays_by_itself(side, more):
+    """Its forces act on what joints hold, and nothing moves the slip: its rate is |v|/σ in any unit."""
+    found = led(side, f"{more}relaxation_length: 0.4").eig()
+    assert found.verdict == "asymptotically stable up to symmetry"
+    assert min(found.values().real) == pytest.approx(-5.0 / 0.4, rel=1e-12)
+
+
 def test_camber_lags_behind_as_the_side_force_does():
     """One state for both: the thrust follows the lean over the relaxation length, |v|/σ."""
     text = (

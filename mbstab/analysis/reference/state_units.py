@@ -106,8 +106,12 @@ def _lengths(A: Array, axis: int) -> Array:
 
 def _product(A: Array, B: Array) -> Array:
     """Return A B with zeros in place of what is rounding: it must not scale a state."""
-    product = A @ B
-    return np.where(np.abs(product) > TOLERANCES.state_coupling * (np.abs(A) @ np.abs(B)), product, 0.0)
+    if not A.size or not B.size:
+        return np.asarray(A @ B)
+    product, sizes = A @ B, (np.abs(A), np.abs(B))
+    # Bases and derivatives are rounded relative to their largest entries, too.
+    most = TOLERANCES.coordinate_rounding * np.max(sizes[0], axis=1, keepdims=True) * np.max(sizes[1], axis=0)
+    return np.where(np.abs(product) > np.maximum(TOLERANCES.state_coupling * (sizes[0] @ sizes[1]), most), product, 0.0)
 
 
 def _factors(couplings: Array) -> Array:
