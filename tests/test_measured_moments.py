@@ -48,6 +48,11 @@ def test_a_moment_about_one_axis_is_all_that_a_car_in_the_plane_has():
         assert np.min(np.abs(found - s)) < 1e-9 * abs(s)
 
 
+def test_sweeps_warn_of_measured_moments_as_eig_does():
+    model = mbstab.loads(CAR)
+    assert told(model) in model.sweep("u", np.linspace(10.0, 30.0, 3)).warnings
+
+
 def test_a_pendulum_in_space_depends_on_what_no_body_has():
     model = mbstab.loads(ARM.replace("JOINT", "spherical"))
     assert told(model).endswith("depends on them: what is found holds for these numbers, and for no body")

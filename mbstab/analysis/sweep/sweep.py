@@ -26,6 +26,7 @@ from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.reference.equilibrium import outputs_along
 from mbstab.analysis.reference.guesses import idle
+from mbstab.analysis.reference.measured_moments import measured_moments
 from mbstab.analysis.reference.motion import motion_at
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.read_speeds import misread
@@ -258,9 +259,11 @@ def _answer(
     critical += tracker.untold(words, critical)
     critical.sort(key=lambda c: c.value)
     warnings = (*tracker.warnings, *idle(model, [parameter], None if path is None else {parameter: path.start}))
-    # What is said of the speeds of one point holds for the others.
-    points = [(pattern.linear.system, pattern.linear.motion) for pattern in evaluator.patterns[:1]]
-    warnings += tuple(text for system, motion in points for text in misread(system, motion.q, motion.u))
+    # What is said of the speeds and the moments of one point holds for the others.
+    points = [pattern.linear for pattern in evaluator.patterns[:1]]
+    for system, motion in ((linear.system, linear.motion) for linear in points):
+        allowed = motion.spaces.scale[:, None] * motion.spaces.N
+        warnings += (*misread(system, motion.q, motion.u), *measured_moments(system, motion.q, motion.u, allowed))
     warnings += tuple(doubts(model))
     reference, outputs = _named(model, raw.motion), _outputs(model, parameter, x, raw.motion)
     units = {name: model.unit_of_solved(name) for name in reference}
