@@ -73,6 +73,17 @@ def test_a_loop_of_a_drawing_is_answered_or_its_row_is_named(seed):
     assert result.verdict == "stable"
 
 
+def test_the_tolerance_belongs_to_the_loop_and_not_to_the_scene():
+    """A body 1000 m away makes no row negligible: the loop of 0.4 m is open by 1e-8 m."""
+    text = LOOP.format(a=0.2, b=0.4, c=0.2, d=0.4, off=1e-8, tilt=0, lean=0)
+    far = "ground: {points: {F: [1000, 0, 0], "
+    far = text.replace("ground: {points: {", far).replace("bodies:\n", "bodies:\n  f: {type: point, mass: 1}\n")
+    far = far.replace("joints:\n", "joints:\n  F: {type: spherical, between: [f, ground.F]}\n")
+    for model in (text, far):
+        with pytest.raises(ModelFileError, match=r"joint 'D' \(.*\) repeats .* contradicts them by 1e-08 m"):
+            mbstab.loads(model).eig()
+
+
 @pytest.fixture
 def open_loop():
     text = LOOP.format(a=0.2, b=0.4, c=0.2, d=0.4, off=1e-7, tilt=0, lean=0)

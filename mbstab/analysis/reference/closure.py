@@ -13,7 +13,10 @@ from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.rank import last_rows
 from mbstab.analysis.algebra.sparse import large
 from mbstab.analysis.reference.assembly import assembled
+from mbstab.analysis.reference.attitude import Attitudes
+from mbstab.analysis.reference.efforts import Placement
 from mbstab.analysis.reference.motion import Finder
+from mbstab.analysis.reference.state_units import characteristic_sizes
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import ModelFileError
@@ -53,28 +56,30 @@ def contradicting(system: System) -> tuple[LeftOut, ...]:
     except FAILURES:
         return ()
     size = float(np.max(finder.sizes[finder.is_length]))
-    gaps = gaps * [1.0 if row.unit == "m" else size for row in system.rows[:n_h]]
-    if np.max(np.abs(gaps[kept]), initial=0.0) > TOLERANCES.residual * size:
+    lengths = np.array([1.0 if row.unit == "m" else size for row in system.rows[:n_h]])
+    if np.max(np.abs(gaps * lengths)[kept], initial=0.0) > TOLERANCES.residual * size:
         return ()
     weights = unit[last] @ np.linalg.pinv(unit[kept])
     apart = np.linalg.norm(unit[last] - weights @ unit[kept], axis=1)
-    return _judged(system, size, last, gaps[last], apart, weights, kept)
+    loops = [kept[np.abs(weight) > TOLERANCES.row_in_loop] for weight in weights]
+    return _judged(system, q, last, np.abs(gaps[last]), apart, loops)
 
 
 def _judged(
-    system: System, size: float, last: list[int], gaps: Array, parts: Array, weights: Array, kept: Array
+    system: System, q: Array, last: list[int], gaps: Array, parts: Array, loops: list[Array]
 ) -> tuple[LeftOut, ...]:
-    """Return which of the last rows are left out, given their contradictions (m) and independent parts."""
+    """Return which of the last rows are left out, given their contradictions, independent parts and other rows."""
     given, parameters = system.scene.model.reference.closure_tolerance, system.scene.parameters
-    allowed = TOLERANCES.closure * size if given is None else float(given.evaluate(parameters, FLOAT))
     found, problems = list[LeftOut](), []
-    for k, gap, part, weight in zip(last, np.abs(gaps), parts, weights, strict=True):
+    for k, gap, part, others in zip(last, gaps.tolist(), parts, loops, strict=True):
+        row, size = system.rows[k], _extent(system, q, [k, *others])
+        gap *= 1.0 if row.unit == "m" else size
         # What holds, holds.
         if gap <= TOLERANCES.closure_rounding * size or max(gap / size, part) > TOLERANCES.row_repeated:
             continue
-        row = system.rows[k]
-        owners = ", ".join(dict.fromkeys(system.rows[i].owner for i in kept[np.abs(weight) > 1e-7]))
-        over = "" if row.unit == "m" else " over the size of the scene"
+        allowed = TOLERANCES.closure * size if given is None else float(given.evaluate(parameters, FLOAT))
+        owners = ", ".join(dict.fromkeys(system.rows[i].owner for i in others))
+        over = "" if row.unit == "m" else " over the size of the loop"
         text = f"{row} repeats what {owners} already impose, and contradicts them by {gap:.2g} m{over}"
         if gap <= allowed:
             found.append(LeftOut(system.row_keys[k], f"redundant constraint: {text}; it is left out"))
@@ -85,3 +90,14 @@ def _judged(
     if problems:
         raise ModelFileError(problems)
     return tuple(found)
+
+
+def _extent(system: System, q: Array, rows: list[int]) -> float:
+    """Return the largest distance between two points at which the entries of some rows act (m)."""
+    entries = {(system.rows[i].section, system.rows[i].name) for i in rows}
+    at = Placement(Attitudes.of(system), system, q, np.zeros_like(q))
+    items = (item for item in system.scene.items if (item.entry.section, item.name) in entries)
+    places = np.array([at.place(marker) for item in items for marker in item.points_acted_on()])
+    apart = np.linalg.norm(places[:, None] - places[None, :], axis=2) if len(places) else np.zeros(1)
+    # Points that coincide, as of one joint about its centre, have no size of their own.
+    return float(np.max(apart)) or float(np.max(characteristic_sizes(system, q)))

@@ -91,7 +91,7 @@ class Placement:
             cosine, sine = (np.sum(zero * self._direction(second, v), axis=-1) for v in (two.v2, two.v3))
             c, s = np.cos(near), np.sin(near)
             return near + np.arctan2(sine * c - cosine * s, cosine * c + sine * s)
-        gap = self._place(first) - self._place(second)
+        gap = self.place(first) - self.place(second)
         if kind == "distance":
             return np.linalg.norm(gap, axis=-1)
         return np.sum(self._direction(second, item.triads("axis", "zero")[1].v1) * gap, axis=-1)
@@ -103,7 +103,7 @@ class Placement:
         if kind == "angle":
             spin = self._spin(first) - self._spin(second)
             return np.sum(self._direction(second, item.triads("axis", "zero")[1].v1) * spin, axis=-1)
-        gap, speed = self._place(first) - self._place(second), self._velocity(first) - self._velocity(second)
+        gap, speed = self.place(first) - self.place(second), self._velocity(first) - self._velocity(second)
         if kind == "distance":
             size = np.linalg.norm(gap, axis=-1)
             along = gap / np.where(size > 0.0, size, 1.0)[..., None]
@@ -136,7 +136,8 @@ class Placement:
         fixed = np.array(vector[: self.system.scene.dimension], dtype=float)
         return fixed if marker.body == GROUND else np.asarray(self.turns[..., marker.body, :, :] @ fixed)
 
-    def _place(self, marker: Marker) -> Array:
+    def place(self, marker: Marker) -> Array:
+        """Return where a point of a body or of the ground is (m), shape (…, dimension)."""
         point = self._direction(marker, marker.point)
         return point if marker.body == GROUND else self._own(self.q, marker) + point
 

@@ -52,6 +52,8 @@ class Tolerances:
     """A body that keeps its chart is refused where |cos θ| is below this."""
     turning_axes: Final = 1e-9
     """A body turns about axes that are independent to this part; its moments are possible if they miss it by less."""
+    row_in_loop: Final = 1e-7
+    """Rows with larger weights in the one that repeats them are those of its loop."""
     row_repeated: Final = 1e-3
     """Rows repeat others to first order if less than this fraction of them is independent …"""
     closure: Final = 1e-9
