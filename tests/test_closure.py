@@ -138,3 +138,16 @@ def test_a_row_that_repeats_others_at_the_reference_only_is_needed():
     assert not [text for text in model.check().unneeded if "contact" in text]
     with pytest.raises(UsageError, match=r"stop the motion there: rate\(cart.x\) = 2 m/s becomes 0"):
         model.simulate(1.0, perturb={"left.theta": 0.1})
+
+
+def test_a_speed_that_such_rows_take_away_is_an_error_beside_speeds_that_stay():
+    text = STEERED.replace("bodies:\n", "bodies:\n  fan: {type: planar, mass: 1, inertia: 0.1}\n")
+    text = text.replace("joints:\n", "joints:\n  hub: {type: revolute, between: [fan, cart]}\n")
+    model = mbstab.loads(text.replace("rates: {", "rates: {fan: {theta: 50}, "))
+    with pytest.raises(UsageError, match=r"stop the motion there: rate\(\w+.x\) = 2 m/s becomes 0"):
+        model.simulate(0.1, perturb={"left.theta": 0.1})
+
+
+def test_what_repeats_others_everywhere_takes_no_speed_away(open_loop):
+    swung = open_loop.simulate(0.1, points=2, perturb={"a.theta": 0.3, "rate(a.theta)": 1.0}, off=0.0)
+    assert np.all(np.isfinite(swung.q))

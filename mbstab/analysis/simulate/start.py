@@ -16,7 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Complex, Flags
+from mbstab.analysis.algebra.arrays import Complex, Flags, norms
+from mbstab.analysis.algebra.rank import rank_of
+from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import Placement
 from mbstab.analysis.reference.motion import Finder, Motion
@@ -129,7 +131,7 @@ def _start_of(system: System, perturb: Mapping[str, float | str], time: float | 
     _report(system, finder, moved, "", strict, warnings)
     u, moved = held.speeds(q)
     _check_speeds(finder, equations, begin, q, u, wanted, moved)
-    _check_moving(system, motion, u, wanted)
+    _check_moving(system, motion, begin, q, u, wanted)
     _report(system, finder, moved, "/s", strict, warnings)
     finder.check_chart(q, np.zeros(n, dtype=bool))
     found = finder.motion(q, u, begin)
@@ -506,19 +508,23 @@ def _check_speeds(
     _refuse_values(system, wanted, found, "rates")
 
 
-def _check_moving(system: System, motion: Motion, u: Array, wanted: _Wanted) -> None:
-    """Refuse positions at which the constraints stop a motion: rows may repeat others at the reference only."""
-    before, after = np.abs(wanted.u) / motion.sizes, np.abs(u) / motion.sizes
-    stopped = np.max(after, initial=0.0) <= TOLERANCES.speed_stopped * np.max(before, initial=0.0)
-    if not (stopped and motion.redundant and np.any(before)):
+def _check_moving(system: System, motion: Motion, t: float, q: Array, u: Array, wanted: _Wanted) -> None:
+    """Refuse positions at which rows that repeat others at the reference only take speeds away."""
+    changed = np.abs(u - wanted.u) / motion.sizes
+    fastest = float(np.max(np.abs(wanted.u) / motion.sizes, initial=0.0))
+    if not motion.redundant or np.max(changed, initial=0.0) <= TOLERANCES.change_told * fastest:
         return
-    fastest = int(np.argmax(before))
-    name, unit = system.names[fastest], per_second(system.units[fastest])
+    J = dense(system.dynamics(q, u, t).J) * motion.sizes
+    if rank_of(J / np.maximum(norms(J), 1e-300)[:, None]).rank <= motion.spaces.C.rank + motion.spaces.W.rank:
+        return
+    most = int(np.argmax(changed))
+    name, unit = system.names[most], per_second(system.units[most])
     rows = ", ".join(dict.fromkeys(item.row.owner for item in motion.redundant))
+    left = 0.0 if abs(u[most]) <= TOLERANCES.speed_stopped * abs(wanted.u[most]) else u[most]
     raise UsageError(
         f"{system.scene.model.reference.location}: the constraints stop the motion there: rate({name}) = "
-        f"{wanted.u[fastest]:.6g} {unit} becomes 0\nhint: {rows} only repeats other rows at the reference, and locks "
-        "what moves beside it"
+        f"{wanted.u[most]:.6g} {unit} becomes {left:.6g}\nhint: {rows} only repeats other rows at the reference, and "
+        "locks what moves beside it"
     )
 
 
