@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import mbstab
 from mbstab.analysis.algebra.matching import matched
 from mbstab.analysis.reference.reactions import reactions
-from mbstab.analysis.verdict.neutral import Separated, drift_of
+from mbstab.analysis.verdict.neutral import Separated, chains_of
 from mbstab.analysis.verdict.rule import Neutral
 from mbstab.cli import main
 from mbstab.errors import ModelFileError
@@ -558,11 +558,11 @@ def test_the_growth_of_neutral_directions_does_not_depend_on_how_slowly_they_tur
     basis = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 4)))[0]
     mixed = basis @ S @ basis.T
     found = Separated(mixed, np.eye(4), np.zeros((0, 4)), np.zeros((4, 0)), Neutral())
-    assert drift_of(found) == power
+    assert chains_of(found).drift == power
     two = np.kron(np.eye(2), S)
     two[3, 4:7] = [0.0, 0.0, rate]  # the angle of the second drives the speed of the first
     found = Separated(two, np.eye(8), np.zeros((0, 8)), np.zeros((8, 0)), Neutral())
-    assert drift_of(found) == (1 if turned else 3)
+    assert chains_of(found).drift == (1 if turned else 3)
 
 
 def test_slow_turns_of_a_ball_on_a_turntable_move_no_eigenvalue_of_the_fast_one():

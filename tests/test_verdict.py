@@ -31,10 +31,11 @@ from mbstab.analysis.verdict.rule import (
     place,
     side,
 )
+from mbstab.analysis.verdict.spectrum import Chains
 from mbstab.errors import amount, percent
 
 HELD = "the energy is conserved"
-SHIFT = Neutral(("translation along x",), ("speed along x",), 2, 1)
+SHIFT = Neutral(("translation along x",), ("speed along x",), 2, Chains((2,)))
 
 
 def disc(real, imag=0.0, radius=1e-12, count=1, where=None):

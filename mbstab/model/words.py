@@ -17,8 +17,9 @@ REQUIRED = {
     "asymptotic": (ASYMPTOTIC, ASYMPTOTIC_UP_TO),
     "stable": (ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO),
     "marginal": (ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, MARGINAL),
+    "linear": (ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, MARGINAL),
 }
-"""Which verdicts ``--require`` accepts."""
+"""Which verdicts ``--require`` accepts; ``linear`` any beside which no eigenvalue lies right of the imaginary axis."""
 
 STRENGTH: dict[str, frozenset[str]] = {
     ASYMPTOTIC: frozenset(WORDS) - {UNSTABLE},

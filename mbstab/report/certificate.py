@@ -9,6 +9,7 @@ from typing import Any
 from mbstab.analysis.proof.certify import Certificate
 from mbstab.analysis.verdict.rule import Modulo
 from mbstab.report import width
+from mbstab.report.eigenvalue_data import spectrum_data
 from mbstab.report.tables import decimals, table
 
 SHOWN = 20
@@ -35,7 +36,8 @@ def certificate_data(result: Certificate, model: str, title: str) -> dict[str, A
     ``conditions``, ``statement``, ``modulo``, ``in_place``, ``reason``, ``evidence``, ``warnings`` (as those of
     ``mbstab eig``), ``eigenvalues`` (``real`` and ``imag`` in 1/s, each with
     ``midpoint`` and ``radius`` as decimal strings, ``count``, ``kind``, ``why``), ``assumed``,
-    ``reasons``, ``notes``, ``digits``, ``parameter``, ``followed`` (which equilibrium an interval
+    ``reasons``, ``notes``, ``digits``, ``spectrum`` (see
+    `mbstab.report.eigenvalue_data.spectrum_data`), ``parameter``, ``followed`` (which equilibrium an interval
     is for) and ``parts`` of an interval (``low`` and ``high`` in SI as fractions, ``verdict``, ``modulo``,
     ``reason``, ``at_low`` and ``at_high``: enclosures of the coordinates that were solved for).
     """
@@ -65,6 +67,7 @@ def certificate_data(result: Certificate, model: str, title: str) -> dict[str, A
         "assumed": result.assumed,
         "reasons": result.reasons,
         "notes": result.notes,
+        "spectrum": spectrum_data(result.spectrum),
         "digits": result.digits,
         "parameter": result.parameter,
         "followed": result.followed,
@@ -106,6 +109,8 @@ def certificate_text(result: Certificate, title: str) -> str:
     lines += _wrapped(result.statement[0].upper() + result.statement[1:], "")
     for reason in result.reasons[1:]:
         lines += _wrapped(reason, "  ")
+    for sentence in () if result.spectrum is None else result.spectrum.sentences():
+        lines += _wrapped(sentence, "")
     zeros = [e for e in result.eigenvalues if e.kind == "zero"]
     on_axis = list(dict.fromkeys(e.why for e in result.eigenvalues if e.kind in ("imaginary", "carried")))
     if zeros or on_axis or result.notes or result.warnings:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.spectrum.precise import PreciseResult
     from mbstab.analysis.spectrum.results import EigenResult
     from mbstab.analysis.verdict.rule import Verdict
+    from mbstab.analysis.verdict.spectrum import Spectrum
 
 
 def _asked(result: EigenResult | PreciseResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
@@ -109,7 +110,7 @@ def verdict_data(judged: Verdict) -> dict[str, Any]:
     ``family``: what distinguishes motions of the same kind, such as the speed), ``in_place`` (whether disturbed
     motions also stay near the reference itself; null: not claimed), ``reason`` (its grounds, in one text),
     ``reasons`` (the same, sentence by sentence), ``evidence`` (its weakest fact: ``structural``, ``enclosed`` or
-    ``numerical``).
+    ``numerical``), ``spectrum`` (see `spectrum_data`).
     """
     return {
         "verdict": judged.word,
@@ -118,6 +119,36 @@ def verdict_data(judged: Verdict) -> dict[str, Any]:
         "reason": "; ".join(judged.reasons),
         "reasons": judged.reasons,
         "evidence": judged.evidence,
+        "spectrum": spectrum_data(judged.spectrum),
+    }
+
+
+def spectrum_data(spectrum: Spectrum | None) -> dict[str, Any] | None:
+    """Return it as part of a JSON object, None where nothing was judged.
+
+    Keys: ``right``, ``left``, ``axis``, ``open`` (numbers of eigenvalues right and left of the imaginary axis, held
+    on it by a structure, and whose side is not known; null: not counted), ``not_right`` (left of it or on it),
+    ``zeros`` (zeros that nothing explains, not among the others), ``explained`` (number of those that symmetries
+    and families explain, zeros and pairs ±iΩ; ``neutral_directions`` has these in words), ``turning`` (how many of
+    these are ±iΩ), ``chains`` (lengths of the Jordan chains of the explained zeros; null: not known), ``drifting``
+    (``name`` and ``power`` of t of symmetries along which disturbances grow), ``linear`` (whether no eigenvalue
+    lies right of the axis or may do so).
+    """
+    if spectrum is None:
+        return None
+    chains = spectrum.chains
+    return {
+        "right": spectrum.right,
+        "left": spectrum.left,
+        "axis": spectrum.axis,
+        "open": spectrum.open,
+        "not_right": spectrum.not_right,
+        "zeros": spectrum.zeros,
+        "explained": spectrum.explained,
+        "turning": 0 if chains is None else chains.turning,
+        "chains": None if chains is None else chains.zeros,
+        "drifting": [{"name": name, "power": k} for name, k in (() if chains is None else chains.drifting)],
+        "linear": spectrum.linear,
     }
 
 

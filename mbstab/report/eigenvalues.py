@@ -50,6 +50,8 @@ def verdict_lines(judged: Verdict) -> list[str]:
     lines = [f"Verdict: {judged.word}"]
     for reason in judged.reasons:
         lines += wrap(reason, width=width(), initial_indent="  ", subsequent_indent="  ")
+    for sentence in () if judged.spectrum is None else judged.spectrum.sentences():
+        lines += wrap(sentence, width=width(), subsequent_indent="  ")
     return lines
 
 
@@ -241,7 +243,4 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
             f"largest error is {c.extra_error:.0e} 1/s"
         )
         lines += wrap(text, width=width())
-    if c.neutral and result.neutral_directions:
-        shown = _fitting(result.neutral_directions, 3 * width())
-        lines += wrap(f"neutral eigenvalues belong to: {shown}", width=width(), subsequent_indent="  ")
     return lines

@@ -167,7 +167,9 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     Keys: ``model``, ``title``, ``parameter``, ``unit``, ``values`` (in that unit), ``branches``
     (lists with an eigenvalue for each value: ``real`` and ``imag`` in 1/s, null where there is
     none), ``unstable`` (their number for each value, null where the verdict is open), ``verdicts``
-    (one for each value), ``neutral``, ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 1,
+    (one for each value), ``spectrum`` (for each value numbers of eigenvalues that are not neutral: ``right`` and
+    ``left`` of the imaginary axis, held on the ``axis`` by a structure, ``open``: of unknown side; null where there
+    is no answer), ``neutral``, ``critical`` (``value``, ``kind``, ``branch``: numbers counting from 1,
     ``frequency`` in rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``,
     ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none, and ``enclosure``, see below),
     ``meetings`` (if asked for: ``value``, ``kind``, ``pairs``: how many of branches do so), ``problems`` (``point``
@@ -194,6 +196,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
         "branches": [{"real": column.real, "imag": column.imag} for column in result.branches.T],
         "unstable": [int(n) if n >= 0 else None for n in result.unstable],
         "verdicts": result.verdicts,
+        "spectrum": result.spectra,
         "neutral": result.neutral,
         "critical": [
             {

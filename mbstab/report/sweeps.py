@@ -206,7 +206,7 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
         many = f" ({', '.join(map(str, sorted(run.counts)))})" if run.word == UNSTABLE and any(run.counts) else ""
         first, last = (number(x, 6) for x in _in_order(result, (low, high)))
         place = f"{first} to {last}" if high > low else f"at {first}"
-        lines.append(f"  {place}: {run.word}{many}")
+        lines.append(f"  {place}: {run.word}{many or _located(result, run)}")
     if any(run.high > run.low for run in runs):
         points = counted(len(result.values) - len(result.problems), "point")
         lines += wrap(f"(as {points} show: what is narrower than their distance may be missed)", width())
@@ -215,6 +215,18 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
         hint = f"hint: mbstab eig with --set {result.parameter}={middle} says what is open there"
         lines += ["", *wrap(hint, width=width(), break_on_hyphens=False)]
     return lines
+
+
+def _located(result: Sweep, run: _Run) -> str:
+    """Return where eigenvalues lie in an undecided range, in words."""
+    inside = (result.values >= run.low) & (result.values <= run.high) & (result.words == WORDS.index(UNDECIDED))
+    if run.word != UNDECIDED or not len(found := result.located[inside]):
+        return ""
+    least, most = found.min(axis=0).tolist(), found.max(axis=0).tolist()
+    numbers = [f"{low} to {high}" if high > low else str(low) for low, high in zip(least, most, strict=True)]
+    words = "right", "left", "on the axis", "of unknown side"
+    parts = [f"{n} {word}" for n, word in zip(numbers, words, strict=True) if n != "0" or word == "right"]
+    return f" ({', '.join(parts)})"
 
 
 def _verdict_runs(result: Sweep, first: float, last: float) -> list[_Run]:

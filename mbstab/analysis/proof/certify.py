@@ -48,6 +48,7 @@ from mbstab.analysis.verdict.rule import (
     Modulo,
     Verdict,
 )
+from mbstab.analysis.verdict.spectrum import Spectrum
 from mbstab.errors import UsageError, counted
 from mbstab.model.schema import Model
 from mbstab.records import Answer, dataclass
@@ -116,6 +117,11 @@ class Certificate(Answer):
     def evidence(self) -> str:
         """The weakest fact that the verdict rests on: ``structural``, ``enclosed`` or ``numerical``."""
         return "numerical" if self.judged is None or self.conditions else self.judged.evidence
+
+    @property
+    def spectrum(self) -> Spectrum | None:
+        """Where the eigenvalues lie; None where the common rule was not reached, and for an interval."""
+        return self.judged.spectrum if self.judged is not None else None
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -235,7 +235,7 @@ class Case:
         count = len(r.S) - len(quotient.alive)
         if self.generic is not self and self.generic.left[1].count != count:
             raise NotProvable("neutral directions are not independent at all values")
-        neutral = Neutral(symmetries, tuple(dict.fromkeys([*family, *kept])), count, 1, weakest(*self._evidence))
+        neutral = Neutral(symmetries, tuple(dict.fromkeys([*family, *kept])), count, None, weakest(*self._evidence))
         if count == known.count and symmetries == known.symmetries:
             neutral = replace(known, evidence=neutral.evidence)
         spectrum = quotient.spectrum([self.proof.name_of(i) for i in range(len(r.S))], self._mirrored)

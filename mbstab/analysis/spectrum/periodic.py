@@ -34,7 +34,7 @@ from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.constancy import affine_drives, period_doubt, time_uses
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.multipliers import enclosed, placed
-from mbstab.analysis.verdict.neutral import Separated, complement, drift_of, orthonormal
+from mbstab.analysis.verdict.neutral import Separated, chains_of, complement, orthonormal
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, Facts, Minimum, Neutral, Verdict, judge
 from mbstab.analysis.verdict.rule import Disc as Exponent
 from mbstab.analysis.verdict.smoothness import kinks
@@ -291,8 +291,13 @@ class Cycle:
         count = T.shape[1] + len(L)
         # Rounding errors do not drive anything.
         steady = np.where(np.abs(change) > TOLERANCES.mismatch_factor * flow.error, change, 0.0)
-        drift = min(drift_of(replace(found, S=steady)), 2)
-        neutral = Neutral(tuple(names), (*family, *kept), count, drift, "numerical" if count else "structural")
+        neutral = Neutral(
+            tuple(names),
+            (*family, *kept),
+            count,
+            chains_of(replace(found, S=steady)),
+            "numerical" if count else "structural",
+        )
         return replace(found, neutral=neutral, doubt=self._misfit(found, names))
 
     def _differentials(self, T: Array) -> tuple[Array, list[str]]:

@@ -21,7 +21,7 @@ from itertools import islice
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.algebra.arrays import Complex, Flags
+from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.continuation import follow as follow_path
 from mbstab.analysis.reference.equilibrium import outputs_along
@@ -31,7 +31,7 @@ from mbstab.analysis.reference.motion import motion_at
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import unstable_counts
+from mbstab.analysis.sweep.batched_verdict import AXIS, LEFT, OPEN, RIGHT, unstable_counts
 from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks, undecided
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
@@ -76,6 +76,10 @@ class OrderCrossing:
     name: str
     whirl: str
     motions: tuple[tuple[str, complex], ...] = ()
+
+
+PLACES = ("right", "left", "axis", "open")
+"""Right and left of the imaginary axis, held on it by a structure, and where the side is not known."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +135,8 @@ class Sweep(Answer):
     detail : Detail or None
         The branches with the points between those of the sweep, for a picture; None if these are dense, or it was not
         asked for.
+    located : ndarray of int, shape (points, 4)
+        Numbers of eigenvalues that are not neutral by their place, in the order of `PLACES`.
     """
 
     parameter: str
@@ -155,6 +161,16 @@ class Sweep(Answer):
     units: dict[str, str] = field(default_factory=dict)
     turning: bool = False
     detail: Detail | None = None
+    located: Index = field(default_factory=lambda: np.zeros((0, len(PLACES)), dtype=int))
+
+    @property
+    def spectra(self) -> list[dict[str, int] | None]:
+        """Numbers of eigenvalues at each value by their place, `PLACES`; None where there is no answer."""
+        lost = self._lost()
+        return [
+            None if lost[i] else dict(zip(PLACES, counts, strict=True))
+            for i, counts in enumerate(self.located.tolist())
+        ]
 
     @property
     def found(self) -> dict[str, Array]:
@@ -274,6 +290,7 @@ def _answer(
         "" if path is None else path.moved, (), words,
         warnings, reference=reference, outputs=outputs, units=units,
         turning=_turns(evaluator), detail=detailed(tracker, branches) if asked[1] else None,
+        located=np.stack([np.sum(raw.sides == side, axis=1) for side in (RIGHT, LEFT, AXIS, OPEN)], axis=1),
     )  # fmt: skip
 
 
@@ -314,6 +331,7 @@ def _at(x: Array, result: Sweep) -> Sweep:
         result, values=x, branches=result.branches[kept], unstable=result.unstable[kept], words=result.words[kept],
         problems=problems, reference={name: x[kept] for name, x in result.reference.items()},
         outputs={name: x[kept] for name, x in result.outputs.items()},
+        located=result.located[kept],
     )  # fmt: skip
 
 
@@ -330,4 +348,5 @@ def _ordered(result: Sweep, order: slice) -> Sweep:
         problems=dict(sorted(problems.items())),
         reference={name: x[order] for name, x in result.reference.items()},
         outputs={name: x[order] for name, x in result.outputs.items()},
+        located=result.located[order],
     )

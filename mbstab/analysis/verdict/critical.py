@@ -23,8 +23,9 @@ from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.verdict.many_digits import Line, ManyDigits
 from mbstab.analysis.verdict.minimum import SecondVariation, sign_of
-from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal
+from mbstab.analysis.verdict.neutral import Separated, Structure, chains_of, complement, orthonormal
 from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, UNSTABLE, Critical
+from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics
 from mbstab.errors import MbstabError
@@ -267,7 +268,7 @@ def _drift(separated: Separated, count: int) -> int:
     values, vectors = np.linalg.eig(separated.A)
     zeros = vectors[:, np.argsort(np.abs(values))[:count]]
     T = orthonormal([*separated.T.T, *(separated.B @ zeros.real).T, *(separated.B @ zeros.imag).T], len(separated.S))
-    return drift_of(replace(separated, T=T, L=separated.L[:0], B=complement(T)))
+    return Neutral(chains=chains_of(replace(separated, T=T, L=separated.L[:0], B=complement(T)))).drift
 
 
 def _family(structure: Structure, shift: Array, path: _Path, decays: bool, drift: int) -> Critical:

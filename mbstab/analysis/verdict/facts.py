@@ -411,6 +411,7 @@ class Grounds:
             growth=self.growth,
             critical=self.critical,
             family=self.family,
+            zeros=lambda: -1 if self.digits is None else self.digits.zeros().number,
             warnings=() if self.linear.massless is None else self.linear.massless.warnings,
             frequencies=self.second_variation.warnings,
         )

@@ -20,7 +20,7 @@ from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares, norms
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.verdict.constants import LinearFunctions, linear_functions
-from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal
+from mbstab.analysis.verdict.neutral import Separated, Structure, complement, orthonormal
 from mbstab.analysis.verdict.rule import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
@@ -63,7 +63,12 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     directions = counted(size - known, "more direction" if known else "direction")
     name = f"motions of the same kind nearby ({directions})"
     return Neutral(
-        found.neutral.symmetries, (*found.neutral.family, name), T.shape[1], drift_of(wider), "numerical", checked
+        found.neutral.symmetries,
+        (*found.neutral.family, name),
+        T.shape[1],
+        structure.chains(wider),
+        "numerical",
+        checked,
     )
 
 
@@ -88,8 +93,8 @@ def _told_apart(structure: Structure, found: Separated, count: int) -> Neutral |
     exact = _all_linear(functions, structure.symmetric(n), found, T.shape[1] + len(L))
     name = f"constants of the motion that are linear in places and speeds ({count})"
     return Neutral(
-        found.neutral.symmetries, (*found.neutral.family, name), T.shape[1] + len(L), drift_of(wider), "numerical",
-        linear=exact,
+        found.neutral.symmetries, (*found.neutral.family, name), T.shape[1] + len(L), structure.chains(wider),
+        "numerical", linear=exact,
     )  # fmt: skip
 
 

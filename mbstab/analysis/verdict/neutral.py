@@ -12,6 +12,7 @@ No eigenvalue is taken as zero because it is small: those that T and L do not ex
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -29,7 +30,7 @@ from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.verdict.followers import disturbances, led, left_behind
-from mbstab.analysis.verdict.rule import Neutral
+from mbstab.analysis.verdict.spectrum import Chains, Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.work import Work
 from mbstab.compiler.system import Array
@@ -225,11 +226,17 @@ class Structure:
             names,
             tuple(family),
             d + len(L),
-            drift_of(found),
+            self.chains(found),
             "numerical" if d + len(L) else "structural",
             slow=tuple(slow),
         )
         return replace(found, neutral=neutral)
+
+    def chains(self, found: Separated) -> Chains | None:
+        """Return the chains of neutral directions, with the names of the symmetries that drift."""
+        items = self.invariance.symmetries
+        columns = self.columns([(item.direction, item.rate) for item in items])
+        return chains_of(found, [(item.name, x) for item, x in zip(items, columns, strict=True)])
 
     def symmetric(self, n: int) -> Array:
         """Return orthonormal directions of the symmetries alone, shape (n, d)."""
@@ -487,22 +494,28 @@ def spectral_norm(S: Array) -> float:
     return float(np.sqrt(np.linalg.norm(x)))
 
 
-def drift_of(found: Separated) -> int:
-    """Return the power of t with which disturbances along neutral directions grow; 0: they do not grow."""
+def chains_of(found: Separated, named: Sequence[tuple[str, Array]] = ()) -> Chains | None:
+    """Return the Jordan chains of the neutral directions; None where the rest has a zero that they would need.
+
+    Parameters
+    ----------
+    named : sequence of (str, ndarray)
+        Symmetries by name, with their directions in the coordinates of S: those along which disturbances grow are told.
+    """
     S, T, L, B = found.S, found.T, found.L, found.B
-    if not T.shape[1] + len(L):
-        return 0
+    d, k = T.shape[1], len(L)
+    if not d + k:
+        return Chains()
     V = L.T
-    if len(L) and B.shape[1]:
+    if k and B.shape[1]:
         try:
             V = L.T - B @ np.linalg.solve(found.A, B.T @ S @ L.T)
         except np.linalg.LinAlgError:
-            return 1
-    d, k = T.shape[1], len(L)
+            return None
     step = np.zeros((d + k, d + k))
     step[:d, :d], step[:d, d:] = T.T @ S @ T, T.T @ S @ V
     zero = max(TOLERANCES.neutral_rate * spectral_norm(S), TOLERANCES.direction_closure * spectral_norm(step))
-    chain = 0
+    ranks, into, drifting = [d + k], np.hstack([T, V]), dict[str, int]()
     # Restricted to its range again and again, a matrix loses one link of its chains at zero each time. What is left may
     # be far smaller: where a motion turns slowly, only there its rate is not small beside what the speeds drive.
     while len(step):
@@ -510,9 +523,22 @@ def drift_of(found: Separated) -> int:
         rank = int(np.sum(s > zero))
         if rank == len(step):
             break
-        chain += 1
+        into = into @ left[:, :rank]
+        drifting |= dict.fromkeys(_reached(into, named), len(ranks))
         step = left[:, :rank].T @ step @ left[:, :rank]
-    return max(chain, _chain_of_turns(step), 1) - 1
+        ranks.append(rank)
+    lost = -np.diff(ranks)
+    zeros = tuple(int(np.sum(lost > i)) for i in range(lost[0] if len(lost) else 0))
+    return Chains(zeros, len(step), _chain_of_turns(step), tuple(drifting.items()) if not len(step) else ())
+
+
+def _reached(span: Array, named: Sequence[tuple[str, Array]]) -> list[str]:
+    """Return the names of the symmetries of which some vector in a span, shape (n, r), has a part."""
+    if not (span.shape[1] and named):
+        return []
+    directions = np.array([x / np.linalg.norm(x) for _, x in named]).T
+    parts = np.abs(np.linalg.pinv(directions) @ (span / np.linalg.norm(span, axis=0))).max(axis=1)
+    return [name for (name, _), part in zip(named, parts, strict=True) if part > TOLERANCES.independent_direction]
 
 
 def _chain_of_turns(step: Array) -> int:

@@ -20,7 +20,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.reference.rotation import euler_angles, lever, lever_acceleration, orientation, rate_matrix
 from mbstab.analysis.reference.symmetries import Invariance
-from mbstab.analysis.verdict.neutral import Separated, Structure, complement, drift_of, orthonormal, settled
+from mbstab.analysis.verdict.neutral import Separated, Structure, complement, orthonormal, settled
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.schema import is_state
@@ -125,7 +125,7 @@ class Reversor:
         T, B = settled(found.S, T, L, complement(np.hstack([T, L.T])))
         wider = replace(found, T=T, L=L, B=B)
         neutral = replace(
-            found.neutral, family=names, count=T.shape[1] + len(L), drift=drift_of(wider), evidence="numerical"
+            found.neutral, family=names, count=T.shape[1] + len(L), chains=structure.chains(wider), evidence="numerical"
         )
         return replace(wider, neutral=neutral)
 

@@ -31,10 +31,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
+from mbstab.analysis.verdict.spectrum import Evidence, Modulo, Neutral, Spectrum
 from mbstab.analysis.verdict.wording import growing, phrases, power, show, strict
 from mbstab.errors import amount, counted
 from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
@@ -50,7 +51,6 @@ from mbstab.model.words import WORDS as WORDS
 from mbstab.records import Answer, dataclass
 
 Side = Literal["left", "right", "axis", "open"]
-Evidence = Literal["structural", "enclosed", "numerical"]
 Zeros = Literal["", "neutral", "critical"]
 Extremum = Literal["minimum", "maximum", "with a multiple"]
 
@@ -85,55 +85,6 @@ class Disc:
     def holds_zero(self) -> bool:
         """Whether zero is not excluded."""
         return not abs(self.centre) > self.radius
-
-
-@dataclass(frozen=True)
-class Modulo:
-    """The symmetries and families up to which a verdict holds.
-
-    Attributes
-    ----------
-    symmetries : tuple of str
-        Symmetries of all motions: ``position along x``, ``heading`` and the like.
-    family : tuple of str
-        Quantities that distinguish the steady motions of a family: ``speed``.
-    """
-
-    symmetries: tuple[str, ...] = ()
-    family: tuple[str, ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Return all of them in words."""
-        return self.symmetries + self.family
-
-
-@dataclass(frozen=True)
-class Neutral(Modulo):
-    """Directions of neighbouring motions of the same kind.
-
-    Attributes
-    ----------
-    count : int
-        Number of eigenvalues that belong to them.
-    drift : int
-        0: disturbances along them stay constant; 1: they grow like t (by another speed); 2: like t².
-    evidence : str
-        The weakest evidence among them.
-    checked : str
-        How far a family without a symmetry was followed, in words; empty: there is none.
-    linear : bool
-        Whether the motions, up to symmetries, obey linear equations, of which zero is a semisimple eigenvalue.
-    slow : tuple of str
-        Those of the family that are speeds of a scene at rest; they stay small where the energy bounds them.
-    """
-
-    count: int = 0
-    drift: int = 0
-    evidence: Evidence = "structural"
-    checked: str = ""
-    linear: bool = False
-    slow: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -246,6 +197,8 @@ class Facts:
     family : callable
         Takes the number of unexplained zero eigenvalues; returns the `Neutral` in which
         a family that was followed explains them, or None.
+    zeros : callable
+        Returns the number of eigenvalues that are zero exactly, explained ones included; −1: not known.
     warnings : tuple of str
     frequencies : callable
         Returns warnings about stability that nonlinear resonance or damping may destroy.
@@ -269,6 +222,7 @@ class Facts:
     growth: Callable[[], str] = lambda: ""
     critical: Callable[[int, bool], Critical | None] = lambda count, others: None
     family: Callable[[int], Neutral | None] = lambda count: None
+    zeros: Callable[[], int] = lambda: -1
     warnings: tuple[str, ...] = ()
     frequencies: Callable[[], tuple[str, ...]] = tuple
     multipliers: bool = False
@@ -300,6 +254,8 @@ class Verdict:
     zeros : str
         What eigenvalues that cannot be told from zero are: ``neutral``, explained by a family of motions, or
         ``critical``, zeros that nonlinear terms judge; empty: they are not known to be zero.
+    spectrum : Spectrum or None
+        Where the eigenvalues lie; None where there is no linearization, or nothing to judge.
     """
 
     word: str
@@ -310,6 +266,7 @@ class Verdict:
     evidence: Evidence = "numerical"
     warnings: tuple[str, ...] = ()
     zeros: Zeros = ""
+    spectrum: Spectrum | None = None
 
     @property
     def modulo(self) -> Modulo:
@@ -336,6 +293,11 @@ class Judged(Answer):
     def modulo(self) -> Modulo:
         """Symmetries and families of motions up to which the verdict holds."""
         return self.judged.modulo
+
+    @property
+    def spectrum(self) -> Spectrum | None:
+        """Where the eigenvalues lie, whatever the verdict; None where there is no linearization."""
+        return self.judged.spectrum
 
     @property
     def in_place(self) -> bool | None:
@@ -380,6 +342,37 @@ def place(centres: Sequence[complex], radii: Sequence[float], counts: Sequence[i
 
 
 def judge(facts: Facts) -> Verdict:
+    """Return the strongest verdict that the facts allow, with the linear statement."""
+    verdict = _verdict(facts)
+    if verdict.spectrum is not None or facts.kink or not facts.expected:
+        return verdict
+    return replace(verdict, spectrum=_spectrum(facts, verdict))
+
+
+def _spectrum(facts: Facts, verdict: Verdict) -> Spectrum:
+    """Return where the eigenvalues lie."""
+    if facts.census is not None:
+        right = facts.census.right
+        return Spectrum(right, None, None, None if right is None else 0, instant=bool(facts.time))
+    number = {side: sum(d.count for d in facts.discs if d.side == side) for side in get_args(Side)}
+    near_zero = sum(d.count for d in facts.discs if d.side == "open" and d.holds_zero)
+    neutral, explained, zeros = facts.neutral, facts.neutral.count, 0
+    names, chains = neutral.names, neutral.chains
+    if verdict.zeros == "neutral":
+        explained, names, chains = explained + near_zero, verdict.modulo.names, None
+    elif near_zero and (verdict.word != UNSTABLE or verdict.zeros):
+        exactly = sum(d.count for d in facts.discs if d.side == "open" and d.centre == d.radius == 0.0)
+        zeros = exactly or min(max(facts.zeros() - explained, 0), near_zero)
+    rest = number["open"] - zeros - (near_zero if verdict.zeros == "neutral" else 0)
+    bounded = verdict.word in REQUIRED["marginal"]
+    return Spectrum(
+        number["right"], number["left"], number["axis"],
+        max(facts.expected - facts.found, 0) + (0 if bounded else rest), rest if bounded else 0,
+        zeros, explained, chains, names, facts.multipliers, bool(facts.time),
+    )  # fmt: skip
+
+
+def _verdict(facts: Facts) -> Verdict:
     """Return the strongest verdict that the facts allow."""
     undecided = _obstacle(facts)
     if undecided:

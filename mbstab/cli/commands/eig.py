@@ -109,7 +109,7 @@ MOST_SHAPES = 8
     "--require",
     type=click.Choice(tuple(REQUIRED)),
     help="Exit with 3 unless at least this stable, if only up to symmetry: position, heading, speed. "
-    "marginal: at least no disturbance grows in the linearized equations.",
+    "marginal: at least no disturbance grows in the linearized equations; linear: none grows exponentially there.",
 )
 @output_options("table", "json", "csv")
 def eig(
@@ -239,6 +239,8 @@ class _Reply:
         Returns the JSON object.
     rows : callable
         Returns the heads and the lines of a CSV file.
+    linear : bool
+        Whether no eigenvalue lies right of the imaginary axis, or may do so.
     failure : MbstabError or None
         Error with which the command fails although there is an answer.
     pictures : mapping
@@ -250,6 +252,7 @@ class _Reply:
     reasons: Sequence[str]
     table: Callable[[], str]
     data: Callable[[], dict[str, Any]]
+    linear: bool
     rows: Callable[[], tuple[list[str], list[list[Any]]]] = lambda: ([], [])
     failure: MbstabError | None = None
     pictures: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
@@ -290,7 +293,8 @@ def _failure(reply: _Reply, require: str | None, name: str) -> list[MbstabError]
     about = f"{name}: " if name else ""
     if reply.failure is not None:
         return [type(reply.failure)(about + str(reply.failure))]
-    if require and reply.verdict not in REQUIRED[require]:
+    linear = require == "linear" and reply.linear
+    if require and not linear and reply.verdict not in REQUIRED[require]:
         reasons = "; ".join(reply.reasons)
         return [ExpectationError(f"{about}required: {require}, found: {reply.verdict}: {reasons}")]
     return []
@@ -392,8 +396,14 @@ def _told(
         result.reasons,
         lambda: text(result, model.title),
         lambda: data(result, model, values),
+        _linear(result),
         lambda: rows(result),
     )
+
+
+def _linear(result: Any) -> bool:
+    """Return whether the linear statement of an answer says that nothing grows exponentially."""
+    return result.spectrum is not None and result.spectrum.linear
 
 
 def _verified(mechanism: Mechanism, frozen: bool) -> _Reply:
@@ -414,6 +424,7 @@ def _verified(mechanism: Mechanism, frozen: bool) -> _Reply:
         result.reasons,
         lambda: f"{eigenvalues.eigen_text(result, model.title)}\n{verification.verification_text(found)}",
         lambda: data.eigen_data(result, model, values) | {"verification": verification.verification_data(found)},
+        _linear(result),
         failure=failure,
     )
     return _drawn(reply, mechanism, result)
@@ -458,5 +469,6 @@ def _certified(mechanism: Mechanism, digits: int) -> _Reply:
         [result.statement],
         lambda: certificate.certificate_text(result, model.title),
         lambda: certificate.certificate_data(result, model.name, model.title),
+        _linear(result),
         failure=None if result.decided else NumericalError("no verdict is proven; the answer says why"),
     )
