@@ -25,7 +25,8 @@ from mbstab.analysis.proof.critical_values import proven_change
 from mbstab.analysis.proof.intervals import Part, common
 from mbstab.analysis.proof.krawczyk import krawczyk_boxes
 from mbstab.analysis.proof.tolerances import TOLERANCES as PROOF
-from mbstab.analysis.verdict.rule import REQUIRED, STRENGTH, UNDECIDED, WORDS, Modulo
+from mbstab.analysis.verdict.rule import REQUIRED, STRENGTH, UNDECIDED, WORDS
+from mbstab.analysis.verdict.spectrum import Modulo
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.arithmetic import mpmath_arithmetic

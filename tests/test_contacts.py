@@ -11,7 +11,7 @@ import mbstab
 from mbstab.analysis.algebra.matching import matched
 from mbstab.analysis.reference.reactions import reactions
 from mbstab.analysis.verdict.neutral import Separated, chains_of
-from mbstab.analysis.verdict.rule import Neutral
+from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.cli import main
 from mbstab.errors import ModelFileError
 from mbstab.model.library import models_folder

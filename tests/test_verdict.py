@@ -25,13 +25,12 @@ from mbstab.analysis.verdict.rule import (
     Disc,
     Facts,
     Minimum,
-    Neutral,
     _unplaced,
     judge,
     place,
     side,
 )
-from mbstab.analysis.verdict.spectrum import Chains
+from mbstab.analysis.verdict.spectrum import Chains, Neutral
 from mbstab.errors import amount, percent
 
 HELD = "the energy is conserved"

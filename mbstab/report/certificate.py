@@ -7,7 +7,7 @@ from textwrap import wrap
 from typing import Any
 
 from mbstab.analysis.proof.certify import Certificate
-from mbstab.analysis.verdict.rule import Modulo
+from mbstab.analysis.verdict.spectrum import Modulo
 from mbstab.report import width
 from mbstab.report.eigenvalue_data import spectrum_data
 from mbstab.report.tables import decimals, table

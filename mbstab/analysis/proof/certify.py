@@ -39,16 +39,8 @@ from mbstab.analysis.proof.characteristic import Enclosure, Proof
 from mbstab.analysis.proof.intervals import OPEN, Part, Walk, common, in_words
 from mbstab.analysis.proof.proven_facts import best
 from mbstab.analysis.proof.tolerances import TOLERANCES
-from mbstab.analysis.verdict.rule import (
-    ASYMPTOTIC,
-    MARGINAL,
-    NONLINEAR,
-    UNDECIDED,
-    UNSTABLE,
-    Modulo,
-    Verdict,
-)
-from mbstab.analysis.verdict.spectrum import Spectrum
+from mbstab.analysis.verdict.rule import ASYMPTOTIC, MARGINAL, NONLINEAR, UNDECIDED, UNSTABLE, Verdict
+from mbstab.analysis.verdict.spectrum import Modulo, Spectrum
 from mbstab.errors import UsageError, counted
 from mbstab.model.schema import Model
 from mbstab.records import Answer, dataclass

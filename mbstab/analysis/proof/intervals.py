@@ -22,7 +22,8 @@ from mbstab.analysis.proof.characteristic import GENERIC, Proof
 from mbstab.analysis.proof.identities import Identities
 from mbstab.analysis.proof.proven_facts import Case, best
 from mbstab.analysis.proof.tolerances import TOLERANCES
-from mbstab.analysis.verdict.rule import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED, Modulo
+from mbstab.analysis.verdict.rule import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGTH, UNDECIDED
+from mbstab.analysis.verdict.spectrum import Modulo
 from mbstab.analysis.verdict.wording import phrases
 from mbstab.errors import MbstabError
 from mbstab.model.schema import Model

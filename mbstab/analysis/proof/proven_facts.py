@@ -43,16 +43,15 @@ from mbstab.analysis.verdict.rule import (
     STABLE_UP_TO,
     UNDECIDED,
     Disc,
-    Evidence,
     Extremum,
     Facts,
     Minimum,
-    Neutral,
     Side,
     Verdict,
     judge,
     weakest,
 )
+from mbstab.analysis.verdict.spectrum import Evidence, Neutral
 from mbstab.analysis.verdict.wording import phrases
 
 SIDES: dict[str, Side] = {"left": "left", "right": "right", "imaginary": "axis", "open": "open"}

@@ -34,18 +34,8 @@ from mbstab.analysis.spectrum.states_alone import at_rest_beside_states
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
-from mbstab.analysis.verdict.rule import (
-    STABLE,
-    STABLE_UP_TO,
-    UNDECIDED,
-    UNSTABLE,
-    Disc,
-    Facts,
-    Neutral,
-    Verdict,
-    judge,
-    place,
-)
+from mbstab.analysis.verdict.rule import STABLE, STABLE_UP_TO, UNDECIDED, UNSTABLE, Disc, Facts, Verdict, judge, place
+from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, MbstabError, NumericalError, UsageError, counted

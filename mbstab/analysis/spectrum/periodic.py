@@ -35,9 +35,10 @@ from mbstab.analysis.verdict.constancy import affine_drives, period_doubt, time_
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.multipliers import enclosed, placed
 from mbstab.analysis.verdict.neutral import Separated, chains_of, complement, orthonormal
-from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, Facts, Minimum, Neutral, Verdict, judge
+from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, Facts, Minimum, Verdict, judge
 from mbstab.analysis.verdict.rule import Disc as Exponent
 from mbstab.analysis.verdict.smoothness import kinks
+from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.analysis.verdict.wording import show
 from mbstab.analysis.verdict.work import Work

@@ -40,7 +40,7 @@ from mbstab.analysis.verdict.drag import Drag
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.followers import led, left_behind
 from mbstab.analysis.verdict.minimum import frame_rates
-from mbstab.analysis.verdict.rule import Neutral
+from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array, System
 from mbstab.records import dataclass

@@ -28,7 +28,8 @@ from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.minimum import SecondVariation, norm_of_error
 from mbstab.analysis.verdict.neutral import Separated, Structure, unseparated
-from mbstab.analysis.verdict.rule import Critical, Disc, Facts, Minimum, Neutral
+from mbstab.analysis.verdict.rule import Critical, Disc, Facts, Minimum
+from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.written import with_state, with_time
 from mbstab.compiler.system import Array

@@ -21,7 +21,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.verdict.constants import LinearFunctions, linear_functions
 from mbstab.analysis.verdict.neutral import Separated, Structure, complement, orthonormal
-from mbstab.analysis.verdict.rule import Neutral
+from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, counted
