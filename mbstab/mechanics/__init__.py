@@ -1,1 +1,1 @@
-"""What physics says: each physical element defined once, as symbols."""
+"""What physics says: each physical element defined once, in any number system."""

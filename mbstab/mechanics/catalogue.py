@@ -5,8 +5,8 @@ documentation, and the elements it stands for. The reader, the JSON Schema and t
 compiler all work from these tables, so a new type is one entry.
 
 An `Element` is the smallest thing that has equations: a kinetic energy, one group of
-constraint rows, or one force. Its definition is symbolic and stands in one function;
-every derivative is derived from it ahead of time (`mbstab.compiler.derive`).
+constraint rows, or one force. Its definition stands in one function of numbers of any kind;
+every derivative is derived from it when the package is built (`mbstab.compiler.derive`).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ ROWS: tuple[Literal["holonomic"], Literal["nonholonomic"]] = ("holonomic", "nonh
 
 @dataclass(frozen=True)
 class Element:
-    """One group of equations, defined once as symbols.
+    """One group of equations, defined once.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Element:
     residual : str
         What a row is away from zero, where that is not plain.
     define : callable
-        ``define(frames, parameters, signals)`` with symbolic frames; SymPy is imported inside.
+        ``define(frames, parameters, signals)`` of frames, and of parameters by name and signals as `Column`.
     hint : str
         What to do where it has no finite equations.
     states : int
@@ -91,7 +91,7 @@ class Element:
 
 @dataclass(frozen=True)
 class Load:
-    """What a force element does, as symbols: a potential, a dissipation function, virtual power, or several of them.
+    """What a force element does: a potential, a dissipation function, virtual power, or several of them.
 
     Attributes
     ----------
