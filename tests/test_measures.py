@@ -236,6 +236,47 @@ def test_a_wrong_measure_is_refused(expression, message):
     assert "<text>:6:" in str(caught.value)
 
 
+WRITTEN = [
+    ("holonomic", "displacement(slide)"),
+    ("holonomic", "sin(angle(turn))*distance(a.p, b) + b.theta*cos(t)"),
+    ("holonomic", "x(a.p)**2*y(b.p)"),
+    ("nonholonomic", "vx(a.p)*angle(turn) + rate(distance(a.p, b))"),
+    ("nonholonomic", "rate(angle(turn))*x(b.p) - vy(b.p) + sin(t)"),
+]
+
+
+@pytest.mark.table
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize(("role", "text"), WRITTEN)
+def test_derivatives_of_rows_are_differences_of_their_accelerations_and_forces(role, text, dimension):
+    system = mbstab.loads(f'mbstab: 1\n{BODIES[dimension]}constraints: {{row: {{{role}: "{text}"}}}}\n').system()
+    random = np.random.default_rng(3)
+    q, u, a = (random.normal(size=system.n_q) for _ in range(3))
+    nu, t, step = np.zeros(system.n_c), 0.3, 1e-6
+    nu[-1 if role == "nonholonomic" else system.n_h - 1] = 1.0  # written rows are the last of their role
+    row = int(np.argmax(nu))
+
+    def acceleration(q, u):
+        at = system.dynamics(q, u, t)
+        return (at.J @ a + at.B)[row]
+
+    def slopes(function, by_speed=False):
+        moved = [(q, u + step * e) if by_speed else (q + step * e, u) for e in np.eye(system.n_q)]
+        before = [(q, u - step * e) if by_speed else (q - step * e, u) for e in np.eye(system.n_q)]
+        return np.transpose([(function(*x) - function(*y)) / (2.0 * step) for x, y in zip(moved, before, strict=True)])
+
+    _, A_q, A_u = system.linearize_rows(q, u, a, t)
+    K, R, _ = system.linearize(q, u, np.zeros_like(a), nu, t)
+    K0, R0, _ = system.linearize(q, u, np.zeros_like(a), np.zeros_like(nu), t)
+    for exact, found in (
+        (A_q[row], slopes(acceleration)),
+        (A_u[row], slopes(acceleration, by_speed=True)),
+        (K - K0, slopes(lambda q, u: nu @ system.dynamics(q, u, t).J)),
+        (R - R0, slopes(lambda q, u: nu @ system.dynamics(q, u, t).J, by_speed=True)),
+    ):
+        assert exact == pytest.approx(found, abs=1e-7 * (1.0 + np.max(np.abs(exact))))
+
+
 @pytest.mark.parametrize(
     ("along", "message"),
     [

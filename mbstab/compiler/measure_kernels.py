@@ -94,7 +94,8 @@ class MeasureKernel:
         for c, x in J.items():
             own = {j: y for (i, j), y in found("linearize", "K").items() if i == c and j in columns}
             along.append((x, own))
-            motion.drift[x] = A_u.get(c, zero) - V_q.get(c, zero)
+            # Derivatives of accelerations by speeds are those of the rates by coordinates, and the rates of J.
+            motion.drift[x] = A_u.get(c, zero) - V_q.get(c, zero) if self._kind.speed else V_q.get(c, zero)
         motion.drift |= {x: A_q.get(c, zero) for c, x in V_q.items()}
         for changes, directions in ((along, motion.along), (by_speed, motion.by_speed)):
             for term, slopes in changes:
