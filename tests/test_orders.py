@@ -183,3 +183,27 @@ def test_a_frequency_that_begins_between_two_points_crosses_an_order_there():
 def test_wrong_questions_are_refused(parameter, orders, message):
     with pytest.raises(UsageError, match=message):
         mbstab.loads(ROTOR).sweep(parameter, np.linspace(1e6, 2e6, 3), orders=orders)
+
+
+ABSORBER = """
+mbstab: 1
+parameters: {n: {value: 100, unit: rad/s}}
+bodies:
+  wheel: {type: planar, mass: 10, inertia: 1, points: {p: [0.12, 0]}}
+  pen: {type: planar, mass: 1, inertia: 0, points: {h: [-0.03, 0]}}
+joints:
+  hub: {type: revolute, between: [wheel, ground]}
+  h: {type: revolute, between: [pen.h, wheel.p]}
+drives: {speed: {type: joint, joint: hub, position: n*t}}
+reference:
+  coordinates: {wheel: {theta: 0}, pen: {theta: 0}}
+  steady: {axis: z, rate: n}
+"""
+
+
+def test_an_order_on_which_a_branch_lies_is_told():
+    """A pendulum in a turning wheel has a frequency of sqrt(0.12/0.03) = 2 times its spin at every speed."""
+    found = mbstab.loads(ABSORBER).sweep("n", np.linspace(10.0, 100.0, 10), orders=[1, 2, 3])
+    assert not found.crossings
+    (told,) = [x for x in found.warnings if "line" in x]
+    assert "the frequency of branch 1 is 2 times n at all points" in told

@@ -914,3 +914,93 @@ reference: {coordinates: {rod: {theta: 0}}, period: 2*pi}
     result = mbstab.loads(text).eig()
     assert result.eigenvalues == []
     assert result.reasons == ("constraints and drives leave no motion free whose stability could be judged",)
+
+
+# --- motions that repeat after several periods ------------------------------------------------------------------------
+
+
+HOOKE = """
+mbstab: 1
+parameters:
+  n: {value: 60, unit: rad/s}
+  beta: {value: 30*deg, unit: rad}
+  k: {value: 500, unit: N*m/rad}
+  c: {value: 0.05, unit: N*m*s/rad}
+  J1: {value: 0.02, unit: kg*m^2}
+  J2: {value: 0.05, unit: kg*m^2}
+  a0: {value: 0, unit: rad}
+  w0: {value: n, unit: rad/s}
+bodies:
+  motor: {type: spatial, mass: 1, inertia: [1, 1, 1]}
+  one: {type: spatial, mass: 1, inertia: [J1, J1, J1]}
+  load: {type: spatial, mass: 1, inertia: [J2, J2, J2], axes: [0, 0, beta], points: {end: [0.5, 0, 0]}}
+joints:
+  engine: {type: revolute, between: [motor, ground], axis: x}
+  shaft: {type: revolute, between: [one, motor], axis: x}
+  hooke: {type: universal, between: [one, load], axis: [z, y]}
+  bearing: {type: point_on_line, between: [ground, load.end], axis: [[cos(beta), sin(beta), 0], x]}
+drives: {speed: {type: coordinate, coordinate: motor.phi, position: n*t}}
+forces: {twist: {type: joint_spring, joint: shaft, stiffness: k, damping: c}}
+reference:
+  coordinates: {motor: {phi: 0}, one: {phi: a0}}
+  rates: {motor: {phi: n}, one: {phi: w0}}
+  period: pi/n
+"""
+BLADES = """
+mbstab: 1
+parameters:
+  Om: {value: 7.4, unit: rad/s}
+  M: {value: 50000, unit: kg}
+  m: {value: 500, unit: kg}
+  l: {value: 30, unit: m}
+  kx: {value: 2e5, unit: N/m}
+  ky: {value: 2e4, unit: N/m}
+  kb: {value: m*l**2*f**2, unit: N*m}
+  f: {value: 0.8*2*pi, unit: rad/s}
+  odd: 1.1
+bodies:
+  hub: {type: planar, mass: M, inertia: 1}
+  b1: {type: planar, mass: m, inertia: 0, points: {root: [-l, 0]}}
+  b2: {type: planar, mass: m, inertia: 0, points: {root: [-l, 0]}}
+  b3: {type: planar, mass: m, inertia: 0, points: {root: [-l, 0]}}
+joints:
+  h1: {type: revolute, between: [b1.root, hub]}
+  h2: {type: revolute, between: [b2.root, hub]}
+  h3: {type: revolute, between: [b3.root, hub]}
+drives:
+  spin: {type: coordinate, coordinate: hub.theta, position: Om*t}
+forces:
+  tower: {type: bushing, between: [hub, ground], stiffness: [kx, ky]}
+  k1: {type: joint_spring, joint: h1, stiffness: kb*odd}
+  k2: {type: joint_spring, joint: h2, stiffness: kb, rest: 2*pi/3}
+  k3: {type: joint_spring, joint: h3, stiffness: kb, rest: 4*pi/3}
+reference:
+  period: 2*pi/Om
+  coordinates:
+    hub: {x: 0, y: 0, theta: 0}
+    b1: {theta: 0}
+    b2: {theta: 2*pi/3}
+    b3: {theta: 4*pi/3}
+  rates:
+    hub: {x: 0, y: 0}
+    b1: {theta: Om}
+    b2: {theta: Om}
+    b3: {theta: Om}
+"""
+
+
+def test_a_motion_that_repeats_after_two_periods_is_judged_over_both():
+    """A universal joint has the same equations after half a turn, and its shafts stand upside down."""
+    shaft = mbstab.loads(HOOKE)
+    found = shaft.eig(n=84, a0=0.00032684614523095665, w0=96.10814670865621)
+    assert found.verdict == "unstable"
+    assert found.period == pytest.approx(2.0 * math.pi / 84.0)
+    assert any("repeats after 2 times the stated period" in x for x in found.warnings)
+    whole = mbstab.loads(HOOKE.replace("period: pi/n", "period: 2*pi/n"))
+    expected = whole.eig(n=84, a0=0.00032684614523095665, w0=96.10814670865621)
+    assert [e.multiplier for e in found.eigenvalues] == pytest.approx([e.multiplier for e in expected.eigenvalues])
+
+
+def test_three_equal_blades_repeat_after_a_turn():
+    assert mbstab.loads(BLADES).eig(odd=1, Om=7.4).verdict == "marginally stable"
+    assert mbstab.loads(BLADES).eig(odd=1.1, Om=7.4).verdict == "unstable"

@@ -80,13 +80,15 @@ def inverse_of_part(rows: Array) -> Array:
     return result
 
 
-def last_rows(dependent: Array) -> Iterator[tuple[int, Array]]:
+def last_rows(dependent: Array, least: float = TOLERANCES.row_weight_dependent) -> Iterator[tuple[int, Array]]:
     """Yield the rows that earlier rows imply, each with its combination, from combinations of rows that vanish.
 
     Parameters
     ----------
     dependent : ndarray, shape (c, d)
         Independent columns.
+    least : float
+        Smaller weights are rounding.
     """
     rest = dependent.T.copy()
     found: list[tuple[int, Array]] = []
@@ -95,7 +97,7 @@ def last_rows(dependent: Array) -> Iterator[tuple[int, Array]]:
             break
         k = len(found)
         best = k + int(np.argmax(np.abs(rest[k:, i])))
-        if abs(rest[best, i]) <= TOLERANCES.row_weight_dependent:
+        if abs(rest[best, i]) <= least:
             continue
         rest[[k, best]] = rest[[best, k]]
         rest[k] /= -rest[k, i]

@@ -48,7 +48,7 @@ def contradicting(system: System) -> tuple[LeftOut, ...]:
         combinations = left[:, int(np.sum(s > TOLERANCES.row_repeated)) :]
         if not combinations.size:
             return ()
-        last = [i for i, _ in last_rows(combinations)]
+        last = [i for i, _ in last_rows(combinations, TOLERANCES.row_repeated)]
         kept = np.setdiff1d(np.arange(n_h), last)
         if missing.any():
             q = assembled(system, finder.sizes, q, missing, kept.tolist())

@@ -316,6 +316,14 @@ class ElementComparison:
             return True
         return self._holds(system.dynamics(q, u, self.motion.time if time is None else time), u)
 
+    def keeps_rows(self, at: State, q: Array, later: float) -> bool:
+        """Return whether the rows have the same residuals at other coordinates and a later time as at a state."""
+        if not self.system.n_c:
+            return True
+        here = self.system.dynamics(at.q, at.u, self.motion.time)
+        there = self.system.dynamics(q, at.u, self.motion.time + later)
+        return self._holds(replace(there, E=there.E - here.E, V=there.V - here.V), at.u)
+
     def _holds(self, state: Dynamics, u: Array, within: float | None = None) -> bool:
         """Return whether the constraint rows hold, given their residuals."""
         motion, n_h = self.motion, self.system.n_h

@@ -38,7 +38,7 @@ def excess(search: Search, at: State) -> Array:
     loads = (system.loads(at.q, at.u, at.a) + transmitted) * sizes
     # Where all loads vanish, the forces are only the effect of rounded coordinates.
     rounding = TOLERANCES.coordinate_rounding * force_change(system, (at.q, at.u, at.a, at.nu), sizes, sizes)
-    least = min(max(rounding, 1e-14 * energy), TOLERANCES.residual * energy)
+    least = min(max(rounding, TOLERANCES.imbalance_of_scene * energy), TOLERANCES.residual * energy)
     found: Array = left / np.maximum(TOLERANCES.residual * loads + least, 1e-300)
     return found
 
@@ -62,7 +62,8 @@ def undetermined(search: Search, at: State) -> tuple[Array, float]:
         return np.zeros(n), 0.0
     work = (loose.T @ at.residual[:n]) * energy
     transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
-    loads = TOLERANCES.residual * (system.loads(at.q, at.u, at.a) + transmitted) * sizes + 1e-14 * energy
+    loads = TOLERANCES.residual * (system.loads(at.q, at.u, at.a) + transmitted) * sizes
+    loads += TOLERANCES.imbalance_of_scene * energy
     K, R, _ = system.linearize(at.q, at.u, at.a, at.nu)
     change = np.abs((loose.T * sizes) @ K) @ sizes + np.abs((loose.T * sizes) @ R) @ np.abs(at.u)
     allowed = np.abs(loose.T) @ loads + TOLERANCES.coordinate_rounding * change

@@ -67,7 +67,14 @@ def periodic_answer(
         As `mbstab.analysis.spectrum.floquet.monodromy`.
     """
     flow = monodromy(system, motion, period, progress)
-    cycle = Cycle(system, motion, flow)
+    cycle, warnings = Cycle(system, motion, flow), motion.warnings
+    if (times := cycle.periods) > 1:
+        stated, period = period, times * period
+        told = (
+            f"the motion repeats after {times} times the stated period of {stated:.6g} s, when angles are whole turns"
+        )
+        warnings = (*warnings, f"{told}: that is its period")
+        cycle = Cycle(system, motion, flow := monodromy(system, motion, period, progress))
     separated = cycle.separated
     size = max(1.0, float(np.linalg.norm(flow.Phi, 2))) if len(flow.Phi) else 1.0
     error = flow.error + TOLERANCES.mismatch_factor * flow.mismatch * size
@@ -95,7 +102,7 @@ def periodic_answer(
         states=len(system.states[0]),
     )  # fmt: skip
     return EigenResult(
-        found, judged, counts, "floquet", (*motion.warnings, *judged.warnings), period=period,
+        found, judged, counts, "floquet", (*warnings, *judged.warnings), period=period,
         neutral_directions=separated.neutral.names,
     )  # fmt: skip
 
@@ -175,6 +182,19 @@ class Cycle:
         broken = [use.path for use in affine_drives(self.system)] if elsewhere else []
         return period_doubt(self.system, self.flow.period, broken) or elsewhere
 
+    @property
+    def periods(self) -> int:
+        """The number of periods after which all angles have made whole turns, 1 if that is not needed or not found."""
+        if not self._elsewhere():
+            return 1
+        angles = np.array([is_angle(name) for name in self.system.names])
+        for number in range(2, TOLERANCES.periods_to_whole_turns + 1):
+            advance = number * self.flow.advance
+            left = advance - np.where(angles, 2.0 * math.pi * np.round(advance / (2.0 * math.pi)), 0.0)
+            if np.all(np.abs(left) <= number * TOLERANCES.periodicity * self.motion.sizes):
+                return number
+        return 1
+
     def _elsewhere(self) -> str:
         """Say where the motion is after the period, unless that is the same by a symmetry."""
         names, sizes = self.system.names, self.motion.sizes
@@ -190,7 +210,7 @@ class Cycle:
 
     def _carried(self, invariance: Invariance, advance: Array) -> bool:
         """Return whether all elements and rows are the same some periods later, after a shift in each period."""
-        one, now = np.eye(len(advance)), invariance.motion.time
+        one = np.eye(len(advance))
         if not invariance.states:
             return False
         for number in TOLERANCES.periods_later:
@@ -200,7 +220,7 @@ class Cycle:
                     if not invariance.same(element, state, there, one, exact=False):
                         return False
             for state in invariance.on_rows:
-                if not invariance.satisfies(state.q + number * advance, state.u, now + number * self.flow.period):
+                if not invariance.keeps_rows(state, state.q + number * advance, number * self.flow.period):
                     return False
         return True
 

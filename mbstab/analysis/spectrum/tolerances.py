@@ -146,6 +146,8 @@ class Tolerances:
     """Maximum number of evaluations of one integration: some minutes for a scene of a few bodies."""
     mismatch_factor: Final = 10.0
     """The error of multipliers is at most this many times the relative mismatch of the motion after a period."""
+    periods_to_whole_turns: Final = 12
+    """A motion whose angles have made no whole turns after a period may repeat after so many of them."""
     periods_later: Final = (1, 2, 5, 13, 100)
     """Numbers of periods after which a motion that advances is checked."""
     rest_in_period: Final = 1e-9

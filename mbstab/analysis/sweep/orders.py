@@ -94,7 +94,15 @@ class _Search:
         """Return where branches cross a line."""
         rank, parameter = np.argsort(self.result.values), self.result.parameter
         x, branches = self.result.values[rank], self.result.branches[rank]
-        return [a for a in approaches(self.evaluator, parameter, x, branches, order) if a.crosses]
+        line = order * np.abs(x)[:, None]
+        on_line = np.all(np.abs(branches.imag - line) <= TOLERANCES.crossing * line, axis=0)
+        for j in np.flatnonzero(on_line).tolist():
+            self.notes.append(
+                f"the frequency of branch {j + 1} is {order:g} times {parameter} at all points: it lies on the line of "
+                "this order, and crosses it nowhere"
+            )
+        found = approaches(self.evaluator, parameter, x, branches, order)
+        return [a for a in found if a.crosses and not on_line[a.branch]]
 
     def values(self, order: float, passed: Sequence[Approach]) -> list[float]:
         """Return where branches cross a line in intervals, all looked for together; nan where one has no eigenvalue."""
