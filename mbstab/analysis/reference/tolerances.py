@@ -59,7 +59,7 @@ class Tolerances:
     row_repeated: Final = 1e-3
     """Rows repeat others to first order if less than this fraction of them is independent …"""
     closure: Final = 1e-9
-    """… and are left out if they contradict them by less than this, relative to the size of the scene …"""
+    """… and are left out if they contradict them by less than this, relative to the size of the loop …"""
     closure_rounding: Final = 1e-13
     """… but by more than this, which is rounding."""
     row_independent_part: Final = 1e-7
