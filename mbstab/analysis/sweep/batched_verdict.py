@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.sweep.batched_structure import Known, Separation
@@ -91,18 +91,15 @@ def judged(known: Known, points: Points, separation: Separation) -> Judged:
         words_ = _words(known, np.zeros((size, 5), dtype=int))
         none = np.full(size, NOT_COUNTED)
         return Judged(empty.astype(complex), empty.astype(np.int8), words_, points.size, motion, none)
-    values = eigenvalues(A)
     least = np.broadcast_to(error, (size,)) + r * EPS * np.linalg.norm(A, axis=(1, 2))
     minima = np.zeros(size, dtype=int)
     counts = known.stiffness(points, r)
     if counts is not None:
+        values = eigenvalues(A)
         sides, minima = _by_stiffness(values, counts)
     else:
         mirrored = bool(known.mirrored)
-        sides = placed(A, values, least, mirrored)
-        closer = np.flatnonzero(np.any(sides == OPEN, axis=1))
-        if len(closer):
-            values[closer], sides[closer] = placed_by_vectors(A[closer], least[closer], mirrored)
+        values, sides = located(A, least, mirrored)
         if mirrored:
             sides[~known.regular(points, separation.B)[:, None] & (sides == AXIS)] = OPEN
         if known.minimum:
@@ -266,6 +263,28 @@ def _parted(values: Complex, inverse: Complex) -> Complex:
     return np.where((pairs & np.isfinite(found).all(axis=1))[:, None], found, values)
 
 
+def located(A: Array, error: Array, mirrored: bool) -> tuple[Complex, Sides]:
+    """Return the eigenvalues of matrices and their sides, with eigenvectors where condition numbers do not tell them.
+
+    The arguments are those of `placed`.
+    """
+    some = np.linspace(0, len(A) - 1, TOLERANCES.points_with_conditions).astype(int)
+    if len(A) > len(some) and _open(placed(A[some], eigenvalues(A[some]), error[some], mirrored)).all():
+        return placed_by_vectors(A, error, mirrored)
+    values = eigenvalues(A)
+    sides = placed(A, values, error, mirrored)
+    closer = np.flatnonzero(_open(sides))
+    if len(closer):
+        values[closer], sides[closer] = placed_by_vectors(A[closer], error[closer], mirrored)
+    return values, sides
+
+
+def _open(sides: Sides) -> Flags:
+    """Return which points have eigenvalues without a side."""
+    found: Flags = np.any(sides == OPEN, axis=1)
+    return found
+
+
 def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
     """Return on which side of the axis eigenvalues lie, by bounds of their condition numbers without vectors.
 
@@ -342,9 +361,9 @@ def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, 
     found = _sides(centres, radii, gaps, mirrored)
     # Where discs overlap, their eigenvalues have a side only if all discs lie on the same side.
     meet = gaps <= radii[:, :, None] + radii[:, None, :]
-    for _ in range(r):
-        other = meet & (found[:, None, :] != found[:, :, None])
-        found = np.where(np.any(other, axis=2) | ((found == AXIS) & np.any(meet, axis=2)), OPEN, found).astype(np.int8)
+    found[(found == AXIS) & np.any(meet, axis=2)] = OPEN
+    while np.any(lost := (found != OPEN) & np.any(meet & (found[:, None, :] != found[:, :, None]), axis=2)):
+        found[lost] = OPEN
     # It corrects slow eigenvalues beside fast ones; the others are already as accurate. Of those whose discs meet, the
     # sum is known much better than each of them.
     size = np.abs(values[index])
