@@ -79,27 +79,25 @@ class CurveEquations:
 
     def _equations(self, q: Array, c: Array, p: float) -> tuple[Array, Array]:
         """Return the residuals, and their derivative by the scaled unknowns and the multipliers."""
-        step = TOLERANCES.parameter_difference * self.width
-        # Central, or at an end of the range or of the solutions one-sided with two points: of second order everywhere.
-        inward = -step if p > self.high - step else step
-        central = [(step, -step)] if self.low + step <= p <= self.high - step else []
-        for sides in (*central, (inward, 2.0 * inward), (-inward, -2.0 * inward)):
-            with contextlib.suppress(*FAILURES):
-                (found,) = self._differences(q[None], c[None], np.array([p]), np.array([sides]))
-                return found
-        raise NumericalError("the equations are not finite")
+        return next(self._at_points(q[None], c[None], np.array([p])))
 
     def _at_points(self, q: Array, c: Array, p: Array) -> Iterator[tuple[Array, Array]]:
         """Yield the same for many points, as long as the equations are finite at all of them."""
         step = TOLERANCES.parameter_difference * self.width
-        inward = np.where(p > self.high - step, -step, step)
-        central = (self.low + step <= p) & (p <= self.high - step)
-        sides = np.stack([np.where(central, step, inward), np.where(central, -step, 2.0 * inward)], axis=1)
+        # Central, or at an end of the range or of the solutions one-sided with two points: of second order everywhere.
+        inward = np.where(p > self.high - step, -step, step)[:, None] * [1.0, 2.0]
+        central = ((self.low + step <= p) & (p <= self.high - step))[:, None]
         size = (q.shape[1] + self.problem.system.n_c) ** 2
         count = max(1, TOLERANCES.entries_at_curve_points // (3 * size))
         for start in range(0, len(p), count):
-            part = slice(start, start + count)
-            yield from self._differences(q[part], c[part], p[part], sides[part])
+            part, found = slice(start, start + count), list[tuple[Array, Array]]()
+            for sides in (np.where(central, [step, -step], inward), inward, -inward):
+                with contextlib.suppress(*FAILURES):
+                    found = self._differences(q[part], c[part], p[part], sides[part])
+                    break
+            if not found:
+                raise NumericalError("the equations are not finite")
+            yield from found
 
     def _differences(self, q: Array, c: Array, p: Array, sides: Array) -> list[tuple[Array, Array]]:
         """Return residuals and derivatives at points; those by the parameter from two steps to the sides of each."""
@@ -157,37 +155,26 @@ class CurveEquations:
 
     def _corrected(self, start: Point, ahead: Array, hold: Array) -> tuple[Point, float] | None:
         """Return the solution near a step, perpendicular to `hold`, and how far the step missed it."""
-        q, c, p = self._stepped(start.q, start.c, start.p, ahead)
-        missed = np.zeros(len(ahead))
+        (found,) = self._solved_near([start], [ahead], [hold])
+        if found is None:
+            return None
+        solved, missed = found
         try:
-            with np.errstate(all="ignore"):
-                for _ in range(TOLERANCES.path_newton_steps):
-                    residual, G = self._equations(q, c, p)
-                    step = self._step(residual, G, hold)
-                    q, c, p = self._stepped(q, c, p, step)
-                    missed += step
-                    if not np.max(np.abs(missed)) < 1.0:
-                        return None
-                    # Where another path crosses, steps become half as long at best.
-                    slow = (
-                        np.max(np.abs(residual)) < TOLERANCES.path_residual_rounding
-                        and np.max(np.abs(step)) < TOLERANCES.path_step_rounding
-                    )
-                    if slow or np.max(np.abs(step)) < TOLERANCES.path_last_newton_step:
-                        residual, G = self._equations(q, c, p)
-                        if np.max(np.abs(residual)) > TOLERANCES.residual:
-                            return None
-                        point = self._point(q, c, p, G, start.tangent, start)
-                        return point, float(np.max(np.abs(missed)))
+            return self._point(*solved, start.tangent, start), missed
         except FAILURES:
-            pass
-        return None
+            return None
 
     def _all_corrected(
         self, starts: Sequence[Point], ahead: Sequence[Array], hold: Sequence[Array]
     ) -> list[Solved | None]:
-        """Return the solutions near many steps as `_corrected` does, but all at once."""
-        none: list[Solved | None] = [None] * len(starts)
+        """Return the solutions near many steps, perpendicular to `hold`."""
+        return [None if found is None else found[0] for found in self._solved_near(starts, ahead, hold)]
+
+    def _solved_near(
+        self, starts: Sequence[Point], ahead: Sequence[Array], hold: Sequence[Array]
+    ) -> list[tuple[Solved, float] | None]:
+        """Return the solutions near many steps, all found at once, and how far the steps missed them."""
+        none: list[tuple[Solved, float] | None] = [None] * len(starts)
         first = [self._stepped(x.q, x.c, x.p, step) for x, step in zip(starts, ahead, strict=True)]
         q, c, p = (np.array([x[k] for x in first]) for k in range(3))
         missed, good = np.zeros((len(starts), len(hold[0]))), np.ones(len(starts), dtype=bool)
@@ -203,6 +190,7 @@ class CurveEquations:
                     steps[~good] = 0.0
                     q, c = self.balance.shifted(q, c, steps[:, :-1])
                     p, missed, longest = p + steps[:, -1] * self.width, missed + steps, np.max(np.abs(steps), axis=1)
+                    # Where another path crosses, steps become half as long at best.
                     slow = (residuals < TOLERANCES.path_residual_rounding) & (longest < TOLERANCES.path_step_rounding)
                     if np.all(slow | (longest < TOLERANCES.path_last_newton_step)):
                         break
@@ -212,7 +200,7 @@ class CurveEquations:
         settled = slow | (longest < TOLERANCES.path_last_newton_step)
         for k in np.flatnonzero(good & settled).tolist():
             if np.max(np.abs(last[k][0]), initial=0.0) <= TOLERANCES.residual:
-                none[k] = q[k], c[k], float(p[k]), last[k][1]
+                none[k] = (q[k], c[k], float(p[k]), last[k][1]), float(np.max(np.abs(missed[k])))
         return none
 
     def _between(self, one: Point, other: Point) -> Array:
