@@ -384,6 +384,10 @@ class Grounds:
             return found if without_chance_zeros(self.system) is self.system else None
         return None if 0 <= self.digits.zeros().number < found.count else found
 
+    def zeros(self) -> int:
+        """Return how many eigenvalues are zero to many digits; -1 if it is not known, as of large scenes."""
+        return -1 if self.digits is None or self.system.sparse else self.digits.zeros().number
+
     def facts(self, discs: Sequence[Disc], found: int, doubts: tuple[str, ...] = ()) -> Facts:
         """Return the facts with the eigenvalues left to judge, from any computation.
 
@@ -412,7 +416,7 @@ class Grounds:
             growth=self.growth,
             critical=self.critical,
             family=self.family,
-            zeros=lambda: -1 if self.digits is None else self.digits.zeros().number,
+            zeros=self.zeros,
             warnings=() if self.linear.massless is None else self.linear.massless.warnings,
             frequencies=self.second_variation.warnings,
         )
