@@ -228,15 +228,23 @@ def along_coordinates(spaces: Subspaces) -> tuple[Subspaces, Array]:
 
 
 def aligned(basis: Array) -> tuple[Array, Array]:
-    """Return an orthonormal basis times a rotation, triangular in the rows that are largest, and the rotation."""
-    from scipy.linalg import qr
+    """Return an orthonormal basis times a rotation, triangular in the rows that are largest, and the rotation.
 
-    if not basis.size:
-        return basis, np.eye(basis.shape[1])
-    turn, triangle, order = qr(basis.T, pivoting=True)
-    found = np.zeros_like(basis)
-    found[order] = np.where(np.abs(triangle) > TOLERANCES.aligned_rounding, triangle, 0.0).T
-    return found, turn
+    QR with column pivoting of its transpose. The squares of what is left of all rows add up to the number of rows still
+    to be chosen, so that no digits of the largest one are lost.
+    """
+    count = basis.shape[1]
+    chosen, left, known = list[int](), np.sum(basis * basis, axis=1), np.zeros((count, count))
+    for i in range(count):
+        chosen.append(int(np.argmax(left)))
+        row = basis[chosen[-1]]
+        row = row - known[:i].T @ (known[:i] @ row)
+        known[i] = row / np.linalg.norm(row)
+        left = left - (basis @ known[i]) ** 2
+        left[chosen] = -1.0
+    turn = np.linalg.qr(basis[chosen].T)[0]
+    found = basis @ turn
+    return np.where(np.abs(found) > TOLERANCES.aligned_rounding, found, 0.0), turn
 
 
 def require_gap(rank: Rank | SparseRank, rows: Sequence[Row]) -> None:
