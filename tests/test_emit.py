@@ -28,12 +28,12 @@ BUDGET = {
     "planar_coincident": (45, 25, 45),
     "planar_spring": (70, 290, 35),
     "spatial_body": (155, 435, 10),
-    "spatial_body_offset": (495, 1620, 90),
-    "spatial_coincident": (495, 330, 865),
-    "spatial_perpendicular": (530, 390, 1015),
-    "spatial_screw": (1325, 2245, 2875),
-    "spatial_spring": (365, 1905, 175),
-    "spatial_wheel_slip_along": (435, 810, 1110),
+    "spatial_body_offset": (475, 1545, 90),
+    "spatial_coincident": (530, 335, 1000),
+    "spatial_perpendicular": (565, 400, 1150),
+    "spatial_screw": (1315, 2285, 2835),
+    "spatial_spring": (365, 1855, 175),
+    "spatial_wheel_slip_along": (415, 790, 1130),
 }
 
 

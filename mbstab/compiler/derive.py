@@ -27,7 +27,7 @@ from typing import Any, Protocol
 from mbstab.compiler.tape import Tape, Term
 from mbstab.mechanics.bodies import TENSOR_SIZE
 from mbstab.mechanics.catalogue import COORDINATES, Element, Load
-from mbstab.mechanics.frames import Column, Frame
+from mbstab.mechanics.frames import Column, Frame, combined
 from mbstab.records import dataclass
 
 Entries = dict[tuple[int, ...], Term]
@@ -103,6 +103,7 @@ def derive(element: Element, frame: str, given: Given | None = None) -> Derived:
         terms = given.terms(motion, signals[-1])
     spatial = frame == "spatial"
     bases = [[f"base{number}_{i}{j}" for i in "123" for j in "123"] for number in range(1, spatial * element.slots + 1)]
+    rotations = [tape.rotation(base) for base in bases]
     parameters = [x for base in bases for x in base]
     p, count = SimpleNamespace(), 0
     for name, size in parameter_sizes(element, frame):
@@ -117,7 +118,7 @@ def derive(element: Element, frame: str, given: Given | None = None) -> Derived:
             motion.frame(
                 own,
                 {"planar": 2, "spatial": 3}.get(kind, 0),
-                [tape.input(x) for x in bases[i]] if kind == "spatial" else [],
+                rotations[i] if kind == "spatial" else [],
                 at_rest,
             )
             for i, (kind, own) in enumerate(zip(kinds, names, strict=True))
@@ -206,23 +207,30 @@ class _Turning(Frame):
     def __init__(self, moving: Moving, places: list[int], dimension: int, q: Any, u: Any, base: Any) -> None:
         super().__init__(moving.tape.arithmetic(), dimension, q, base, u, moving.rate)
         self._moving, self._angles = moving, places[dimension:] if dimension else []
-        if self._angles:
+        if dimension == 3 and self._angles:
             for i, hinge in enumerate(self.hinges):
-                self._turned(hinge, i)
-            for axis in self.axes:
-                self._turned(axis)
+                self._turn_about(hinge, i)
+        if self._angles:
+            for i, axis in enumerate(self.axes):
+                self._turned(axis, [int(i == j) for j in range(dimension)])
 
-    def _turned(self, vector: Column, hinges: int = 3) -> Column:
-        """Say that a vector turns with all angles, or with the first ones."""
+    def _turn_about(self, vector: Column, hinges: int) -> None:
+        """Say that a vector turns with the first angles."""
         for place, hinge in zip(self._angles[:hinges], self.hinges, strict=False):
             self._moving.turn(place, vector, hinge.cross(vector))
-        if self.dimension == 2:
-            self._moving.turn(self._angles[0], vector, (-vector[1], vector[0]))
+
+    def _turned(self, vector: Column, own: Sequence[Any]) -> Column:
+        """Say that a vector turns with the body, in whose axes it has the components `own`."""
+        if self.dimension == 3:
+            self._turn_about(vector, 2)
+        # The last axis is fixed in the body: what lies along it does not change, exactly, with whatever errors.
+        last = combined(self.axes[:2], (-own[1], own[0]))
+        self._moving.turn(self._angles[-1], vector, last)
         return vector
 
     def direction(self, vector: Sequence[Any]) -> Column:
         turned = super().direction(vector)
-        return self._turned(turned) if self._angles and self._moving.fixed(vector) else turned
+        return self._turned(turned, vector) if self._angles and self._moving.fixed(vector) else turned
 
 
 def _potential(energy: Term) -> dict[str, Entries]:

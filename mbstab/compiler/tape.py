@@ -4,9 +4,9 @@ Differentiating whole expression trees doubles their size with every derivative.
 holds each subexpression once, as a numbered step; derivatives are more steps.
 
 Two steps are the same if they agree at one random state, computed exactly in the integers
-modulo a prime: inputs are random residues, sine and cosine of an angle a random point of
-the unit circle, and the value of every other function an independent random residue. So
-everything that follows from the rules of arithmetic and from sin² + cos² = 1 is found: entries
+modulo a prime: inputs are random residues, the nine numbers of a base rotation a random rotation, sine and cosine of an
+angle a random point of the unit circle, and the value of every other function an independent random residue. So
+everything that follows from the rules of arithmetic, from sin² + cos² = 1 and from orthogonal axes is found: entries
 that vanish identically are dropped and a symmetric matrix is computed once. Identities that hold for
 some states only, such as |x| = x, are not found. The probability of an error is below 1e-30.
 """
@@ -173,6 +173,20 @@ class Tape:
     def input(self, name: str) -> Term:
         """Return the input of that name."""
         return self._put(Input(name))
+
+    def rotation(self, names: Sequence[str]) -> list[Term]:
+        """Return the inputs of nine names, which are a rotation matrix row by row."""
+        a, b, c, d = (random_residue(f"{names[0]} {x}") for x in "abcd")  # a quaternion
+        over = pow(a * a + b * b + c * c + d * d, -1, PRIME)
+        entries = [
+            *(a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)),
+            *(2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)),
+            *(2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d),
+        ]
+        for name, entry in zip(names, entries, strict=True):
+            if (step := Input(name)) not in self._terms:
+                self._terms[step] = self._new(step, entry * over % PRIME)
+        return [self.input(name) for name in names]
 
     def literal(self, text: str) -> Term:
         """Return the number written as `text`, or ``pi``."""
