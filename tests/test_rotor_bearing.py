@@ -466,3 +466,23 @@ def test_several_speeds_of_curves_are_told_at_once(turning):
     )
     assert "read at 122.173 rad/s" in told
     assert told.count("hint: ") == 1
+
+
+def test_a_sweep_passes_values_at_which_coefficients_vanish():
+    # Without cross-coupled coefficients a bearing is springs and dampers along its axes, another element.
+    text = """\
+mbstab: 1
+parameters: {q: 0}
+gravity: [0, 0]
+bodies: {a: {type: planar, mass: 1, inertia: 1}}
+constraints: {turn: {holonomic: a.theta}}
+forces:
+  b: {type: rotor_bearing, between: [a, ground], kxx: 100, kyy: 100, kxy: q, kyx: -q, cxx: 2, cyy: 2}
+"""
+    model = mbstab.loads(text)
+    for values in ([0, 5], [5, 0], [0, 5, 30]):
+        found = model.sweep("q", values)
+        for q, word, branches in zip(values, found.verdicts, found.branches, strict=True):
+            one = model.eig(q=q)
+            assert word == one.verdict
+            assert np.sort_complex(branches) == pytest.approx(np.sort_complex([e.value for e in one.eigenvalues]))

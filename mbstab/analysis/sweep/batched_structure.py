@@ -319,7 +319,10 @@ class Known:
     def same_signs(self, system: System) -> Flags:
         """Return where all numbers have the signs that they have at the point, as far as rounding lets them be told."""
         result: Flags = np.ones(1, dtype=bool)
-        for x, (own, error) in zip(coefficients(system), self.numbers, strict=True):
+        numbers = list(coefficients(system))
+        if len(numbers) != len(self.numbers):  # a number that is zero leaves an element out
+            return ~result
+        for x, (own, error) in zip(numbers, self.numbers, strict=True):
             sign = _sign(own, error)
             if isinstance(x, np.ndarray):
                 result = result & (np.where(np.abs(x) <= error, 0.0, np.sign(x)) == sign)
