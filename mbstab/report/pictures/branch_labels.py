@@ -76,10 +76,20 @@ def add_branches(
 def _text(result: Sweep, numbers: Sequence[int], word: str | None) -> str:
     """Return the text of branches that coincide."""
     names = [result.names[j] if result.names else "" for j in numbers]
-    if word is None:
-        return ", ".join(str(j + 1) for j, name in zip(numbers, names, strict=True) if not name)
-    texts = [name or str(j + 1) for j, name in zip(numbers, names, strict=True)]
-    return ("" if all(names) else word) + ", ".join(texts)
+    named = [name for name in names if name and word is not None]
+    unnamed = _runs([j + 1 for j, name in zip(numbers, names, strict=True) if not name])
+    return (word if word and unnamed else "") + ", ".join([*unnamed, *named])
+
+
+def _runs(numbers: Sequence[int]) -> list[str]:
+    """Return numbers as texts, three or more that follow each other as one, such as ``4–7``."""
+    runs: list[list[int]] = []
+    for number in sorted(numbers):
+        if runs and runs[-1][-1] == number - 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return [x for run in runs for x in ([f"{run[0]}–{run[-1]}"] if len(run) > 2 else map(str, run))]
 
 
 def _seen(axes: Axes, x: Array, y: Array) -> tuple[list[int], Array, Array, Array, Mask]:
