@@ -490,3 +490,22 @@ def test_options_that_contradict_are_refused():
     run = CliRunner().invoke(main, ["sweep", "top.yaml", "--param", "omega", "--param", "H", "--sensitivity"])
     assert run.exit_code == 2
     assert "--sensitivity goes with one parameter" in run.output
+
+
+TWO_RAILS = """\
+mbstab: 1
+parameters: {p: 0}
+bodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 1}}
+constraints: {ay: {holonomic: a.y}, by: {holonomic: b.y}}
+forces:
+  f: {type: expression, on: {a.x: -(4+p)*a.x-(0.2-0.1*p)*rate(a.x), b.x: -(8-p)*b.x-(0.1*p-0.05)*rate(b.x)}}
+"""
+
+
+@pytest.mark.parametrize("find", ["", "reference: {find: equilibrium}\n"])
+@pytest.mark.parametrize(("low", "high", "points"), [(0.0, 3.7, 2), (-3.5, 7.5, 9), (0.4, 2.1, 2), (0.0, 3.0, 4)])
+def test_pairs_that_exchange_stability_between_two_points_are_found(low, high, points, find):
+    # One pair becomes stable at 1/2, the other one unstable at 2: as many are unstable before as after.
+    result = mbstab.loads(TWO_RAILS + find).sweep("p", np.linspace(low, high, points))
+    assert [c.value for c in result.critical] == pytest.approx([0.5, 2.0], rel=1e-10)
+    assert [c.unstable for c in result.critical] == [(2, 0), (0, 2)]

@@ -26,6 +26,14 @@ from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
 
 
+def _link_of(spectra: Complex, branches: Complex) -> Index:
+    """Return where the eigenvalues of one spectrum are in the next one, by columns in which they are continuous."""
+    (before, after), (column, next_) = ([np.lexsort((x.imag, x.real)) for x in part] for part in (spectra, branches))
+    to_column, place = np.empty_like(before), np.empty_like(before)
+    to_column[before], place[next_] = column, after
+    return place[to_column]
+
+
 class CriticalValues(Branches):
     """Critical values of a sweep, found by following eigenvalues between its points.
 
@@ -51,7 +59,7 @@ class CriticalValues(Branches):
         self._look_inside()
         self._look_between(branches)
         found: list[Critical] = []
-        parts = [self._closer(first, last) for first, last in self._suspects(branches)]
+        parts = [self._closer(first, last, branches) for first, last in self._suspects(branches)]
         brackets = [(part, bracket) for part in parts for bracket in (*self._passing(part), *self._meeting(part))]
         self._search(brackets)
         for part in parts:
@@ -241,7 +249,9 @@ class CriticalValues(Branches):
         settled = np.flatnonzero(self.counts >= 0)
         for k in np.flatnonzero(np.diff(self.counts[settled])).tolist():
             changes[settled[k] : settled[k + 1]] = True
-        watched = np.flatnonzero(self.raw.passes[:-1] | ~self.raw.clear)
+        # Branches may pass in both directions between two points; how they are linked is known in the end.
+        passing = np.any(branches[:-1].real * branches[1:].real < 0.0, axis=1)
+        watched = np.flatnonzero(self.raw.passes[:-1] | ~self.raw.clear | passing)
         rows = np.unique(np.concatenate([watched, watched + 1]))
         sign = signs(self.sides(branches, rows))
         before, after = (sign[np.searchsorted(rows, k)] for k in (watched, watched + 1))
@@ -262,14 +272,14 @@ class CriticalValues(Branches):
                 ranges.append((first, last))
         return ranges
 
-    def _closer(self, first: int, last: int) -> Stretch:
+    def _closer(self, first: int, last: int, branches: Complex) -> Stretch:
         """Return the points of a range, including intermediate ones, in continuous columns."""
         inside = [p for p in self.between if self.x[first] < p < self.x[last]]
         x = np.unique(np.concatenate([self.x[first : last + 1], inside]))
-        return self._stretch(x)
+        return self._stretch(x, branches)
 
-    def _stretch(self, x: Array) -> Stretch:
-        """Return points of the sweep and intermediate ones in continuous columns."""
+    def _stretch(self, x: Array, branches: Complex | None = None) -> Stretch:
+        """Return points in continuous columns: two of the sweep as branches, if they are given."""
         own = np.searchsorted(self.x, x)
         values, sides = (
             np.empty((len(x), self.values.shape[1]), dtype=complex),
@@ -283,7 +293,8 @@ class CriticalValues(Branches):
             else:
                 looked = self.looked[p]
                 values[n], sides[n], mirrored[n], words[n] = looked.values, looked.sides, looked.mirrored, looked.word
-        order = self._linked(values)
+        places = np.where((own < len(self.x)) & (self.x[np.minimum(own, len(self.x) - 1)] == x), own, -1)
+        order = self._linked(values, places, branches)
         counts = settled(sides, words, self.unplaced)
         values, sides = (np.take_along_axis(part, order, axis=1) for part in (values, sides))
         return Stretch(x, values, sides, mirrored, counts)
@@ -339,14 +350,21 @@ class CriticalValues(Branches):
             words.append(word)
         return (counts[0], counts[1]), (words[0], words[1])
 
-    def _linked(self, spectra: Complex) -> Index:
-        """Return the orders in which spectra are in continuous columns, where eigenvalues do not meet."""
+    def _linked(self, spectra: Complex, places: Index, branches: Complex | None) -> Index:
+        """Return the orders in which spectra are in continuous columns, where eigenvalues do not meet.
+
+        `places` are the numbers of the points of the sweep, -1 for others. Branches know more than the distances of
+        eigenvalues, which exchange those that pass each other; they count where more of them pass the axis.
+        """
         links, clear = follow(spectra[:-1], spectra[1:])
         current = np.arange(spectra.shape[1])
         order = [current]
         for k, link in enumerate(links):
             if not clear[k]:
                 link = assigned(np.abs(spectra[k][:, None] - spectra[k + 1][None, :]))
+            if branches is not None and min(places[k], places[k + 1]) >= 0:
+                known = _link_of(spectra[k : k + 2], branches[places[k : k + 2]])
+                link = max(link, known, key=lambda x: np.sum(spectra[k].real * spectra[k + 1].real[x] < 0.0))
             current = link[current]
             order.append(current)
         return np.array(order)
