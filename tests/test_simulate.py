@@ -1152,3 +1152,21 @@ def test_a_full_disk_is_said_and_the_summary_still_shown():
     assert len(Path(kept).read_text(encoding="utf-8").splitlines()) > 3
     Path(kept).unlink()
     assert "energy" in result.stdout
+
+
+def test_an_output_counts_the_turns_of_an_angle_as_the_forces_do():
+    text = """\
+mbstab: 1
+gravity: [0, 0, -9.81]
+bodies: {a: {type: spatial, mass: 1, inertia: [0.01, 0.02, 0.02], points: {A: [0, 0.3, 0]}}}
+joints: {h: {type: revolute, between: [a.A, ground], axis: x}}
+forces: {f: {type: expression, on: {angle(h): "8.0 - 1.5*angle(h)"}}}
+outputs: {turn: angle(h), moment: "8.0 - 1.5*angle(h)"}
+reference: {find: equilibrium, guess: {a: {phi: 3.0}}}
+"""
+    model = mbstab.loads(text)
+    sim = model.simulate(0.02, points=3)
+    # Weight and torque balance at 3.49 rad, beyond half a turn.
+    turn, moment = sim.outputs[0]
+    assert turn == pytest.approx(3.487637806, rel=1e-9)
+    assert moment == pytest.approx(1.0 * 9.81 * 0.3 * -math.cos(turn), rel=1e-9)

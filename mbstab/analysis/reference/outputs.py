@@ -61,8 +61,10 @@ class Outputs:
             if x.kind == "coordinate" or x.kind in TRANSMITTED:
                 continue
             what = places.measure(x.axis or x.kind, x.arguments)
-            numbers = measure_numbers(what, evaluator, joints.__getitem__)
-            one, values = occurring(scene, f"{what.kind}({', '.join(x.arguments)})", numbers)
+            called = f"{what.kind}({', '.join(x.arguments)})"
+            # Angles count as in the forces that contain them, from where the motion was found.
+            numbers = scene.measures.get(called) or measure_numbers(what, evaluator, joints.__getitem__)
+            one, values = occurring(scene, called, numbers)
             jet = Jet.of(one.of(frames(array_arithmetic(), scene, moving), iter(values)))
             found[name] = np.asarray(np.broadcast_to((jet.value, jet.rate, jet.second)[x.order], q.shape[:-1]))
         return found

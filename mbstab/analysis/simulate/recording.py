@@ -303,6 +303,9 @@ class Record:
                 whole["motions"][:, i] = unwound(whole["motions"][:, i], whole["motion_rates"][:, i], times)
         for i, (motion, joint) in enumerate(moving_joints(scene)):
             if (name := motion_name(motion, joint.name)) in measured:
+                # From its first value on, which counts turns as the forces do.
+                turns = np.round((measured[name][0] - whole["motions"][0, i]) / (2.0 * np.pi))
+                whole["motions"][:, i] += 2.0 * np.pi * turns if motion == "angle" else 0.0
                 measured[name] = whole["motions"][:, i]
         acted = [Acted(owner, "", unit, x) for (owner, unit), x in driving.items()]
         attitudes = stretches[0].frame.attitudes
