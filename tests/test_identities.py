@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import mbstab
-from mbstab.analysis.verdict.rule import ASYMPTOTIC_UP_TO, STABLE_UP_TO, UNDECIDED, UNSTABLE
+from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE_UP_TO, UNDECIDED, UNSTABLE
 
 HINGED = """
 mbstab: 1
@@ -166,3 +166,34 @@ reference: {{coordinates: {{a: {{x: 0, y: 0}}, b: {{x: 0, y: 0}}}}}}
 def test_a_drive_that_passes_an_axis_at_the_reference_time_leaves_no_rotation():
     trailer = mbstab.load("trailer.yaml").eig()
     assert trailer.counts.neutral == 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_springs_with_unlike_sides(seed):
+    """x'' = −x' − a x^p + b |x|^p, p = 3: restoring on both sides if and only if a > |b|."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(0.2, 3.0), rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 3.0)
+    spring = mbstab.loads(
+        "mbstab: 1\nbodies: {a: {type: planar_point, mass: 1}}\nconstraints: {rail: {holonomic: a.y}}\n"
+        f'forces: {{f: {{type: expression, on: {{a.x: "-rate(a.x) - {a}*a.x**3 + {b}*abs(a.x)**3"}}}}}}\n'
+        "reference: {coordinates: {a: {x: 0, y: 0}}}\n"
+    )
+    assert spring.eig().verdict == (ASYMPTOTIC if a > abs(b) else UNSTABLE)
+
+
+def test_zeros_that_a_disc_holds_are_critical_as_many_as_a_count_proves():
+    """Beside a chain of zeros there are ± 1.0000000005i and ± 1.0000005i in the same disc."""
+    answer = mbstab.loads("""
+mbstab: 1
+bodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 1}, c: {type: planar_point, mass: 1}}
+constraints: {k: {holonomic: c.y}}
+forces: {f: {type: expression, on: {
+  a.x: "-0.00261*rate(c.x)",
+  a.y: "-1.000000001*a.y - 2e-9*b.y + 4.3e-7*rate(b.x) - 1e-5*rate(b.y) + 5.9e-5*rate(c.x)",
+  b.x: "-0.156*a.x - 1.4235e-8*b.y + 431517000*c.x",
+  b.y: "-45124224.3137*rate(c.x)",
+  c.x: "-1.000001*c.x"}}}
+reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}, c: {x: 0, y: 0}}}
+""").eig()
+    assert answer.verdict == UNSTABLE
+    assert answer.counts.neutral + answer.counts.critical == 6

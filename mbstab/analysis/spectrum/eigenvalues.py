@@ -110,6 +110,11 @@ def _result(
         for i in members:
             kind = kind_in(complex(placed.values[i]), disc, verdict, grounds)
             listed.append(_eigenvalue(placed, i, kind, modes, len(members)))
+    if verdict.zeros == "critical" and verdict.spectrum is not None:
+        # A disc that holds zero may hold others, too: a count proves how many are zero.
+        order = sorted((k for k, e in enumerate(listed) if e.kind == "critical"), key=lambda k: abs(listed[k].value))
+        for k in order[verdict.spectrum.zeros :]:
+            listed[k] = replace(listed[k], kind="undecided")
     listed = with_saddles(listed)
     listed += [Eigenvalue(s, "neutral", math.nan, math.nan, math.nan) for s in neutral]
     listed.sort(key=lambda e: (e.exact, -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))

@@ -35,8 +35,8 @@ class Exactly:
         """Return the eigenvalues that are zero to many digits; `UNKNOWN` if they cannot be known."""
         return self._zeros
 
-    def power(self, line: Line) -> Power | None:
-        """Return how the force begins that holds the motion at a distance along a line; None if it is not known."""
-        from mbstab.analysis.spectrum.holding_force import power
+    def powers(self, line: Line) -> tuple[Power, Power] | None:
+        """Return how the force begins that holds the motion along a line, ahead and behind; None if it is not known."""
+        from mbstab.analysis.spectrum.holding_force import powers
 
-        return None if self._model is None else power(self._model, line)
+        return None if self._model is None else powers(self._model, line)

@@ -2,8 +2,8 @@
 
 Near a zero eigenvalue, q − q₀ with measure·(q − q₀) = z and the force r along measure that balances everything are
 functions of z (Lyapunov and Schmidt). At distances far below all ratios of the numbers in a file, powers of z beyond
-the tenth are rounding in r = a z^k + …, and as many points as there are other powers give all their coefficients: the
-lowest power counts, however small a is.
+the tenth are rounding in r = a z^k + …, and as many points as there are other powers give all their coefficients, on
+each side its own: the lowest power counts, however small a is.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
 
-def power(model: Model, line: Line) -> Power | None:
-    """Return how the force begins that holds a motion beside its reference; None if it cannot be known."""
+def powers(model: Model, line: Line) -> tuple[Power, Power] | None:
+    """Return how the force begins that holds a motion ahead of its reference and behind; None if it is not known."""
     try:
         start = Start(model, False)
         with mp.workdps(TOLERANCES.digits_of_holding):
@@ -36,27 +36,30 @@ def power(model: Model, line: Line) -> Power | None:
             point = reference_point(start, system, MANY_DIGITS)
             force = _force(start, system, point, line)
             near = mp.mpf(10) ** -TOLERANCES.distance_digits
-            found = [(force(times * near), force(-times * near)) for times in TOLERANCES.distances]
-            pairs = [(ahead[0], behind[0]) for ahead, behind in found]
+            found = [[force(side * times * near) for times in TOLERANCES.distances] for side in (1, -1)]
             # Powers beyond the tenth are left out. What nothing balances, as along symmetries, hides what is smaller by
             # the range of floats.
-            unbalanced = max(left for pair in found for _, left in pair)
+            unbalanced = max(left for sides in found for _, left in sides)
             least = max(near ** mp.mpf(10.5), unbalanced * mp.mpf(10) ** -TOLERANCES.float_range)
-            parts = {0: [x + y for x, y in pairs], 1: [x - y for x, y in pairs]}
-            terms = {k: term for parity, part in parts.items() for k, term in _terms(part, parity).items()}
-            lowest = min((k for k, term in terms.items() if abs(term) > least), default=0)
-            return (lowest, int(mp.sign(terms.get(lowest, 0)))) if lowest != 1 else None
+            ahead, behind = (
+                _first([side * value for value, _ in values], least)
+                for side, values in zip((1, -1), found, strict=True)
+            )
+            return (ahead, behind) if ahead[0] != 1 != behind[0] else None
     except (MbstabError, Stalled, ArithmeticError, ValueError):
         return None
 
 
-def _terms(values: list[Any], parity: int) -> dict[int, Any]:
-    """Return the terms of an even or an odd function by their powers, from its values at multiples of a distance."""
-    powers = [2 * n + (parity or 2) for n in range(len(values))]
-    found = mp.lu_solve(
-        mp.matrix([[mp.mpf(times) ** k for k in powers] for times in TOLERANCES.distances]), mp.matrix(values)
-    )
-    return dict(zip(powers, found, strict=True))
+def _first(values: list[Any], least: Any) -> Power:
+    """Return the lowest power of a function, and the sign of its coefficient, from its values at distances to one side.
+
+    Where pieces meet at the reference, as of abs, both sides have series of their own.
+    """
+    exponents = range(1, len(values) + 1)
+    matrix = mp.matrix([[mp.mpf(times) ** k for k in exponents] for times in TOLERANCES.distances])
+    terms = list(mp.lu_solve(matrix, mp.matrix(values)))
+    lowest = next((k for k, term in zip(exponents, terms, strict=True) if abs(term) > least), 0)
+    return lowest, int(mp.sign(terms[lowest - 1])) if lowest else 0
 
 
 def _force(start: Start, system: System, point: Point, line: Line) -> Callable[[Any], tuple[Any, Any]]:

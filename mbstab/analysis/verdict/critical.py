@@ -74,21 +74,23 @@ def critical_zero(
     if direction is None or digits.zeros().number != separated.neutral.count + count:
         return None
     line = _line(structure, direction)
-    power = digits.power(line)
-    if power is None:
+    powers = digits.powers(line)
+    if powers is None:
         return None
-    k, sign = power
-    if not k:
+    (k, sign), (behind, other) = powers
+    if not k and not behind:
         # Disturbances that do not decay may drive the motion along the family, out of its stable part.
         alone = separated.A.shape[0] == count
         path = _followed(structure, line) if alone or (others_decay and count == 1) else None
         if path is None or not path.vanishes:
             return None
         return _family(structure, direction, path, not alone, _drift(separated, count))
+    if not k or not behind:
+        return None  # beside one that vanishes the other side alone does not decide
     neutral = bool(separated.neutral.count)
     grows = f"along the critical direction the force grows with {_POWERS.get(k, f'the power {k}')} of the distance"
     if by_energy:
-        if k % 2 and sign > 0:
+        if sign > 0 and other > 0:
             word = STABLE_UP_TO if neutral else STABLE
             why = f"{grows} and brings the motion back: the energy has a strict minimum there"
             if others_decay and count == 1:
@@ -99,7 +101,7 @@ def critical_zero(
     yielding = _yielding(structure, separated, line.measure, direction)
     if yielding is None:
         return None
-    if k % 2 and sign * yielding > 0:
+    if sign == other and sign * yielding > 0:
         why = f"{grows} and brings the motion back"
         if not neutral:
             return Critical(ASYMPTOTIC, why)

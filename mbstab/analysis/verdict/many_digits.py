@@ -83,5 +83,5 @@ class ManyDigits(Protocol):
     def zeros(self) -> Zeros:
         """Return the eigenvalues that are zero; `UNKNOWN` if they cannot be known."""
 
-    def power(self, line: Line) -> Power | None:
-        """Return how the force begins that holds the motion at a distance along a line; None if it is not known."""
+    def powers(self, line: Line) -> tuple[Power, Power] | None:
+        """Return how the force begins that holds the motion along a line, ahead and behind; None if it is not known."""
