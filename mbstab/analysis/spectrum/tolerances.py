@@ -98,8 +98,8 @@ class Tolerances:
     """Digits with which the force that holds a motion beside its reference is computed …"""
     distance_digits: Final = 40
     """… at 10 to the minus this power of the sizes of the scene, …"""
-    distances: Final = tuple(range(1, 11))
-    """… times these: as many as there are powers up to the tenth."""
+    distances: Final = tuple(range(1, 12))
+    """… times these: as many as there are powers up to the tenth, and one more, into which those beyond fall."""
     float_range: Final = 300
     """Of numbers of different size in one vector those smaller by 10 to this power are lost as floats."""
     digits_of_bound: Final = 2
