@@ -18,10 +18,8 @@ def _coupled_mount(frames: Any, p: Any, s: Any) -> Load:
     axes = [second.direction(v) for v in (p.second_v2, p.second_v3)] if second.dimension == 3 else second.axes
     gap, speed = gap_and_speed(frames, p)
     x, v = (Column(axis.dot(vector) for axis in axes) for vector in (gap, speed))
-    (kxx, kxy, kyx, kyy), (cxx, cxy, cyx, cyy) = p.stiffness, p.damping
-    stiff, damped = Column((kxx, kxy)).dot(x), Column((cxx, cxy)).dot(v)
-    across = Column((kyx, kyy)).dot(x), Column((cyx, cyy)).dot(v)
-    return Load(power=(((-stiff - damped, -across[0] - across[1]), v),))
+    K, C = ((Column(rows[:2]), Column(rows[2:])) for rows in (p.stiffness, p.damping))
+    return Load(power=((Column(-k.dot(x) - c.dot(v) for k, c in zip(K, C, strict=True)), v),))
 
 
 _ENDPOINTS = (("first", 0), ("second", 0))

@@ -100,7 +100,7 @@ class Load:
     dissipation : expression
         Φ(q, u); the force is −∂Φ/∂u.
     power : iterable of (force, velocity)
-        Column matrices; the generalized force is Σ (∂velocity/∂u)ᵀ force.
+        Vectors; the generalized force is Σ (∂velocity/∂u)ᵀ force.
     """
 
     potential: Any = 0

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from mbstab.mechanics.catalogue import Number, Triad, Vector
-from mbstab.mechanics.frames import cross as cross
-from mbstab.mechanics.frames import dot as dot
+from mbstab.mechanics.frames import cross, dot
 
 
 def norm(a: Vector, sqrt: Callable[[Number], Number]) -> Number:

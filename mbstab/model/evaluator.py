@@ -8,9 +8,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Field, Number, Vector
-from mbstab.mechanics.frames import Frame
+from mbstab.mechanics.frames import Frame, dot
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.exact_values import with_more_digits
 from mbstab.model.expressions import Expression, ExpressionError, Node
@@ -158,7 +157,7 @@ class Evaluator:
         values = self.vector(components)
         if self.symbolic:
             return values
-        square = vectors.dot(values, values)
+        square = dot(values, values)
         if not all_of((square > 0) & (square < math.inf)):
             self.complain(components, f"a direction must have a length, this one has {nominal(square) ** 0.5:g}")
             return (1.0, 2.0, 3.0)[: len(values)]

@@ -10,7 +10,7 @@ from typing import Any
 from mbstab.errors import Location
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import Kind, Marker, Number, Triad, Vector
-from mbstab.mechanics.frames import Frame
+from mbstab.mechanics.frames import Frame, cross, dot
 from mbstab.model.arithmetic import Arithmetic
 from mbstab.model.dependencies import expressions_in
 from mbstab.model.evaluator import Evaluator
@@ -257,8 +257,8 @@ class ItemValues:
     def _triad(self, axis: Vector, zero: Vector | None, written: Components | None) -> Triad:
         evaluator = self.evaluator
         if zero is not None and written is not None and not evaluator.symbolic:
-            across = vectors.cross(*(vectors.unit(v, evaluator.f.sqrt) for v in (axis, zero)))
-            if not all_of(vectors.dot(across, across) > 1e-16):
+            across = cross(*(vectors.unit(v, evaluator.f.sqrt) for v in (axis, zero)))
+            if not all_of(dot(across, across) > 1e-16):
                 evaluator.complain(written, "zero must not be along the axis")
                 zero = None
         return vectors.triad(axis, zero, evaluator.f.sqrt)

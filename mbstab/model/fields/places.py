@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from mbstab.errors import alternatives
 from mbstab.mechanics import vectors
 from mbstab.mechanics.catalogue import GROUND, Field, Marker, Number, Vector
+from mbstab.mechanics.frames import dot
 from mbstab.model.evaluator import Evaluator
 from mbstab.model.fields.base import (
     DIRECTION,
@@ -167,8 +168,8 @@ class LevelDirectionField(GroundDirectionField):
         if len(numbers) == 2 or evaluator.symbolic:
             return
         normal = evaluator.vector(written["normal"])
-        rise = vectors.dot(numbers, normal)
-        if not all_of(rise * rise <= 1e-16 * vectors.dot(normal, normal)):
+        rise = dot(numbers, normal)
+        if not all_of(rise * rise <= 1e-16 * dot(normal, normal)):
             evaluator.complain(written[field.name], f"{field.name} must lie across normal", "correct one of the two")
 
 
