@@ -250,9 +250,9 @@ def noticed(copy: Path, mutant: Mutant, tests: list[str], limit: float, more: li
         return "noticed: too slow"
     finally:
         place.write_bytes(right)
-    if ended.returncode == 1:
-        failed = re.search(r"^(?:FAILED|ERROR) (\S+)", ended.stdout, re.MULTILINE)
-        return f"noticed by {failed[1] if failed else '?'}"
+    # Ended by -x, pytest-xdist answers 2 for 1.
+    if failed := re.search(r"^(?:FAILED|ERROR) (\S+)", ended.stdout, re.MULTILINE):
+        return f"noticed by {failed[1]}"
     return "survived" if ended.returncode == 0 else f"pytest ended with {ended.returncode}: {ended.stdout[-300:]}"
 
 
