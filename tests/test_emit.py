@@ -56,6 +56,7 @@ def test_deriving_a_kernel_again_gives_its_text(name):
     assert source(name) == (FOLDER / f"{name}.py").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_a_checkout_whose_definitions_are_newer_derives_them_and_says_so(tmp_path):
     copy = tmp_path / "mbstab"
     shutil.copytree(FOLDER.parents[1], copy, ignore=shutil.ignore_patterns("__pycache__"))

@@ -898,9 +898,7 @@ def stiffness_that_holds(turned):
 LINES = [((5.0, 4.0), 12), ((3.9, 4.6), 8), ((2.0, 60.0), 401), ((60.0, 2.0), 401)]
 
 
-@pytest.mark.parametrize(
-    ("ends", "points"), [*LINES[:2], *(pytest.param(*x, marks=pytest.mark.long) for x in LINES[2:])]
-)
+@pytest.mark.parametrize(("ends", "points"), [LINES[0], *(pytest.param(*x, marks=pytest.mark.long) for x in LINES[1:])])
 def test_an_eigenvalue_is_infinite_where_all_links_lie_on_a_line(ends, points):
     result = mbstab.loads(FIVE_BAR).sweep("kp", np.linspace(*ends, points))
     *_, infinite = result.critical
@@ -909,6 +907,7 @@ def test_an_eigenvalue_is_infinite_where_all_links_lie_on_a_line(ends, points):
     assert [c.unstable for c in result.critical] == [(0, 1), (1, 0)][-len(result.critical) :]
 
 
+@pytest.mark.long
 def test_equilibria_beside_a_singular_configuration_are_found_to_rounding():
     """Multipliers grow without bound there, and with them what rounding does to the balance."""
     turned = np.concatenate([sign * np.geomspace(1e-3, 0.03, 8) for sign in (1.0, -1.0)])

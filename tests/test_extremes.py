@@ -654,7 +654,7 @@ def test_slow_eigenvalues_beside_fast_ones_are_not_taken_for_neutral(case):
         assert_honest(result, exact)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("start", sample(range(0, 150, 10), 5))
 def test_masses_and_springs_of_all_sizes_are_told_from_neutral_or_left_open(start):
     for number in range(start, start + 10):

@@ -305,6 +305,7 @@ def drawn():
     return [*steady, *random.Random(SEED).sample(pairs, PAIRS)]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("number", sample(range(PAIRS + 2), 8))
 def test_a_sweep_of_any_model_agrees_with_eig_or_says_why_it_ends(number):
     path, name = drawn()[number]

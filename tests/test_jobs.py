@@ -308,6 +308,7 @@ def test_a_full_disk_while_a_block_is_written(bicycle, small, tmp_path, monkeypa
     assert list((tmp_path / "v.parts").iterdir()) == []
 
 
+@pytest.mark.long
 def test_a_disk_that_is_full_at_any_moment(small, tmp_path, monkeypatch):
     out, reference = tmp_path / "v.csv", tmp_path / "reference.csv"
     pictures, command = tmp_path / "v.svg", ["sweep", "pendulum.yaml", "--param", "L", "--points", "101"]

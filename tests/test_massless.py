@@ -844,7 +844,7 @@ forces:
         system.simulate(to=1.0, perturb={"m.x": 0.1})
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("damping", ["0", "20"])
 def test_a_lever_moves_alike_whatever_point_describes_it(damping, method):

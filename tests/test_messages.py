@@ -420,6 +420,7 @@ def test_joints_that_contradict_each_other_are_not_blamed_on_a_guess():
         mbstab.loads(MODEL.replace(pins, both)).eig()
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("force", "told"),
     [

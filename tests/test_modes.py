@@ -556,7 +556,7 @@ def test_rightmost_eigenvalues_of_damped_chains(seed, links):
         assert np.min(np.abs(true - e.value)) <= e.error_bound + 1e-6 * abs(e.value) + 1e-12 * size
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", sample(range(100), 4))
 @pytest.mark.parametrize("links", [20, 60])
 def test_all_and_a_few_eigenvalues_agree(seed, links):

@@ -116,7 +116,7 @@ DISTURBED = {
 }
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tol", [1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("name", DISTURBED)
 def test_the_error_is_neither_above_the_tolerance_nor_far_below(name, tol):

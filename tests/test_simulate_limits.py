@@ -341,7 +341,7 @@ reference:
 """
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("bound", "options"),
     [(True, {}), (True, {"compiled": True}), (False, {}), (False, {"compiled": True}), (False, {"method": "radau"})],
