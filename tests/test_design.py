@@ -3,11 +3,13 @@
 import json
 import math
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from symmetric_plants import Plant
 
 from mbstab import load, loads
+from mbstab.analysis.design.goals import measure, measure_slope
 from mbstab.cli import main
 from mbstab.errors import NumericalError, UsageError
 from mbstab.report.designs import with_values
@@ -127,6 +129,13 @@ def test_three_active_eigenvalues():
     assert found.best == pytest.approx(0.2, rel=1e-9)
     assert found.values == pytest.approx({"p": 0.4, "r": 0.4}, rel=1e-8)
     assert sorted(round(x.value.imag) for x in found.active) == [3, 4, 5]
+
+
+@pytest.mark.parametrize("kind", ["decay", "damping"])
+def test_slopes_of_measures_are_those_of_their_values(kind):
+    s, slope, step = -0.4 + 1.3j, 0.7 - 0.2j, 1e-6
+    ahead, behind = (measure(kind, np.array(s + x * slope)) for x in (step, -step))
+    assert measure_slope(kind, s, np.array([slope]))[0] == pytest.approx((ahead - behind) / (2 * step), rel=1e-8)
 
 
 @pytest.mark.long

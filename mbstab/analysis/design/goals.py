@@ -102,7 +102,7 @@ def measure(kind: str, s: Complex) -> Array:
     return -s.real if kind == "decay" else -s.real / np.maximum(np.abs(s), 1e-300)
 
 
-def _measure_slope(kind: str, s: complex, slopes: Complex) -> Array:
+def measure_slope(kind: str, s: complex, slopes: Complex) -> Array:
     """Return the derivatives of a measure."""
     if kind == "decay":
         return -slopes.real
@@ -264,7 +264,7 @@ class Margin:
 
     def _below(self, s: complex, slopes: Complex, x: Array) -> Rows:
         """Return that a margin t is at most that of a number s that moves."""
-        slope = _measure_slope(self.kind, s, slopes) * self.cube.size
+        slope = measure_slope(self.kind, s, slopes) * self.cube.size
         return Rows.of(-slope, np.ones(1), measure(self.kind, np.array([s])), x)
 
     def _apart(self, moving: Moving, group: Sequence[int], x: Array, shift: float) -> list[Rows]:
