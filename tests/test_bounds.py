@@ -13,9 +13,11 @@ from sampling import sample
 import mbstab
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.bounds import grouping
+from mbstab.analysis.bounds.backward_errors import BackwardErrors
 from mbstab.analysis.bounds.location import enclosures, enclosures_of
 from mbstab.analysis.linear import roundings
 from mbstab.analysis.linear.methods import METHODS, solver
+from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.errors import MbstabError
 
@@ -327,3 +329,39 @@ def test_spectral_radii_are_compared_as_their_eigenvalues_say(monkeypatch, power
                 agreed.append(grouping.below(matrices, part * radius) == (part > 1.0))
     assert len(agreed) > 800
     assert all(agreed)
+
+
+def test_errors_of_rows_count_with_the_weights_of_the_rows(monkeypatch):
+    """A row C x = 0 acts on an eigenvalue s with Σ λ_k sᵏ: at the worst change the bound is reached, never beaten."""
+    calls = []
+    data = BackwardErrors.data
+
+    def kept(judge, *arguments):
+        calls.append((judge, arguments))
+        return data(judge, *arguments)
+
+    monkeypatch.setattr(BackwardErrors, "data", kept)
+    mbstab.loads("""
+mbstab: 1
+gravity: [0, -9.81]
+bodies: {p: {type: planar, mass: 1, inertia: 0.1, points: {top: [0, 1]}}}
+joints: {j: {type: revolute, between: [p.top, ground]}}
+forces: {d: {type: joint_spring, joint: j, stiffness: 0, damping: 12}}
+reference: {coordinates: {p: {x: 0, y: -1, theta: 0}}}
+""").eig()
+    monkeypatch.undo()
+    judge, (x, w, V, Y, C, blocks) = calls[0]
+    assert np.all(np.isreal(x.pos))
+    for row in range(judge.n_h):
+        errors = Matrices(*(np.zeros_like(part) for part in judge.m))
+        errors.J[row] = 1.0  # far above all rounding
+        monkeypatch.setitem(vars(judge), "errors", errors)
+        bound = judge.data(x, w, V, Y, C, blocks)
+        for i in range(len(C)):
+            change = Matrices(*(part.copy() for part in errors))
+            change.J[row] = np.sign(x.pos[:, i].real)
+            weight = sum(part[i, row] * C[i, i] ** k for k, part in enumerate(w.lam))
+            exact = abs(weight * (change.J[row] @ x.pos[:, i]))
+            # The multipliers act through the same row.
+            through = float(np.abs(w.y[i]) @ np.abs(errors.J.T) @ np.abs(x.nu[:, i]))
+            assert bound[i, i] == pytest.approx(exact + through, rel=1e-6)
