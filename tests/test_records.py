@@ -40,6 +40,7 @@ def test_values_by_place_by_name_and_by_default():
     assert Open(3).doubled == 6
 
 
+@pytest.mark.table
 @pytest.mark.parametrize(
     ("values", "named", "why"),
     [((), {}, "needs x"), ((1, [], 3), {}, "takes"), ((1,), {"x": 2}, "at most once"), ((1,), {"kept": {}}, "takes")],
