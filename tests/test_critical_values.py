@@ -509,3 +509,7 @@ def test_pairs_that_exchange_stability_between_two_points_are_found(low, high, p
     result = mbstab.loads(TWO_RAILS + find).sweep("p", np.linspace(low, high, points))
     assert [c.value for c in result.critical] == pytest.approx([0.5, 2.0], rel=1e-10)
     assert [c.unstable for c in result.critical] == [(2, 0), (0, 2)]
+    # That of b, the faster one, passes first; also where branches at the next point lie nearer to that of a.
+    assert [abs(result.branches[0, c.branches[0]]) for c in result.critical] == pytest.approx(
+        [math.sqrt(8.0 - low), math.sqrt(4.0 + low)]
+    )

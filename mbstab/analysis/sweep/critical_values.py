@@ -633,11 +633,26 @@ class CriticalValues(Branches):
         else:
             involved = [int(np.argmin(np.abs(spectrum.real))) if which is None else which]
             frequency = float(abs(spectrum[involved[0]].imag))
-        row = branches[k] if not np.any(np.isnan(branches[k])) else branches[max(k - 1, 0)]
-        links = assigned(np.abs(spectrum[:, None] - row[None, :]))
+        links = self._columns_at(value, spectrum, branches)
         numbers = sorted(int(links[i]) for i in involved)
         if kind == "divergence" and self.unplaced:  # which of several zeros passes shows beside the value
             growing = self.sides(branches, np.clip([k - 1, k], 0, None)) == RIGHT
             changed = np.flatnonzero(growing[0] != growing[1]).tolist()
             numbers = changed if len(changed) == passing else numbers
         return Critical(value, kind, tuple(numbers), frequency, unstable)
+
+    def _columns_at(self, value: float, spectrum: Complex, branches: Complex) -> Index:
+        """Return the branches on which the eigenvalues at a value lie.
+
+        They are followed from a neighbouring point of the sweep through all points that are known in between.
+        """
+        known = {p: found.values for p, found in self.looked.items() if not np.any(np.isnan(found.values))}
+        good, ways = np.flatnonzero(self.good), list[tuple[int, Index]]()
+        k = int(np.searchsorted(self.x[good], value))
+        for end in good[max(k - 1, 0) : k + 1].tolist():
+            start = float(self.x[end])
+            inside = sorted((p for p in known if min(start, value) < p < max(start, value)), reverse=start > value)
+            spectra = np.array([branches[end], *(known[p] for p in inside), spectrum])
+            unclear = int(np.sum(~follow(spectra[:-1], spectra[1:])[1]))
+            ways.append((unclear, np.argsort(self._linked(spectra, np.full(len(spectra), -1), None)[-1])))
+        return min(ways, key=lambda way: way[0])[1]
