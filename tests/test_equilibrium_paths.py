@@ -916,3 +916,13 @@ def test_equilibria_beside_a_singular_configuration_are_found_to_rounding():
     heights = np.array([y for _, y in held])
     np.testing.assert_allclose(result.reference["tip.y"], heights, atol=1e-10)
     assert np.all(result.unstable == np.where(heights < 0.0, 1, 0))
+
+
+@pytest.mark.parametrize("turned", [0.002, 0.0005, -0.001, -0.005])
+def test_newton_finds_an_equilibrium_beside_a_singular_configuration_from_afar(turned):
+    """On the way multipliers grow, and with them residuals, although each step leads nearer to the solution."""
+    kp, height = stiffness_that_holds(turned)
+    mechanism = mbstab.loads(FIVE_BAR)
+    (found,) = mechanism.equilibria(kp=kp)
+    assert found.motion.q[mechanism.model.coordinates().index("tip.y")] == pytest.approx(height, abs=1e-9)
+    assert mechanism.eig(kp=kp).verdict == ("asymptotically stable" if height > 0.0 else "unstable")

@@ -125,6 +125,17 @@ class LinearBalance:
         nu = -self.carried.pseudo_inverse.T @ (residual[:n] + self.forces @ moved)
         return np.concatenate([moved, nu / self.lengths])
 
+    def nearer(self, step: Array, residual: Array) -> bool:
+        """Return whether a step led nearer to a solution: the residual after it asks for one of half its length.
+
+        Unlike the sizes of residuals that does not depend on how equations are combined (the natural monotonicity test;
+        Deuflhard 2004, Newton Methods for Nonlinear Problems, section 3.3). Near singular configurations, where
+        multipliers are large, residuals may grow on the way to a solution.
+        """
+        moving = self.forces.shape[1]
+        lengths = [float(np.max(np.abs(x[:moving]), initial=0.0)) for x in (step, self.step(residual))]
+        return lengths[1] <= 0.5 * lengths[0]
+
 
 class Balance:
     """The equations of a scene and a family of motions.

@@ -88,10 +88,8 @@ class Search:
             G, moving = self.balance.jacobian(at), self.balance.moving
             accepted = None
             while accepted is None:
-                if damping or not np.all(np.isfinite(G)):
-                    step = newton_step(G, at.residual, moving, damping)
-                else:
-                    step = LinearBalance(G, self.system.n_q, moving).step(at.residual)
+                linear = None if damping or not np.all(np.isfinite(G)) else LinearBalance(G, self.system.n_q, moving)
+                step = newton_step(G, at.residual, moving, damping) if linear is None else linear.step(at.residual)
                 longest = float(np.max(np.abs(step[:moving]), initial=0.0))
                 bounded = _bounded(step, moving, reach)
                 trial = self.tried(at, bounded)
@@ -109,6 +107,10 @@ class Search:
                     damping = 0.0 if damping < 1e-6 else damping * 0.1
                 elif at.size < TOLERANCES.newton_residual_polished and longest <= TOLERANCES.newton_step_settled:
                     return at
+                elif (
+                    trial is not None and linear is not None and bounded is step and linear.nearer(step, trial.residual)
+                ):
+                    accepted = trial
                 else:
                     damping = max(4.0 * damping, 1e-4)
                     if damping > 1e8:
