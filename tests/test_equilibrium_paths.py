@@ -741,16 +741,22 @@ def test_a_reference_that_does_not_depend_on_the_parameter_has_no_empty_picture(
     assert len(axes.get_lines()) == 1
 
 
-@pytest.mark.long
-def test_a_rate_that_is_the_parameter_is_not_drawn():
-    """The hoop turns at the rate that is swept; the bead stays at the bottom, where the raised one branches off."""
+def test_the_pitchfork_of_a_bead_on_a_hoop_is_drawn():
+    """It leaves the bottom where Omega² = g/R, with z = −g/Omega²; the hoop's own rate is the parameter."""
     swept = mbstab.load("bead_on_hoop.yaml").sweep("Omega", np.linspace(4.0, 5.0, 5))
     assert "rate(hoop.psi)" in swept.reference
-    with pytest.raises(UsageError, match="another path branches off"):
-        shown_names(swept, ())
-    raised = mbstab.load("bead_on_hoop.yaml").sweep("Omega", np.linspace(6.0, 7.0, 5), theta=1.0)
-    assert "bead.x" in shown_names(raised, ())[0]
-    assert "rate(hoop.psi)" not in shown_names(raised, ())[0]
+    assert len(swept.beyond) == 2
+    for path in swept.beyond:
+        np.testing.assert_allclose(path.reference["bead.z"], -9.81 / path.values**2, rtol=1e-9)
+        assert set(path.unstable.tolist()) == {0}
+    names, left = shown_names(swept, ())
+    assert {"bead.x", "bead.z"} < set(names)
+    assert "rate(hoop.psi)" not in names
+    assert left == 0
+    (axes,) = bifurcation(swept, Axis("Omega", "rad/s"), "", ["bead.x"]).axes
+    ends = {(round(x, 3), round(y, 3)) for line in axes.get_lines() for x, y in line.get_xydata()}
+    aside = round(math.sqrt(0.25 - (9.81 / 25.0) ** 2), 3)
+    assert {(5.0, aside), (5.0, -aside), (round(math.sqrt(9.81 / 0.5), 3), 0.0)} <= ends
 
 
 def test_what_the_parameter_changes_is_drawn_and_the_rest_counted():

@@ -550,11 +550,26 @@ def test_an_exchange_of_stability_along_a_path_is_found(x0, points):
     result = cubic("mu*p.x + 0.3*p.x**2 - p.x**3").sweep("mu", np.linspace(2.0, -2.0, points), x0=x0)
     paths = (result, *result.beyond)
     found = [(c.kind, c.branching) for path in paths for c in path.critical]
-    assert sorted(found) == [("divergence", True), ("fold", False)]
+    assert sorted(found) == [("divergence", True), ("divergence", True), ("fold", False)]
     for path in paths:
+        trivial = not np.any(path.reference["p.x"])
         for c in path.critical:
             assert abs(c.value - (-0.0225 if c.kind == "fold" else 0.0)) < 1e-12
-            assert c.unstable == ((1, 0) if c.kind == "divergence" else (-1, int(path.start == 2.0 and x0 < 0.0)))
+            passing = (0, 1) if trivial else (1, 0)
+            assert c.unstable == (passing if c.kind == "divergence" else (-1, int(path.start == 2.0 and x0 < 0.0)))
+
+
+def test_a_path_between_two_branch_points_is_followed_once():
+    """From x = 0, x² = 1 − mu² branches off at mu = −1 and leads back to it at mu = 1."""
+    result = cubic("p.x*(p.x**2 + mu**2 - 1)").sweep("mu", np.linspace(-2.0, 2.0, 9))
+    assert [c.value for c in result.critical] == pytest.approx([-1.0, 1.0])
+    assert [c.branching for c in result.critical] == [True, True]
+    assert len(result.beyond) == 2
+    for path in result.beyond:
+        assert {c.kind for c in path.critical} <= {"branch point"}
+        np.testing.assert_allclose(path.reference["p.x"] ** 2, 1.0 - path.values**2, atol=1e-9)
+        assert set(path.unstable.tolist()) == {1}
+    assert result.beyond[0].reference["p.x"][1] == -result.beyond[1].reference["p.x"][1]
 
 
 @pytest.mark.long

@@ -54,13 +54,10 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
     lines += ["", *_path(result, label, factor)]
     for n, path in enumerate(result.beyond, 2):
         assert path.start is not None
-        turn = f"{result.parameter} = {number(path.start / factor, 6)}"
-        lines += [
-            "",
-            f"path {n}, beyond the turn at {turn}, {counted(len(path.values), 'point')}",
-            "",
-            *_path(path, label, factor),
-        ]
+        turns = [c.value for earlier in (result, *result.beyond[: n - 2]) for c in earlier.critical if c.kind == "fold"]
+        place = "beyond the turn" if path.start in turns else "from the branch point"
+        place += f" at {result.parameter} = {number(_rounded(path.start, result) / factor, 6)}"
+        lines += ["", f"path {n}, {place}, {counted(len(path.values), 'point')}", "", *_path(path, label, factor)]
     if result.orders:
         lines += ["", *_crossings(result, label, factor)]
     return "\n".join(lines).rstrip("\n") + "\n"

@@ -4,7 +4,7 @@ A path is a curve in the space of coordinates, rates and the parameter. From one
 next one is predicted along the tangent and corrected by Newton's method perpendicular to it
 (pseudo-arclength continuation; Keller 1977), so the path may pass folds. Between two folds
 the parameter is monotonic: such a part is a `Path`, and the others to which it
-leads are those `beyond` it. Where another path crosses, the equations, bordered by the tangent, are
+leads are those `beyond` it, with the paths that cross the first one. Where another path crosses, the equations, bordered by the tangent, are
 singular, and eigenvalues change their sign. Where some do without a crossing in between, the step
 has led to another path, and is repeated with half its length.
 """
@@ -76,8 +76,11 @@ def follow(
     up, down = (curve.traced(sign, further) for sign in (1.0, -1.0))
     main = joined(down[0], up[0])
     beyond = [curve.path(run, run.ends[0][0]) for run in (*up[1:], *down[1:])]
-    for fold in curve.branchings:
-        beyond += curve.switched(fold)
+    known = len(curve.folds), len(curve.crossed)
+    for at in (*curve.branchings, *curve.crossed):
+        # A path that has been followed from one crossing may lead to another one.
+        if not curve.has_reached(at, *known):
+            beyond += curve.switched(at)
     return replace(curve.path(main, start), moved=moved, beyond=tuple(beyond))
 
 
@@ -131,6 +134,8 @@ class _Curve(CurveEquations):
         super().__init__(model, parameter, ends, start, near)
         self.folds: list[Point] = []
         self.branchings: list[Point] = []
+        self.crossed: list[Point] = []
+        self.usual = self.first.least  # of a curve that branches off, too, which begins where equations are singular
 
     def smooth(self, start: float, wanted: float) -> Path | None:
         """Return the path over the whole range if it is smooth, for so many values on it."""
@@ -189,11 +194,11 @@ class _Curve(CurveEquations):
                 return runs[:-1]
             self.folds.append(fold)
             if branches:
-                self.branchings.append(fold)
+                self.branchings.append(replace(fold, right=runs[-2].lead[-2].right))
 
     def _branches(self, fold: Point) -> bool:
         """Return whether another path branches off at a fold."""
-        return fold.least < TOLERANCES.branching_singular_value * self.first.least
+        return fold.least < TOLERANCES.branching_singular_value * self.usual
 
     @property
     def spent(self) -> bool:
@@ -357,7 +362,7 @@ class _Curve(CurveEquations):
         Return False if a sign changes without a crossing: the points lie on different paths.
         """
         low, high = before, after
-        clear = 10.0 * TOLERANCES.crossing_distance * min(self.first.least, max(before.least, after.least))
+        clear = 10.0 * TOLERANCES.crossing_distance * min(self.usual, max(before.least, after.least))
         for _ in range(TOLERANCES.points_between_folds):
             if self.spent:
                 return False
@@ -391,6 +396,7 @@ class _Curve(CurveEquations):
         if min(at.p - self.low, self.high - at.p) <= TOLERANCES.crossing_distance**2 * self.width:
             return True  # whether it lies within the range is rounding
         run.crossings.append(at.p)
+        self.crossed.append(at)
         for pair in ((before, at), (at, after)):
             halves: list[Point] = []
             for _ in range(TOLERANCES.fold_halvings):
@@ -438,33 +444,44 @@ class _Curve(CurveEquations):
             return None
         return found[0]
 
-    def switched(self, fold: Point) -> list[Path]:
-        """Return the parts of the other path through a fold of this one."""
+    def switched(self, at: Point) -> list[Path]:
+        """Return the parts of the other path through a place where one branches off or crosses.
+
+        The right null space of the point is that of a point beside it.
+        """
         if self.spent:
             return []
-        _, G = self._equations(fold.q, fold.c, fold.p)
+        _, G = self._equations(at.q, at.c, at.p)
         null = np.linalg.svd(self._along_rows(G))[2][self.rank - 1 :].T
-        aside = null @ null[-1]
-        aside -= fold.tangent * (fold.tangent @ aside)
-        size = float(np.linalg.norm(aside))
-        if size < TOLERANCES.branch_step:
-            return []
-        runs: list[list[Run]] = []
+        aside = np.linalg.svd(null - at.right @ (at.right.T @ null))[0][:, 0]
+        aside -= at.tangent * (at.tangent @ aside)
+        aside /= np.linalg.norm(aside)
+        halves, further = list[Run](), list[Run]()
+        known = len(self.folds), len(self.crossed)
         for sign in (1.0, -1.0):
-            found = self._corrected(fold, sign * TOLERANCES.branch_step * aside / size, aside / size)
+            start = replace(at, tangent=sign * aside)
+            found = self._corrected(start, TOLERANCES.branch_step * start.tangent, aside)
             if found is None or not self.low <= found[0].p <= self.high:
                 continue
             other = copy(self)
-            point = found[0]
-            other.first = replace(point, tangent=point.tangent * np.copysign(1.0, point.tangent @ aside * sign))
-            other.branchings = []
-            runs.append(other.traced(1.0 if other.first.rise >= 0.0 else -1.0))
-        if not runs:
-            return []
-        main = joined(runs[1][0], runs[0][0]) if len(runs) == 2 else runs[0][0]
-        main.crossings += [fold.p] if len(runs) == 2 else []
-        paths = [self.path(main, fold.p)]
-        return paths + [self.path(run, run.ends[0][0]) for part in runs for run in part[1:]]
+            other.first, other.branchings = found[0], []
+            run, *behind = other.traced(1.0 if other.first.rise >= 0.0 else -1.0)
+            halves.append(replace(run, points=[start, *run.points]))
+            further += behind
+            if self.has_reached(at, *known):
+                break  # a closed curve
+        sides = [half.points[1].p - at.p for half in halves]
+        if len(halves) == 2 and sides[0] * sides[1] < 0.0:  # one path that crosses
+            halves = [joined(halves[sides[0] > 0.0], halves[sides[0] < 0.0])]
+            halves[0].crossings.append(at.p)
+        else:
+            halves = [replace(half, ends=[(at.p, PathEnd.BRANCHES), *half.ends]) for half in halves]
+        return [*(self.path(half, at.p) for half in halves), *(self.path(run, run.ends[0][0]) for run in further)]
+
+    def has_reached(self, at: Point, folds: int, crossed: int) -> bool:
+        """Return whether paths turn or cross at a place, besides those at so many folds and crossings found first."""
+        found = (*self.folds[folds:], *self.crossed[crossed:])
+        return any(np.max(np.abs(self._between(at, x))) < TOLERANCES.crossing_distance for x in found)
 
     def _fold(self, at: Point, length: float) -> Point | None:
         """Return the fold that is less than a length ahead."""
@@ -472,10 +489,17 @@ class _Curve(CurveEquations):
 
         def rise(distance: float) -> float:
             if distance not in found:
-                corrected = self._corrected(at, distance * at.tangent, at.tangent)
-                if corrected is None:
+                before, after = (
+                    max(d for d in found if d < distance),
+                    min((d for d in found if d > distance), default=0.0),
+                )
+                if after:
+                    point = self._inside(found[before], found[after], (distance - before) / (after - before))
+                else:
+                    point = (self._corrected(at, distance * at.tangent, at.tangent) or (None,))[0]
+                if point is None:
                     return float("nan")
-                found[distance] = corrected[0]
+                found[distance] = point
             rise = found[distance].rise
             return rise if abs(rise) > TOLERANCES.path_turning_slope else 0.0
 

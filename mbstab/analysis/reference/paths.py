@@ -95,7 +95,8 @@ class Path:
     moved : str
         Why it was not followed from the requested value.
     beyond : tuple of Path
-        Paths to which it leads through folds: first from its upper end, then from its lower end.
+        Paths to which it leads through folds: first from its upper end, then from its lower end. Then those that cross
+        it or branch off, and what these lead to.
     surface : Surface or None
         The solutions at all values in between, if they are smooth.
     growing : dict

@@ -108,8 +108,8 @@ class Sweep(Answer):
     moved : str
         Why they were not followed from the first value.
     beyond : tuple of Sweep
-        Sweeps along the paths to which the equilibria lead through folds: each from one fold to the next
-        or to an end of the range, at those values that lie in between.
+        Sweeps along the paths to which the equilibria lead through folds and branch points: each from one of these to
+        the next or to an end of the range, at those values that lie in between.
     words : ndarray of int8, shape (points,)
         Numbers of the verdicts among `mbstab.analysis.verdict.rule.WORDS`; `verdicts` has them in words.
     warnings : tuple of str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -94,15 +94,9 @@ def shown_names(result: Sweep, asked: Sequence[str]) -> tuple[list[str], int]:
     if not chosen and any(np.any(np.isfinite(x)) for x in columns.values()):
         raise UsageError(
             f"--plot path: no coordinate of the reference depends on {result.parameter}\n"
-            f"hint: {_beside(result)}--coordinate draws one all the same; --plot map shows the eigenvalues"
+            "hint: --coordinate draws one all the same; --plot map shows the eigenvalues"
         )
     return chosen, left
-
-
-def _beside(result: Sweep) -> str:
-    """Return how another path is drawn, if one crosses that which was followed."""
-    branching = any(c.branching for c in result.critical)
-    return "another path branches off at its branch point: it is followed from a guess: on it; " if branching else ""
 
 
 def _is_parameter(x: Array, values: Array) -> bool:
@@ -187,11 +181,10 @@ def _pieces(result: Sweep, curves: SweepCurves, factor: float, names: Sequence[s
     """Return the parts of all paths, and around the folds between them what joins them."""
     paths = list(zip((result, *result.beyond), (curves, *curves.others), strict=True))
     found = [piece for path, own in paths for piece in _along(path, own, factor, names)]
-    for later in result.beyond:
-        for earlier in (result, *result.beyond):
-            turns = [c.value for c in earlier.critical if c.kind == "fold"]
-            if earlier is not later and later.start in turns and later.start is not None:
-                found += _around(earlier, later, later.start / factor, factor, names)
+    for earlier, later in combinations((result, *result.beyond), 2):
+        ends = [c.value for c in earlier.critical if c.kind in ("fold", "branch point")] + [earlier.start]
+        if later.start is not None and later.start in ends:
+            found += _around(earlier, later, later.start / factor, factor, names)
     return found
 
 
@@ -247,7 +240,10 @@ def _smooth(x: Array, y: Array, at: Array) -> Array:
 
 
 def _around(earlier: Sweep, later: Sweep, fold: float, factor: float, names: Sequence[str]) -> list[_Piece]:
-    """Return what joins two paths at a fold: over the root of the distance from it, solutions are smooth."""
+    """Return what joins two paths on the same side of a fold, or of the place where both branch off from another one.
+
+    Over the root of the distance from it, solutions are smooth.
+    """
     sides, states = [], []
     for path in (earlier, later):
         x, columns, _ = _columns(path, factor, names)
@@ -256,6 +252,8 @@ def _around(earlier: Sweep, later: Sweep, fold: float, factor: float, names: Seq
         ends = slice(None, 2) if abs(x[0] - fold) < abs(x[-1] - fold) else slice(-1, -3, -1)
         sides.append((x[ends], {name: column[ends] for name, column in columns.items()}))
         states.append(int(np.sign(path.unstable[np.argmin(np.abs(path.values - factor * x[ends][0]))])))
+        if np.any((x - fold) * (sides[0][0][0] - fold) < 0.0):
+            return []
     sign = np.sign(sides[0][0][0] - fold)
     roots = np.concatenate([side * np.sqrt(np.abs(x - fold)) for side, (x, _) in zip((-1.0, 1.0), sides, strict=True)])
     found = []

@@ -57,7 +57,7 @@ class SweepCurves:
     unsure : list of (float, float)
         The ends of a range in which branches may be mistaken for each other.
     others : list of SweepCurves
-        The paths beyond the turns of the first one.
+        The paths beyond the turns of the first one, and those that branch off.
     """
 
     def __init__(self, result: Sweep, label: Axis, turned: bool = True, folds: Sequence[float] = ()) -> None:
@@ -74,8 +74,10 @@ class SweepCurves:
         self.size = float(np.max(finite, initial=0.0)) or 1.0
         self.ink = _inks(branches)
         self.named = {name: ink for name, ink in zip(result.names, self.ink, strict=False) if name}
-        turns = (c.value for path in (result, *result.beyond) for c in path.critical if c.kind == "fold")
-        folds = folds or list(dict.fromkeys(turns))
+        turns = [c.value for path in (result, *result.beyond) for c in path.critical if c.kind == "fold"]
+        folds = folds or list(
+            dict.fromkeys([*turns, *(path.start for path in result.beyond if path.start is not None)])
+        )
         growing = _growing(branches, self.unstable)
         self.unsure: list[tuple[float, float]] = []
         if result.detail is not None:
