@@ -179,8 +179,8 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     ``frequency`` in rad/s, ``branch`` from 1, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches, with
     orders: ``forward``, ``backward``, ``mixed``, ``changing``, null where nothing whirls), ``reference`` (where the
     file asks to find it, lists of its coordinates in m and rad by name, and of its rates as ``rate(…)``; else empty),
-    ``outputs`` (the outputs of the file there, lists by name) and ``beyond``: for each path beyond a fold or branch point, an object
-    with the same keys from ``values`` on.
+    ``outputs`` (the outputs of the file there, lists by name) and ``beyond``: for each path beyond a fold or branch
+    point, an object with the same keys from ``values`` on.
 
     An ``enclosure`` is null unless proofs are asked for: ``midpoint`` and ``radius`` as decimal texts, in the unit of
     the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why
@@ -251,10 +251,10 @@ def sweep_csv(result: Sweep, unit: str, factor: float) -> str:
     """Return one line per value: the value, the number of unstable eigenvalues, the verdict, the branches, the path.
 
     The heads of branches with names contain these. Coordinates and rates of a reference that is found follow the
-    branches, and then the outputs of the file there. Paths count from 1; those beyond folds and branch points come after the first. The
-    last column says why there is no answer, ``undecided`` where the verdict is open, and ``ok`` otherwise. Where proofs
-    are requested, a line for each critical value follows those of its path; its last column begins with ``critical``
-    and says what is proven.
+    branches, and then the outputs of the file there. Paths count from 1; those beyond folds and branch points come
+    after the first. The last column says why there is no answer, ``undecided`` where the verdict is open, and ``ok``
+    otherwise. Where proofs are requested, a line for each critical value follows those of its path; its last column
+    begins with ``critical`` and says what is proven.
     """
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)

@@ -4,9 +4,10 @@ A path is a curve in the space of coordinates, rates and the parameter. From one
 next one is predicted along the tangent and corrected by Newton's method perpendicular to it
 (pseudo-arclength continuation; Keller 1977), so the path may pass folds. Between two folds
 the parameter is monotonic: such a part is a `Path`, and the others to which it
-leads are those `beyond` it, with the paths that cross the first one. Where another path crosses, the equations, bordered by the tangent, are
-singular, and eigenvalues change their sign. Where some do without a crossing in between, the step
-has led to another path, and is repeated with half its length.
+leads are those `beyond` it, with the paths that cross the first one. Where another path
+crosses, the equations, bordered by the tangent, are singular, and eigenvalues change their sign.
+Where some do without a crossing in between, the step has led to another path, and is repeated
+with half its length.
 """
 
 from __future__ import annotations
