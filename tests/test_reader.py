@@ -451,6 +451,7 @@ BAD: dict[str, tuple[str, str]] = {
     "time in a mass": (mass("1 + »t"), "the time t cannot be used here"),
     "coordinate in a mass": (mass("»p.x"), "coordinates such as 'p.x' cannot be used here"),
     "rate in a mass": (mass("»rate(p.x)"), r"rate\(...\) cannot be used here"),
+    "speed in a mass": (mass("»vx(p)"), r"speeds such as 'vx\(p\)' cannot be used here"),
     "expression over two lines": (mass("»a +\n  b"), "unknown parameter 'b'"),
     # units
     "unknown unit": (ONE + "parameters: {a: {value: 1, unit: kg*»metre}}", "unknown unit 'metre'"),

@@ -5,6 +5,7 @@ import signal
 import pytest
 from click.testing import CliRunner
 
+from mbstab.analysis.simulate.run import _Leg
 from mbstab.cli import main
 
 
@@ -36,6 +37,23 @@ def test_exit_codes_tell_by_which_signal_a_command_was_stopped(monkeypatch, plac
     monkeypatch.setattr(place, lambda *_, **__: signal.raise_signal(number))
     assert CliRunner().invoke(main, arguments).exit_code == 128 + number
     assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize(("runs", "size"), [(1, "is not known"), (2, "as estimated")])
+def test_a_motion_that_was_followed_to_its_end_did_not_end_early(monkeypatch, runs, size):
+    """It is stopped while another run reduces the error."""
+    follow, left = _Leg.follow, list(range(runs))
+    monkeypatch.setattr(
+        _Leg, "follow", lambda *x: (left.pop(), follow(*x)) if left else signal.raise_signal(signal.SIGINT)
+    )
+    result = CliRunner().invoke(
+        main, ["simulate", "pendulum.yaml", "--perturb", "rod.theta=1", "--to", "3", "--tol", "1e-13"]
+    )
+    assert result.exit_code == 130
+    assert "stopped before its error was reduced to the tolerance" in result.stderr
+    assert size in result.stderr
+    assert "ended early" not in result.output
+    assert "time          0 to 3 s" in result.stdout
 
 
 def test_an_ignored_signal_stays_ignored(monkeypatch):

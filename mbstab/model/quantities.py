@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 
 from mbstab.errors import alternatives, nearest, suggestion
-from mbstab.mechanics.measures import MEASURES, is_measure, parts
+from mbstab.mechanics.measures import MEASURES, is_measure, is_speed, parts
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import Expression, ExpressionError, Node, filled_in
@@ -114,7 +114,8 @@ class QuantityReader:
             raise ExpressionError(f"unknown parameter {name!r}", at, self._meant(name, time, expression.text[at:]))
         for name, at in expression.rates().items():
             if not state:
-                raise ExpressionError("rate(...) cannot be used here", at, self._moving_elsewhere(name))
+                what = f"speeds such as {name!r}" if is_speed(name) else "rate(...)"
+                raise ExpressionError(f"{what} cannot be used here", at, self._moving_elsewhere(name))
             self._check_coordinate(name, at, state)
 
     def _meant(self, name: str, time: bool, text: str) -> str:

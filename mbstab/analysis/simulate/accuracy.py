@@ -147,7 +147,8 @@ class Work:
     def _better(self, before: Run, run: Run) -> Run:
         """Return the run to keep after an early end: if stopped by the user, a complete run with a larger error."""
         if run.interrupted:
-            self.warnings.append("stopped while the error was being reduced: its size is not known")
+            size = "is not known" if math.isnan(self.estimate) else f"is {self.estimate:.2e} as estimated"
+            self.warnings.append(f"stopped while the error was being reduced: its size {size}")
             return replace(before, interrupted=True)
         return run
 

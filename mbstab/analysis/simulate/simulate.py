@@ -86,15 +86,15 @@ def simulate(
     follower.settle(run)
     if not run.stretches:
         raise SimulationError(run.failure or "stopped before anything was found", None)
-    result = _result(begin, follower, work, run, settings)
+    result = _result(begin, follower, work, run, settings, last)
     if not run.complete:
-        raise SimulationError(_reason(run, result, last), result)
+        raise SimulationError(_reason(run, result), result)
     return result
 
 
-def _reason(run: Run, result: Simulation, last: float) -> str:
+def _reason(run: Run, result: Simulation) -> str:
     """Return why a motion ended early, and what is kept of it."""
-    if run.interrupted and run.reached >= last:
+    if result.complete:
         return "stopped before its error was reduced to the tolerance\nthe motion is kept as it was found before"
     reason = run.failure or f"stopped at t = {run.reached:.9g} s"
     return f"{reason}\nthe part until t = {result.times[-1]:.9g} s is kept" if len(result.times) else reason
@@ -134,8 +134,10 @@ def _check_memory(system: System, points: int) -> None:
         )
 
 
-def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: SimulationSettings) -> Simulation:
-    """Return the simulation of a run."""
+def _result(
+    begin: Start, follower: Follower, work: Work, run: Run, settings: SimulationSettings, last: float
+) -> Simulation:
+    """Return the simulation of a run; it is complete if it reaches the last time."""
     system, record, track = follower.system, Record.of(run.stretches), Track.of(run.stretches)
     times, work_done = (np.concatenate([getattr(x, name) for x in run.stretches]) for name in ("times", "work"))
     count = len(record.q)
@@ -190,6 +192,6 @@ def _result(begin: Start, follower: Follower, work: Work, run: Run, settings: Si
             *bumps(system, times[:count], record.q, record.u, work.step or work.longest),
             *beyond_half_turn(system.scene, times[:count], record.motions),
         ),
-        complete=run.complete,
+        complete=not run.failure and count == len(times) and run.reached >= last,
         failure=run.failure,
     )

@@ -151,7 +151,7 @@ def simulate(
     result, stopped = _run(mechanism, run)
     _write(result, output, model, full)
     _draw(result, pictures, paths, model)
-    if movie is not None and not (result.complete or result.failure):
+    if movie is not None and stopped is not None and not result.failure:
         note("not animated, as the simulation was stopped")
     elif movie is not None:
         movie.write_motion(mechanism.system(), result, model.title)
