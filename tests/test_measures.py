@@ -8,6 +8,7 @@ from mbstab.cli.commands.schema import section_text
 from mbstab.errors import ModelFileError
 from mbstab.mechanics.measures import MEASURES
 from mbstab.model.expressions import ExpressionError, parse
+from mbstab.model.measures import unit_of_output
 
 BODIES = {
     2: """\
@@ -305,3 +306,31 @@ def test_measures_are_read_like_names():
     assert parse("2*angle(pivot) + vx(a.p)").rates() == {"vx(a.p)": 17}
     with pytest.raises(ExpressionError):
         parse("angle(pivot")
+
+
+def test_units_of_outputs_that_are_made_of_several_things():
+    text = """
+mbstab: 1
+parameters: {k: {value: 1, unit: N*m}, c: {value: 1, unit: N/m}}
+bodies: {a: {type: planar, mass: 1, inertia: 1}}
+joints: {j: {type: revolute, between: [a, ground]}}
+forces:
+  s: {type: joint_spring, joint: j, stiffness: 1, damping: 0.1}
+  e: {type: expression, on: {vx(a): -c*x(a)}}
+outputs:
+  sum: angle(j) + angle(j)
+  less: -angle(j)
+  between: angle(j) - a.theta
+  rates: rate(angle(j)) + rate(a.theta)
+  ratio: angle(j)/a.theta
+  torque: effort(s)
+  torques: effort(s) + k
+  force: effort(e)
+  power: effort(s)*rate(angle(j))
+"""
+    model = mbstab.loads(text).model
+    units = {name: unit_of_output(model, x) for name, x in model.outputs.items()}
+    assert units == {
+        "sum": "rad", "less": "rad", "between": "rad", "rates": "rad/s", "ratio": "1", "torque": "N*m",
+        "torques": "N*m", "force": "N", "power": "W",
+    }  # fmt: skip

@@ -18,6 +18,7 @@ from mbstab.model.schema import (
     constant,
     owner_of_point,
 )
+from mbstab.model.turns import count, counted_by
 from mbstab.model.units import UNKNOWN, Known, Moving, dimension_of, moving, parse_unit, per_second, show
 from mbstab.records import dataclass
 
@@ -42,15 +43,33 @@ def unit_of_expression(model: Model, expression: Expression) -> str:
         found = parse_unit(parameter.unit)[1] if parameter.unit else dimension_of(parameter.expression, known)
         # A bare number may be meant in any unit.
         known[name] = UNKNOWN if isinstance(found, str) else found
+    counted = {name: counted_by(parameter.unit) for name, parameter in model.parameters.items()}
     for name in {*expression.names(), *expression.rates()} - known.keys() - {"t"}:
         # A speed such as vx(point) counts as the rate of itself.
         if unit := Measurement.of(name).unit_in(model).removesuffix("/s"):
-            known[name] = moving(unit)
+            known[name], counted[name] = moving(unit), counted_by(unit)
     try:
         whole = dimension_of(expression, known)
     except ExpressionError:
         return ""
-    return "" if isinstance(whole, str) else show(whole.dimension if isinstance(whole, Moving) else whole)
+    if isinstance(whole, str):
+        return ""
+    unit = show(whole.dimension if isinstance(whole, Moving) else whole)
+    angle = unit.partition("/")[0] == "1" and count(expression, counted).radians == 1
+    return unit.replace("1", "rad", 1) if angle else unit
+
+
+def unit_of_effort(model: Model, entry: Entry) -> str:
+    """Return the unit of what an entry does along one motion: of a torque along angles, else of a force."""
+    values, along = entry.values, "m"
+    if entry.load is not None:
+        along = Measurement.of(entry.load[0]).unit_in(model)
+    elif "joint" in values:
+        motions = model.entries["joints"][str(values["joint"])].kind.motions
+        along = MEASURES[str(values.get("motion") or motions[0])].unit
+    elif "coordinate" in values:
+        along = model.unit_of(str(values["coordinate"]))
+    return effort_unit(along)
 
 
 def unit_of_output(model: Model, expression: Expression) -> str:
@@ -100,9 +119,12 @@ class Measurement:
         return Measurement(order, kind, (owner or axis,), axis if owner else "")
 
     def unit_in(self, model: Model) -> str:
-        """Return its SI unit; empty for efforts, which are forces or torques."""
+        """Return its SI unit."""
         if self.kind == "effort":
-            return ""
+            entries = (
+                x for section in model.entries.values() for name, x in section.items() if name == self.arguments[0]
+            )
+            return next(unit_of_effort(model, entry) for entry in entries if entry.has_effort)
         if self.kind == "coordinate":
             return model.unit_of(self.arguments[0], self.order)
         return per_second(MEASURES[self.kind].unit, self.order)

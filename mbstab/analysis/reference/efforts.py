@@ -15,9 +15,8 @@ from mbstab.compiler.system import Array, System
 from mbstab.mechanics.catalogue import GROUND, Effort, Item, Marker
 from mbstab.model.arithmetic import array_arithmetic
 from mbstab.model.expressions import Expression
-from mbstab.model.measures import Measurement, effort_unit
+from mbstab.model.measures import unit_of_effort
 from mbstab.model.scene import ItemValues, Scene
-from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
 
@@ -200,15 +199,13 @@ def efforts(at: Placement, nu: Array, times: Any) -> list[Acted]:
         if item.kind.effort is None:
             assert item.entry.load is not None
             along, expression = item.entry.load
-            size, where = (
-                at.value(expression, times),
-                (in_words(along), effort_unit(Measurement.of(along).unit_in(at.system.scene.model))),
-            )
+            size, where = at.value(expression, times), in_words(along)
         else:
             effort = item.kind.effort(item)
             size = _of_row(at, item, effort, nu, times) if effort.driven else _of_law(at, effort, times)
-            where = _along(at.system.scene.model, item.entry.values, effort)
-        found.append(Acted(item.entry.called, *where, np.array(np.broadcast_to(size, at.q.shape[:-1]))))
+            where = _along(item.entry.values, effort)
+        unit = unit_of_effort(at.system.scene.model, item.entry)
+        found.append(Acted(item.entry.called, where, unit, np.array(np.broadcast_to(size, at.q.shape[:-1]))))
     return found
 
 
@@ -218,16 +215,15 @@ def in_words(measure: str) -> str:
     return f"{kind} of {name!r}" if kind in MOTION_UNITS else measure
 
 
-def _along(model: Model, given: Mapping[str, Any], effort: Effort) -> tuple[str, str]:
-    """Return a motion in words, and the unit of an effort along it."""
+def _along(given: Mapping[str, Any], effort: Effort) -> str:
+    """Return a motion in words."""
     if effort.motion == "coordinate":
-        name = str(given["coordinate"])
-        return name, effort_unit(model.unit_of(name))
+        return str(given["coordinate"])
     if effort.motion == "point":
-        return f"place of {given['at'].body!r}", "N"
+        return f"place of {given['at'].body!r}"
     if effort.motion == "distance":
-        return "distance of its ends", "N"
-    return in_words(motion_name(effort.motion, effort.of.name)), effort_unit(MOTION_UNITS[effort.motion])
+        return "distance of its ends"
+    return in_words(motion_name(effort.motion, effort.of.name))
 
 
 def _of_law(at: Placement, effort: Effort, times: Any) -> Any:

@@ -21,7 +21,7 @@ from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name
 from mbstab.analysis.simulate.result import Simulation
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, alternatives, suggestion
-from mbstab.model.measures import Measurement, effort_unit, unit_of_output
+from mbstab.model.measures import unit_of_effort, unit_of_output
 from mbstab.model.schema import Entry, Model
 from mbstab.records import dataclass
 from mbstab.report.pictures.curves import INK, THIN, decimated, thinned
@@ -228,7 +228,7 @@ def _of_effort(model: Model, name: str) -> list[Quantity]:
             f"effort({name}): there are several called {name!r}, in drives and forces\n"
             "hint: give one of them another name"
         )
-    unit = _effort_unit(model, found[owners[0]])
+    unit = unit_of_effort(model, found[owners[0]]).replace("*", "·")
     return [Quantity(f"effort({name})", unit, lambda sim: _effort(sim, owners[0]))]
 
 
@@ -236,18 +236,6 @@ def _with_efforts(model: Model) -> list[Entry]:
     """Return the drives and forces of a model that act along one motion."""
     entries = (entry for section in ("drives", "forces") for entry in model.entries.get(section, {}).values())
     return [entry for entry in entries if entry.has_effort]
-
-
-def _effort_unit(model: Model, entry: Entry) -> str:
-    """Return the unit of an effort: that of a torque along angles, else of a force."""
-    values, along = entry.values, "m"
-    if entry.load is not None:
-        along = Measurement.of(entry.load[0]).unit_in(model)
-    elif "joint" in values:
-        along = MOTION_UNITS[str(values.get("motion") or model.entries["joints"][str(values["joint"])].kind.motions[0])]
-    elif "coordinate" in values:
-        along = model.unit_of(str(values["coordinate"]))
-    return effort_unit(along).replace("*", "·")
 
 
 def _effort(sim: Simulation, owner: str) -> Array:
