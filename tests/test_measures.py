@@ -332,5 +332,5 @@ outputs:
     units = {name: unit_of_output(model, x) for name, x in model.outputs.items()}
     assert units == {
         "sum": "rad", "less": "rad", "between": "rad", "rates": "rad/s", "ratio": "1", "torque": "N*m",
-        "torques": "N*m", "force": "N", "power": "W",
+        "torques": "N*m", "force": "N", "power": "N*m/s",
     }  # fmt: skip
