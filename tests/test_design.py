@@ -82,6 +82,27 @@ def test_an_optimum_is_as_good_as_a_grid(seed):
     assert best >= grid - 0.01 * abs(grid), ended
 
 
+def test_eigenvalues_that_do_not_limit_are_not_listed():
+    """Rates of 0.01 and 0.015 beside frequencies of 100, and one far away that is fast."""
+    text = """
+mbstab: 1
+parameters: {p: 0.02}
+bodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 1}}
+forces:
+  f:
+    type: expression
+    on:
+      a.x: -1e4*a.x - p*rate(a.x)
+      a.y: -8e3*a.y - 0.02*rate(a.y)
+      b.x: -1e8*b.x - 1e4*rate(b.x)
+      b.y: -9*b.y - 2*rate(b.y)
+"""
+    found = loads(text).design({"p": (0.0, 0.03)}, "decay")
+    assert found.best == pytest.approx(0.01)
+    assert [x.value.imag for x in found.active if x.value.real < -0.0101] == []
+    assert math.sqrt(8e3) in [pytest.approx(x.value.imag, rel=1e-6) for x in found.active]
+
+
 ABSORBER = """
 mbstab: 1
 parameters: {mu: 0.1, f: 0.8, z: 0.1}

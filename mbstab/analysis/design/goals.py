@@ -295,10 +295,17 @@ class Margin:
             found += [(float(margins[i]), float(sizes[i]), local, i, place) for i in range(len(margins))]
         worst = min((x[0] for x in found), default=0.0)
         scale = max((x[1] for x in found if x[0] == worst), default=0.0)
+        limit = worst + TOLERANCES.active * abs(worst) + TOLERANCES.rounding * scale
+        # Those that meet part like a root: next to the optimum they are apart by more.
+        apart = worst + TOLERANCES.active * scale
         return [
-            Active(complex(local.values[i]), place, _meets(local, i))
+            Active(complex(local.values[i]), place, meets)
             for margin, _, local, i, place in found
-            if local.values[i].imag >= 0.0 and (margin <= worst + TOLERANCES.active * scale or _slow(local, i))
+            if local.values[i].imag >= 0.0
+            and (
+                margin <= (apart if (meets := _meets(local, i)) else limit)
+                or (self.kind == "damping" and _slow(local, i))
+            )
         ]
 
 

@@ -50,7 +50,8 @@ class Tolerances:
     at_bound: Final = 1e-6
     """A parameter is at the end of its range within this fraction of it."""
     active: Final = 1e-3
-    """An eigenvalue limits the goal if it is within this fraction of the largest size of those that do."""
+    """An eigenvalue limits the goal if its margin is the smallest within this fraction, or within this fraction of its
+    size if it meets another one."""
 
     # Boxes and ranges
     grid: Final = (41, 11, 7)
