@@ -439,3 +439,31 @@ def test_tables_say_which_rows_they_leave_out(tmp_path):
     lines = run(*words, "--from", "10", "--to", "36", "--points", "27").stdout.splitlines()
     assert [line.split()[0] for line in lines if line.strip()[:1].isdigit()] == [*map(str, range(10, 35, 3)), "36"]
     assert "of 27 speeds the first of each 3 and the last are shown; --format csv has all" in lines
+
+
+BESIDE = """
+mbstab: 1
+parameters: {Omega: {value: 30, unit: rad/s}, d: 0}
+ground: {points: {upper: [0, 0, 0.1], lower: [0, 0, -0.2]}}
+bodies:
+  disk:
+    type: spatial
+    mass: 2
+    inertia: [0.02, 0.02, 0.03]
+    center_of_mass: [0, 0, d]
+    points: {upper: [0, 0, 0.1], lower: [0, 0, -0.2], axis: [0, 0, 0.07], rim: [0.06, -0.08, 0.07]}
+forces:
+  b1: {type: rotor_bearing, between: [disk.upper, ground.upper], kxx: 1e3, kyy: 2500, cxx: 8, cyy: 12, kxy: 90}
+  b2: {type: rotor_bearing, between: [disk.lower, ground.lower], kxx: 1500, kyy: 2500, cxx: 8, cyy: 24}
+constraints: {stay: {holonomic: disk.z}}
+drives: {spin: {type: coordinate, coordinate: disk.psi, velocity: Omega}}
+outputs: {x: x(disk.upper), tilt: disk.theta}
+reference: {rates: {disk: {psi: Omega}}}
+"""
+
+
+@pytest.mark.parametrize("d", [0.0, 0.05])
+def test_of_a_point_beside_the_spin_axis_its_foot_counts(d):
+    mechanism, speeds = mbstab.loads(BESIDE).at(d=d), np.array([10.0, 29.0, 80.0])
+    found = [mechanism.unbalance({f"disk.{point}": 1e-4j}, "Omega", speeds).values for point in ("axis", "rim")]
+    np.testing.assert_allclose(*found, rtol=1e-12)

@@ -246,6 +246,8 @@ class Tolerances:
     """… have a principal part that is larger than this part of them."""
     peak_places: Final = 17
     """Largest amplitudes are looked for at so many speeds between those asked for, …"""
+    on_axis: Final = 1e-9
+    """A point is on the spin axis if it is nearer than this fraction of the size of the scene."""
     peak_speed: Final = 1e-7
     """… and their speeds are found to this fraction, …"""
     peak_steps: Final = 30

@@ -1,9 +1,10 @@
 """Unbalance responses of rotors: how outputs answer to small masses beside the spin axis.
 
 A mass m at the distance e from the axis turns with the spin Ω and acts as the force m e Ω² (e₁ cos Ωt + e₂ sin Ωt) at
-a point of the body. e₁ is the ground axis that follows the one nearest to the spin (x for a spin about z), made
-perpendicular to it; e₁, e₂ and the spin are right-handed. An output with the transfer functions G₁ and G₂ from forces
-along e₁ and e₂ is then Re(z exp(iΩt)), z = Ω² Σ m e exp(iφ) (G₁(iΩ) - i G₂(iΩ)), where an unbalance leads e₁ by φ.
+a point of the body; the force passes through the spin axis, so of a point beside it the foot on the axis counts. e₁ is
+the ground axis that follows the one nearest to the spin (x for a spin about z), made perpendicular to it; e₁, e₂ and
+the spin are right-handed. An output with the transfer functions G₁ and G₂ from forces along e₁ and e₂ is then
+Re(z exp(iΩt)), z = Ω² Σ m e exp(iφ) (G₁(iΩ) - i G₂(iΩ)), where an unbalance leads e₁ by φ.
 """
 
 from __future__ import annotations
@@ -389,8 +390,10 @@ def _forced(model: Model, unbalances: Mapping[str, complex], parameter: str, spe
         body = list(model.bodies).index(name)
         points = model.bodies[name].values["points"] if point else {}
         at = evaluator.vector(points[point]) if point else (0.0,) * model.dimension
-        for k, direction in enumerate(_directions(_axis(plain, motion, body, parameter, speed)), start=1):
-            use = ElementUse("ground_force", (body,), at, tuple(direction[: model.dimension]))
+        axis = _axis(plain, motion, body, parameter, speed)
+        at = _foot(plain, motion, body, np.array(at, dtype=float), speed * axis)
+        for k, direction in enumerate(_directions(axis), start=1):
+            use = ElementUse("ground_force", (body,), tuple(at), tuple(direction[: model.dimension]))
             kind = Kind("force", "", (2, 3), (), lambda item, use=use: (use,))  # type: ignore[misc]
             own = f"unbalance of {place} along e{k}"  # which no input of a file can be called
             inputs[own] = Entry("inputs", own, kind, {}, model.reference.location, {})
@@ -401,6 +404,20 @@ def _forced(model: Model, unbalances: Mapping[str, complex], parameter: str, spe
             "rest\nhint: leave out reference: steady: where the rotor and its bearings are round"
         )
     return unreduced(linear)
+
+
+def _foot(system: System, motion: Motion, body: int, at: Array, spin: Array) -> Array:
+    """Return the foot of a point on the axis about which a body turns, in axes of the body."""
+    d = len(at)
+    turned = Attitudes.of(system).orientations(system, motion.q)[body]
+    places = np.arange(d) + system.body_slices[body].start
+    arm, velocity = np.zeros(3), np.zeros(3)
+    arm[:d], velocity[:d] = turned @ at, motion.u[places]
+    velocity += np.cross(spin, arm)
+    beside = -np.cross(spin, velocity) / (spin @ spin)
+    if np.max(np.abs(beside)) <= TOLERANCES.on_axis * np.max(motion.sizes[places]):
+        return at
+    return np.asarray(at - turned.T @ beside[:d])
 
 
 def _directions(axis: Array) -> tuple[Array, Array]:
