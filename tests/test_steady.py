@@ -985,3 +985,30 @@ reference: {find: steady, TIMEsteady: {axis: z, rate: 10}, guess: {arm: {x: 1, y
     ):
         mbstab.loads(text.replace("TIME", "")).motion()
     assert mbstab.loads(text.replace("TIME", "time: 2, ")).motion().u[5] == pytest.approx(10.0, rel=1e-12)
+
+
+STATIONS = """
+mbstab: 1
+parameters: {W: 30}
+bodies:
+  one: {type: spatial, mass: 1, inertia: [0.01, 0.01, 0.02]}
+  two: {type: spatial, mass: 1, inertia: [0.01, 0.01, 0.02]}
+joints:
+  a: {type: revolute, between: [one, ground], axis: z}
+  b: {type: revolute, between: [two, {body: ground, point: [0, 0, 1]}], axis: z}
+forces:
+  shaft: {type: expression, on: {one.psi: 50*(two.psi - one.psi), two.psi: 50*(one.psi - two.psi) - 0.1*rate(two.psi)}}
+drives: {spin: {type: coordinate, coordinate: one.psi, velocity: W}}
+reference:
+  find: steady
+  steady: {axis: z, rate: W}
+  coordinates: {one: {psi: 0}, two: {psi: 0, z: 1}}
+"""
+
+
+def test_a_given_angle_that_keeps_torques_from_balancing_is_named():
+    """The drag twists the shaft by 0.1·30/50."""
+    with pytest.raises(ModelFileError, match=r"hint: put two\.psi under reference\.guess"):
+        mbstab.loads(STATIONS).eig()
+    (found,) = mbstab.loads(STATIONS.replace("two: {psi: 0, z: 1}}", "two: {z: 1}}")).equilibria()
+    assert found.motion.q[-1] == pytest.approx(-0.06, rel=1e-12)

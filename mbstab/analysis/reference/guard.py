@@ -203,6 +203,9 @@ def _asymmetric(system: System, motion: Motion, variation: float, obstacle: Mbst
     )
     hint = "correct reference.steady, or give the period of the motion, or ask for frozen-time numbers with --frozen"
     reference = scene.model.reference
+    held = [name for name, u in zip(system.names, generator.spins, strict=True) if u and name in scene.coordinates]
+    if reference.find is not None and held:
+        hint = f"put {' and '.join(held[:6])} under reference.guess: given coordinates hold against forces; or {hint}"
     place = reference.location if reference.steady is None else reference.steady.location
     return ModelFileError([scene.model.document.problem(place, "reference.steady", message, hint)])
 
