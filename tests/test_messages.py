@@ -691,6 +691,11 @@ def test_a_sweep_that_is_undecided_everywhere_says_what_tells_more(first, last, 
     answer = CliRunner().invoke(main, [*arguments, "--plot", "none"])
     assert answer.exit_code == 0, answer.stderr
     assert ("hint: mbstab eig with --set omega=6.5 says what is open there" in answer.stdout) == told
+    arguments += ["--param", "m", "--from", "1", "--to", "2", "--points", "3"]
+    answer = CliRunner().invoke(main, [*arguments, "--plot", "none"])
+    assert answer.exit_code == 0, answer.stderr
+    hint = " ".join(answer.stdout.split())
+    assert ("mbstab eig with --set omega=6.5 --set m=1.5 says what is open there" in hint) == told
 
 
 FALLING = """

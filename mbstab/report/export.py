@@ -176,11 +176,11 @@ def sweep_data(result: Sweep, unit: str, factor: float, model: str, title: str) 
     counting from 0, ``reason``),
     ``warnings``, ``names`` (of the branches, null for those without), ``start`` (from where equilibria were followed,
     null if they are given), ``orders``, ``crossings`` (of frequencies with these: ``value``, ``order``,
-    ``frequency`` in rad/s, ``branch`` from 1, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches, with
-    orders: ``forward``, ``backward``, ``mixed``, ``changing``, null where nothing whirls), ``reference`` (where the
-    file asks to find it, lists of its coordinates in m and rad by name, and of its rates as ``rate(…)``; else empty),
-    ``outputs`` (the outputs of the file there, lists by name) and ``beyond``: for each path beyond a fold or branch
-    point, an object with the same keys from ``values`` on.
+    ``frequency`` in rad/s, ``branch`` from 1, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches:
+    ``forward``, ``backward``, ``mixed``, ``changing``, null where nothing whirls; null as a whole without orders),
+    ``reference`` (where the file asks to find it, lists of its coordinates in m and rad by name, and of its rates as
+    ``rate(…)``; else empty), ``outputs`` (the outputs of the file there, lists by name) and ``beyond``: for each path
+    beyond a fold or branch point, an object with the same keys from ``values`` on.
 
     An ``enclosure`` is null unless proofs are asked for: ``midpoint`` and ``radius`` as decimal texts, in the unit of
     the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why
@@ -235,7 +235,7 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
             }
             for c in result.crossings
         ],
-        "whirls": [word or None for word in result.whirls] or [None] * result.branches.shape[1],
+        "whirls": [word or None for word in result.whirls] if result.orders else None,
         "reference": result.reference,
         "outputs": result.outputs,
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from itertools import groupby, pairwise
 from textwrap import wrap
@@ -208,10 +208,14 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
         points = counted(len(result.values) - len(result.problems), "point")
         lines += wrap(f"(as {points} show: what is narrower than their distance may be missed)", width())
     if set(result.words.tolist()) == {WORDS.index(UNDECIDED)} and not result.problems:
-        middle = number(float(result.values[len(result.values) // 2]) / factor, 6)
-        hint = f"hint: mbstab eig with --set {result.parameter}={middle} says what is open there"
-        lines += ["", *wrap(hint, width=width(), break_on_hyphens=False)]
+        lines += ["", *_open_hint({result.parameter: (result.values, factor)})]
     return lines
+
+
+def _open_hint(along: Mapping[str, tuple[Array, float]]) -> list[str]:
+    """Return how to learn why no point is decided; given the values (SI) of each parameter and its unit."""
+    middle = (f"--set {name}={number(float(x[len(x) // 2]) / unit, 6)}" for name, (x, unit) in along.items())
+    return wrap(f"hint: mbstab eig with {' '.join(middle)} says what is open there", width(), break_on_hyphens=False)
 
 
 def _located(result: Sweep, run: _Run) -> str:
@@ -314,6 +318,9 @@ def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -
     lines.append(f"{counted(len(result.boundaries), 'boundary curve')}")
     for text in _edges(result, labels):
         lines += wrap(text, width=width())
+    if set(words[~unanswered].tolist()) == {WORDS.index(UNDECIDED)}:
+        (one, other), (x, y) = result.parameters, (result.x, result.y)
+        lines += _open_hint({one: (x, labels[0][1]), other: (y, labels[1][1])})
     return "\n".join(lines) + "\n"
 
 
