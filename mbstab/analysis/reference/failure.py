@@ -12,7 +12,7 @@ from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.reference.assembly import unclosed, unit_of_row
 from mbstab.analysis.reference.equations import State
-from mbstab.analysis.reference.imbalance import force_change, rate_rounding
+from mbstab.analysis.reference.imbalance import force_change, force_rounding, rate_rounding
 from mbstab.analysis.reference.motion import Finder
 from mbstab.analysis.reference.newton import Search, Stalled
 from mbstab.analysis.reference.refusals import inertias_too_far_apart, turns_and_degrees
@@ -35,11 +35,13 @@ def excess(search: Search, at: State) -> Array:
     system, energy, sizes = search.system, search.balance.energy, search.sizes
     left = np.abs(at.residual[: system.n_q]) * energy
     transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
-    loads = (system.loads(at.q, at.u, at.a) + transmitted) * sizes
-    # Where all loads vanish, the forces are only the effect of rounded coordinates.
-    rounding = TOLERANCES.coordinate_rounding * force_change(system, (at.q, at.u, at.a, at.nu), sizes, sizes)
-    least = min(max(rounding, TOLERANCES.imbalance_of_scene * energy), TOLERANCES.residual * energy)
-    found: Array = left / np.maximum(TOLERANCES.residual * loads + least, 1e-300)
+    allowed = TOLERANCES.residual * (system.loads(at.q, at.u, at.a) + transmitted) * sizes
+    if np.any(left > allowed):
+        # Where all loads vanish, the forces are only the effect of rounded coordinates and data.
+        state = at.q, at.u, at.a, at.nu
+        rounding = TOLERANCES.coordinate_rounding * force_change(system, state, sizes, sizes)
+        allowed += np.minimum(np.maximum(rounding, force_rounding(system, state) * sizes), TOLERANCES.residual * energy)
+    found: Array = left / np.maximum(allowed, 1e-300)
     return found
 
 
@@ -63,7 +65,7 @@ def undetermined(search: Search, at: State) -> tuple[Array, float]:
     work = (loose.T @ at.residual[:n]) * energy
     transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
     loads = TOLERANCES.residual * (system.loads(at.q, at.u, at.a) + transmitted) * sizes
-    loads += TOLERANCES.imbalance_of_scene * energy
+    loads += force_rounding(system, (at.q, at.u, at.a, at.nu)) * sizes
     K, R, _ = system.linearize(at.q, at.u, at.a, at.nu)
     change = np.abs((loose.T * sizes) @ K) @ sizes + np.abs((loose.T * sizes) @ R) @ np.abs(at.u)
     allowed = np.abs(loose.T) @ loads + TOLERANCES.coordinate_rounding * change

@@ -52,6 +52,24 @@ def rate_rounding(system: System, q: Array, u: Array, time: float | None = None)
     return found
 
 
+def force_rounding(system: System, at: tuple[Array, Array, Array, Array], time: float | None = None) -> Array:
+    """Return the errors of the unbalanced forces at q, u, a and ν, as `rate_rounding` does for rates, shape (n_q,).
+
+    Zero where they have no bound.
+    """
+    q, u, a, nu = at
+    rough = rounded_system(system)
+    places, speeds = (with_errors(x, UNIT * np.abs(x)) for x in (q, u))
+    try:
+        state = rough.dynamics(places, speeds, time)
+    except FAILURES:
+        return np.zeros(system.n_q)
+    F0, M, J = (errors_of(x) for x in (state.F0, state.M, state.J))
+    with np.errstate(invalid="ignore"):
+        found = F0 + M @ np.abs(a) + J.T @ np.abs(nu)
+    return np.where(np.isfinite(found), found, 0.0)
+
+
 def carrying(system: System, motion_at: tuple[Array, Array], time: float | None, sizes: Array) -> Array:
     """Return how much the rates of the rows change over the size of the scene, shape (…, n_c).
 

@@ -20,8 +20,6 @@ class Tolerances:
     """
     coordinate_rounding: Final = 100.0 * EPS
     """Accuracy of coordinates, relative to the sizes in the scene."""
-    imbalance_of_scene: Final = 1e-13
-    """Unbalanced forces whose work over the size of the scene is less than this part of its energy are rounding."""
     contradiction: Final = 1e-7
     """Accelerations satisfy redundant rows that agree to this, relative to the largest of what they must balance."""
     curvature_of_dependent_rows: Final = 1e-7
