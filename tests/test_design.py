@@ -82,6 +82,20 @@ def test_an_optimum_is_as_good_as_a_grid(seed):
     assert best >= grid - 0.01 * abs(grid), ended
 
 
+def test_the_damping_of_what_stays_unstable_is_not_its_growth():
+    """Growth p + 0.1 at a frequency of 100 and 0.1 (1 − p) at 1: least at p = 0, the ratio where both are equal."""
+    text = """
+mbstab: 1
+parameters: {p: 0.2}
+bodies: {a: {type: planar_point, mass: 1}}
+forces:
+  f: {type: expression, on: {a.x: -1e4*a.x + 2*(p + 0.1)*rate(a.x), a.y: -a.y + 0.2*(1 - p)*rate(a.y)}}
+"""
+    found = loads(text).design({"p": (0.0, 1.0)}, "damping")
+    # (p + 0.1)/100 = 0.1*(1 - p)
+    assert found.values["p"] == pytest.approx(9.9 / 11.0, rel=1e-4)
+
+
 def test_eigenvalues_that_do_not_limit_are_not_listed():
     """Rates of 0.01 and 0.015 beside frequencies of 100, and one far away that is fast."""
     text = """

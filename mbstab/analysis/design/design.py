@@ -112,10 +112,7 @@ def design(model: Model, task: Task, progress: Callable[[float], object] = lambd
     first = goal.worst(given)[0] if isinstance(goal, Margin) else float(goal.values(given[None])[0])
     interval = _interval(goal, given)
     found = _stable(plant, cube, task, start, float(goal.values(start[None])[0]), others, progress)
-    value = float(goal.values(found.x[None])[0])
-    if found.ended != STOPPED and (
-        task.goal == "decay" or value > (goal.rounding if task.goal == "damping" else -np.inf)
-    ):
+    if found.ended != STOPPED and (task.goal != "range" or float(goal.values(found.x[None])[0]) > -np.inf):
         best = search(goal, found.x, task.limits.steps - found.steps, task.limits.least, progress)
         found = replace(best, steps=found.steps + best.steps)
     return _checked(model, task, cube, goal, found, (before, first, interval))
