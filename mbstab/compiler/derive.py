@@ -26,7 +26,7 @@ from typing import Any, Protocol
 
 from mbstab.compiler.tape import Tape, Term
 from mbstab.mechanics.bodies import TENSOR_SIZE
-from mbstab.mechanics.catalogue import COORDINATES, Element, Load
+from mbstab.mechanics.catalogue import COORDINATES, DIMENSIONS, Element, Load
 from mbstab.mechanics.frames import Column, Frame, combined
 from mbstab.records import dataclass
 
@@ -52,8 +52,7 @@ class Derived:
 
 def parameter_sizes(element: Element, frame: str) -> list[tuple[str, int]]:
     """Return names and sizes of the parameters of an element in a frame."""
-    dimension = {"planar": 2, "spatial": 3}.get(frame, 0)
-    sizes = {0: dimension, TENSOR_SIZE: 1 if dimension == 2 else 6}
+    sizes = {0: DIMENSIONS[frame], TENSOR_SIZE: 1 if frame == "planar" else 6}
     return [(name, sizes.get(size, size)) for name, size in element.parameters]
 
 
@@ -63,7 +62,7 @@ class Given(Protocol):
     Attributes
     ----------
     coordinates : int
-        How many coordinates they contain; their names are q0, q1, …, those of their rates u0, ….
+        How many coordinates and measures they contain; their names are q0, q1, …, those of their rates u0, ….
     numbers : int
         How many numbers; their names are p0, p1, ….
     """
@@ -88,7 +87,7 @@ def derive(element: Element, frame: str, given: Given | None = None) -> Derived:
         the time its given functions.
     """
     tape = Tape()
-    kinds = [*[frame] * element.slots, *["coordinate"] * element.states]
+    kinds = element.slot_kinds(frame)
     names = [[f"{name}{number}" for name in COORDINATES[kind]] for number, kind in enumerate(kinds, 1)]
     q = [name for own in names for name in own]
     u, a = ([f"{name}_{dots}" for name in q] for dots in ("t", "tt"))
@@ -115,12 +114,7 @@ def derive(element: Element, frame: str, given: Given | None = None) -> Derived:
 
     def defined(at_rest: bool = False) -> Any:
         frames = [
-            motion.frame(
-                own,
-                {"planar": 2, "spatial": 3}.get(kind, 0),
-                rotations[i] if kind == "spatial" else [],
-                at_rest,
-            )
+            motion.frame(own, DIMENSIONS[kind], rotations[i] if kind == "spatial" else [], at_rest)
             for i, (kind, own) in enumerate(zip(kinds, names, strict=True))
         ]
         return element.define(frames, p, Column(map(tape.input, signals[: element.signals])))
@@ -133,6 +127,10 @@ def derive(element: Element, frame: str, given: Given | None = None) -> Derived:
     ):
         raise ValueError("what has a potential has no parameters that change with the motion")
     derived = differentiate(tape, element.role, definition, motion, a, signals, parameters)
+    if element.measured:
+        rates, first = derived.linearize_rows, {key: derived.dynamics[key] for key in "EVJ"}
+        linearize = {**first, "K": derived.linearize["K"], "V_q": rates["V_q"]}
+        return replace(derived, linearize=linearize, linearize_rows={**derived.dynamics, **rates})
     # Derived last: the text of the other functions depends on the order of their steps.
     if element.role == "inertia":
         return replace(derived, potential=_potential(-defined(at_rest=True)))
@@ -152,10 +150,6 @@ class Moving:
     q, u : list of Term
     along, by_speed : list of dict
         Rates of terms where one coordinate, or one speed, changes with the rate 1.
-    drift : dict
-        Rates of terms along the motion, without accelerations, where they are more than those of `along` say.
-    seen : list of str
-        Inputs that kernels of measures give.
     """
 
     def __init__(self, tape: Tape, q: list[str], u: list[str], s: list[str]) -> None:
@@ -163,8 +157,6 @@ class Moving:
         self._changing = [tape.input(name) for name in (*q, *u, *s)]
         self.q, self.u = ([tape.input(name) for name in x] for x in (q, u))
         self.along, self.by_speed = ([{x: tape.term(1)} for x in terms] for terms in (self.q, self.u))
-        self.drift: dict[Term, Term] = {}
-        self.seen: list[str] = []
         self._steps: dict[int, Term] = {}
 
     def frame(self, names: list[str], dimension: int, base: list[Term], at_rest: bool = False) -> Frame:
@@ -183,7 +175,6 @@ class Moving:
         for u, rates in zip(self.u, self.along, strict=True):
             for term, rate in rates.items():
                 found.setdefault(term, []).append(u * rate)
-        found |= {term: [rate] for term, rate in self.drift.items()}
         for acceleration, rates in zip(a, self.by_speed, strict=False):
             for term, rate in rates.items():
                 found.setdefault(term, []).append(acceleration * rate)
@@ -271,8 +262,6 @@ def differentiate(
     """
     inputs = {"q": motion.names, "u": motion.rates, "p": p}
     inputs["s"] = [*s, *(f"{x}_t" for x in s), *(f"{x}_tt" for x in s)]
-    if motion.seen:
-        inputs["m"] = motion.seen
     A, S = ([tape.input(name) for name in names] for names in (a, inputs["s"]))
     signals = dict(zip(S[: 2 * len(s)], S[len(s) :], strict=True))
     total, moving = (tape.tangent(motion.motion(x) | signals) for x in ((), A))

@@ -51,10 +51,6 @@ def _function(name: str, derived: Derived, outputs: dict[str, Entries]) -> list[
     lines = [f"def {name}({', '.join(['f', *arguments])}):"]
     for argument in arguments:
         names = [x if x in used else "_" for x in derived.inputs[argument]]
-        if argument == "m":
-            # Few of them are used, and Python unpacks at most 255 values before a star.
-            lines += [f"    {name} = m[{i}]" for i, name in enumerate(names) if name != "_"]
-            continue
         while names and names[-1] == "_":
             names.pop()
         if names:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Any
@@ -80,6 +80,11 @@ def measured(scene: Scene, used: Container[str]) -> dict[Measured, tuple[Any, ..
         one, numbers = occurring(scene, name, measure)
         found[one] = numbers
     return found
+
+
+def all_coordinates(coordinates: Iterable[str], measures: Iterable[Measured]) -> tuple[str, ...]:
+    """Return coordinates and then those that are in measures only."""
+    return tuple(dict.fromkeys((*coordinates, *(name for x in measures for body in x.bodies for name in body))))
 
 
 def occurring(scene: Scene, name: str, measure: MeasureNumbers) -> tuple[Measured, tuple[Any, ...]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.compiler.scatter import signals_at
-from mbstab.mechanics.catalogue import GROUND, Element, ElementUse
+from mbstab.mechanics.catalogue import COORDINATES, FRAMES, GROUND, Element, ElementUse
 from mbstab.mechanics.elements import ELEMENTS
 from mbstab.mechanics.vectors import plain_zero
 from mbstab.model.arithmetic import FLOAT, KINK, Arithmetic
@@ -179,7 +179,7 @@ def columns_of(use: ElementUse, element: Element, scene: Scene, slices: list[sli
     """Return the coordinate numbers of an element, n_q where one is fixed; `slices` are those of the bodies."""
     if element.on_coordinates:
         return use.slots
-    size = 3 if scene.dimension == 2 else 6
+    size = len(COORDINATES[FRAMES[scene.dimension]])
     columns: list[int] = []
     for body in use.slots[: element.slots]:
         own = range(0) if body == GROUND else range(slices[body].start, slices[body].stop)

@@ -416,6 +416,7 @@ class System:
         self, use: ElementUse, name: str, columns: tuple[int, ...], bases: tuple[Any, ...], rows: Any, path: str
     ) -> Placed:
         """Place an element some of whose numbers change with the motion."""
+        from mbstab.compiler.measured import all_coordinates
         from mbstab.compiler.user import moved_kernel
 
         moved = {i: x for i, x in enumerate(use.parameters) if isinstance(x, Moved)}
@@ -426,13 +427,14 @@ class System:
         kernel = moved_kernel(name, frame, places, coordinates, parameters, tuple(measures))
         own = (x for i, x in enumerate(use.parameters) if i not in moved)
         numbers = (*bases, *own, *self._numbers(parameters, measures))
-        more = (self.names.index(x) for x in coordinates)
+        more = (self.names.index(x) for x in all_coordinates(coordinates, measures))
         positive = dict.fromkeys(x.expression.path.removeprefix(f"{path}.") for x in moved.values() if x.positive)
         return Placed(kernel, (*columns, *more), rows, numbers, (*use.laws, _TIME), False, path, 0, tuple(positive))
 
     def _place_expressions(
         self, equations: dict[str, Expression], entry: Entry, role: str, rows: tuple[int, ...]
     ) -> Placed:
+        from mbstab.compiler.measured import all_coordinates
         from mbstab.compiler.user import user_kernel
 
         number = {name: i for i, name in enumerate(self.names)}
@@ -440,19 +442,18 @@ class System:
         coordinates, parameters, measures = self._contents(equations.values(), acted)
         expressions = tuple(map(self.scene.rationals.settled, equations.values()))
         kernel = user_kernel(role, expressions, acted, coordinates, parameters, tuple(measures))
-        columns = tuple(number[name] for name in coordinates)
+        columns = tuple(number[name] for name in all_coordinates(coordinates, measures))
         values = self._numbers(parameters, measures)
         return Placed(kernel, columns, rows, values, (_TIME,), False, entry.path, len(parameters))
 
     def _contents(
         self, expressions: Iterable[Expression], acted: tuple[str, ...] = ()
     ) -> tuple[tuple[str, ...], tuple[str, ...], dict[Measured, tuple[Any, ...]]]:
-        """Return the coordinates, parameters and measures in expressions, and those that are acted on."""
+        """Return what is written in expressions: coordinates, also those acted on, parameters and measures."""
         from mbstab.compiler.measured import measured
 
         used = {name for e in expressions for name in (*e.names(), *e.rates())} | set(acted)
         measures = measured(self.scene, used) if self.scene.measures else {}
-        used.update(name for measure in measures for body in measure.bodies for name in body)
         coordinates = tuple(name for name in self.names if name in used)
         return coordinates, tuple(name for name in self.scene.parameters if name in used), measures
 

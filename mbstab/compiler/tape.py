@@ -114,6 +114,8 @@ class Term:
         return self.tape.product((self, self.tape.term(other)))
 
     def __truediv__(self, other: Any) -> Term:
+        if isinstance(other, int):
+            return Term(self.tape, _over(self.coefficient, other), self.step)
         return self.tape.product((self, self.tape.power(self.tape.term(other), self.tape.term(-1))))
 
     def __pow__(self, exponent: int) -> Term:
@@ -400,13 +402,6 @@ class Tape:
             self._norms[term.step] = inside
         return term
 
-    def norm(self, square: Term, smaller: Iterable[Term]) -> Term:
-        """Return the root of a square, and know of terms that they vanish with it at least as fast."""
-        root = self.call("sqrt", square)
-        if self.shares:
-            self._norms[root.step] = frozenset(x.step for x in smaller)
-        return root
-
     def arithmetic(self) -> Arithmetic:
         """Return the arithmetic of terms, to write expressions on the tape."""
         pi = self.literal("pi")
@@ -491,12 +486,16 @@ class Tape:
         known = {name.step: rate / name.coefficient for name, rate in rates.items() if name.step != ONE}
         mask = self._mask(name for name in rates if isinstance(self.steps[name.step], Input))
 
+        zero = self.term(0)
+
         def derivative(term: Term) -> Term:
+            if not self._depends[term.step] & mask:
+                return zero
             for step in self._below([term.step], mask, known):
                 known[step] = self.sum(
                     partial * known[used] for used, partial in self.partials(step) if self._depends[used] & mask
                 )
-            return term.coefficient * known[term.step] if self._depends[term.step] & mask else self.term(0)
+            return term.coefficient * known[term.step]
 
         return derivative
 

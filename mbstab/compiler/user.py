@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import lru_cache
+from itertools import accumulate
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from mbstab.compiler.measure_kernels import MeasureKernel
-from mbstab.compiler.measured import Measured
+from mbstab.compiler.measure_kernels import MeasureKernel, carried
+from mbstab.compiler.measured import Measured, all_coordinates
 from mbstab.model.expressions import Expression, ExpressionError, Node
 
 if TYPE_CHECKING:
@@ -35,10 +36,11 @@ def user_kernel(
     rows : tuple of str
         Coordinates on which the generalized forces act (forces only).
     coordinates, parameters : tuple of str
-        The names that occur; the kernel takes their values in this order. The time is its
+        The names that are written; the kernel takes their values in this order. The time is its
         one given function.
     measures : tuple of Measured
-        The measures that occur; base rotations and numbers of each follow the parameters.
+        The measures that occur; base rotations and numbers of each follow the parameters, and coordinates that only
+        they contain those that are written.
     """
     return _kernel(role, tuple(e.root for e in expressions), rows, coordinates, parameters, measures)
 
@@ -64,7 +66,7 @@ def _kernel(
     if role == "force":
         definition = Load(power=((definition, [rates[name] for name in rows]),))
     p = [f"p{i}" for i in range(contents.numbers)]
-    return _module("user", differentiate(tape, role, definition, motion, a, ["s1"], p), contents.measures)
+    return _module("user", differentiate(tape, role, definition, motion, a, ["s1"], p), contents)
 
 
 @lru_cache(maxsize=256)
@@ -88,37 +90,46 @@ def moved_kernel(
         As in `user_kernel`; they follow those of the element.
     """
     from mbstab.compiler.derive import derive
+    from mbstab.mechanics.catalogue import COORDINATES
     from mbstab.mechanics.elements import ELEMENTS
 
-    contents = Contents(coordinates, parameters, measures)
-    return _module(name, derive(ELEMENTS[name], frame, _Moved(contents, moved)), contents.measures)
+    element = ELEMENTS[name]
+    contents = Contents(coordinates, parameters, measures, sum(len(COORDINATES[x]) for x in element.slot_kinds(frame)))
+    return _module(name, derive(element, frame, _Moved(contents, moved)), contents)
 
 
 class Contents:
-    """What expressions contain, as inputs of a kernel: q0 … and u0 … the coordinates and rates, p0 … the numbers."""
+    """What expressions contain, as inputs of a kernel: coordinates and measures q0 …, rates u0 …, numbers p0 …."""
 
     def __init__(
-        self, coordinates: tuple[str, ...], parameters: tuple[str, ...], measures: tuple[Measured, ...]
+        self,
+        coordinates: tuple[str, ...],
+        parameters: tuple[str, ...],
+        measures: tuple[Measured, ...],
+        before: int = 0,
     ) -> None:
-        self._coordinates, self._parameters = coordinates, parameters
-        self.coordinates = len(coordinates)
-        self.numbers = len(parameters) + sum(x.size for x in measures)
-        number = {name: i for i, name in enumerate(coordinates)}
-        place, self.measures = len(parameters), list[MeasureKernel]()
-        for k, measure in enumerate(measures):
-            self.measures.append(MeasureKernel(measure, f"m{k}_", number, place - self.numbers))
-            place += measure.size
+        self._names, self._parameters = (*coordinates, *(x.name for x in measures)), parameters
+        self.coordinates, self.numbers = len(self._names), len(parameters)
+        number = {name: i for i, name in enumerate(all_coordinates(coordinates, measures), before)}
+        place = accumulate((x.size for x in measures), initial=-sum(x.size for x in measures))
+        self.measures = [MeasureKernel(x, number, i) for x, i in zip(measures, place, strict=False)]
+        self.first = before + len(coordinates)
+        """Number of the first measure among all coordinates of a kernel, which are `before` more."""
 
     def on(self, motion: Moving, time: str, roots: Iterable[Node]) -> tuple[Any, dict[str, Term]]:
         """Return expressions on the tape of a motion, and the rates of the coordinates and measures."""
         tape = motion.tape
-        inputs = {name: f"q{i}" for i, name in enumerate(self._coordinates)}
-        inputs |= {name: f"p{i}" for i, name in enumerate(self._parameters)} | {"t": time}
-        names = {name: tape.input(symbol) for name, symbol in inputs.items()}
-        rates = {name: tape.input(f"u{i}") for i, name in enumerate(self._coordinates)}
+        names = {name: tape.input(f"p{i}") for i, name in enumerate(self._parameters)} | {"t": tape.input(time)}
+        names |= {name: tape.input(f"q{i}") for i, name in enumerate(self._names)}
+        rates = {name: tape.input(f"u{i}") for i, name in enumerate(self._names)}
+        for i, measure in enumerate(self.measures, self.first):
+            name = measure.name
+            if measure.kind.speed:
+                names[name], motion.along[i] = rates[name], {}
+            elif measure.kind.root:
+                motion.along[i] = {names[name]: 1 / names[name]}
+                rates[name] /= names[name]
         f = tape.arithmetic()
-        for measure in self.measures:
-            names[measure.name], rates[measure.name] = measure.on(motion)
         found = []
         for root in roots:
             try:
@@ -147,27 +158,14 @@ class _Moved:
         return terms
 
 
-def _module(name: str, derived: Derived, measures: list[MeasureKernel]) -> ModuleType:
+def _module(name: str, derived: Derived, contents: Contents) -> ModuleType:
     """Return a kernel made of what was derived, and of the kernels of the measures in it."""
     from mbstab.compiler.emit import emit
 
-    module: dict[str, Any] = {}
-    # The text is safe: it was generated from the parsed terms, not taken from the file.
-    exec(compile(emit(derived, "expressions of a model file"), "<user kernel>", "exec"), module)
-    functions = [key for key in ("dynamics", "linearize", "linearize_rows") if key in module]
+    for i, measure in enumerate(contents.measures, contents.first):
+        if measure.kind.root and (i, i) in derived.linearize["K"]:
+            derived.linearize["K"][i, i] *= derived.tape.input(derived.inputs["q"][i])
     kernel = ModuleType(name)
-    for key in functions:
-        run = _seeing(key, module[key], measures) if measures else module[key]
-        vars(kernel).update({key: run, key.upper(): module[key.upper()]})
-    return kernel
-
-
-def _seeing(function: str, run: Callable[..., Any], measures: list[MeasureKernel]) -> Callable[..., Any]:
-    """Return a function of a kernel that takes what measures give."""
-
-    def with_measures(f: Any, q: Any, u: Any, p: Any, s: Any, *last: Any) -> Any:
-        a = last[0] if function == "linearize_rows" else None
-        seen = [x for measure in measures for x in measure.values(f, function, q, u, p, a)]
-        return run(f, q, u, p, s, seen, *last)
-
-    return with_measures
+    # The text is safe: it was generated from the parsed terms, not taken from the file.
+    exec(compile(emit(derived, "expressions of a model file"), "<user kernel>", "exec"), vars(kernel))
+    return carried(kernel, contents.measures, contents.first) if contents.measures else kernel

@@ -29,6 +29,12 @@ COORDINATES: dict[str, tuple[str, ...]] = {
 }
 """Coordinates of a slot of an element: a body of a planar or spatial scene, or any one coordinate."""
 
+FRAMES = {2: "planar", 3: "spatial"}
+"""Slots of the bodies of a scene, by its dimension."""
+
+DIMENSIONS = {"coordinate": 0, **{frame: dimension for dimension, frame in FRAMES.items()}}
+"""The number of coordinates of a slot that are those of a place."""
+
 GROUND = -1
 
 Sign = Literal["any", "positive", "nonnegative", "nonzero"]
@@ -69,6 +75,8 @@ class Element:
         What to do where it has no finite equations.
     states : int
         Number of first-order states it contains; each is a slot after those of the bodies.
+    measured : bool
+        Whether its row is a measure: a function of its kernel gives all that the same one of expressions takes of it.
     """
 
     name: str
@@ -82,6 +90,11 @@ class Element:
     residual: str = "the residual"
     hint: str = ""
     states: int = 0
+    measured: bool = False
+
+    def slot_kinds(self, frame: str) -> list[str]:
+        """Return the kinds of all its slots in a frame, keys of `COORDINATES`."""
+        return [*[frame] * self.slots, *["coordinate"] * self.states]
 
     @property
     def on_coordinates(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from mbstab.mechanics.catalogue import Element, Kind
+from mbstab.mechanics.catalogue import FRAMES, Element, Kind
 from mbstab.mechanics.gathered import Gathered
 
 _MODULES = "bodies joints contacts drives forces bearings tyres creep gears measures"
@@ -30,7 +30,7 @@ ELEMENTS: Gathered[str, Element] = Gathered(__package__, _MODULES, _by_kernel)
 def kernel_name(element: str, dimension: int) -> str:
     """Return the key of an element in scenes of a dimension, by its name without the frame."""
     frames = _FRAMES[element]
-    return f"{'coordinate' if 'coordinate' in frames else 'planar' if dimension == 2 else 'spatial'}_{element}"
+    return f"{'coordinate' if 'coordinate' in frames else FRAMES[dimension]}_{element}"
 
 
 def _by_type(module: ModuleType) -> dict[tuple[str, int], Kind]:

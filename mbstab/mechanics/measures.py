@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Literal
 
-from mbstab.mechanics.catalogue import Element, Role
+from mbstab.mechanics.catalogue import FRAMES, Element, Role
 from mbstab.mechanics.frames import Frame
 from mbstab.records import dataclass
 
@@ -54,11 +54,11 @@ class Measure:
     def elements(self, name: str) -> Iterable[Element]:
         """Return the elements whose only row is the formula, by which expressions are derived."""
         for dimension in self.dimensions:
-            frame, count = ("planar", "spatial")[dimension - 2], self.numbers[dimension - 2]
+            frame, count = FRAMES[dimension], self.numbers[dimension - 2]
             role: Role = "nonholonomic" if self.speed else "holonomic"
             parameters = (("numbers", count),) if count else ()
             slots = 2 if self.arguments == ("joint",) else len(self.arguments)
-            yield Element(f"measure_{name}", role, (frame,), slots, parameters, self._row, units=("1",))
+            yield Element(f"measure_{name}", role, (frame,), slots, parameters, self._row, units=("1",), measured=True)
 
     def _row(self, frames: Sequence[Frame], p: Any, s: Any) -> list[Any]:
         assert self.formula is not None
