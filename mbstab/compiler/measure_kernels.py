@@ -72,7 +72,7 @@ class MeasureKernel:
         identity = [one if k % 4 == 0 else zero for k in range(9)]
         numbers = [identity[k % 9] if i is None else p[i] for k, i in enumerate(self._numbers)]
         q, u, *last = ([zero if i is None else x[i] for i in self._columns] for x in (q, u, a) if x is not None)
-        last = [(one,)] if function == "linearize" else last
+        last = [[one]] if function == "linearize" else last
         found = self.named(function, getattr(self._kernel, function)(f, q, u, numbers, (), *last), zero)
         if self.kind.root:
             found["E"][()] = f.sqrt(found["E"][()] + found["E"][()])

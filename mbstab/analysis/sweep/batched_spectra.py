@@ -27,7 +27,7 @@ from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.steady import Family, spinning_columns
 from mbstab.analysis.spectrum.exactly import Exactly
 from mbstab.analysis.sweep.batched_equations import Equations, Pattern
-from mbstab.analysis.sweep.batched_structure import Known
+from mbstab.analysis.sweep.batched_structure import Known, coefficients
 from mbstab.analysis.sweep.batched_verdict import (
     AXIS,
     NAMES,
@@ -217,6 +217,7 @@ class _Work:
         self.problems: dict[int, str] = {}
         self.found: list[Part] = []
         self.linearized: dict[int, Linearization] = {}
+        self.numbers: list[tuple[Index, list[Any]]] = []
 
     def scene(self, index: Index | int) -> Scene:
         """Return the scene at some points, or at one."""
@@ -232,6 +233,7 @@ class _Work:
             covered = self.path.covers(self.values)
             self.problems |= self.evaluator.missing(self.values, pending[~covered])
             pending = pending[covered]
+        self.numbers = self._numbers(pending)
         for pattern in list(self.evaluator.patterns):
             pending = pending[~self._fitting(pattern, pending)]
         lonely, number = 0, 0
@@ -249,18 +251,28 @@ class _Work:
 
     def _fitting(self, pattern: Pattern, pending: Index) -> Flags:
         """Compute points with a pattern; return which of them fit it."""
-        done = np.zeros(len(pending), dtype=bool)
-        if not len(pending):
-            return done
-        block = max(64, TOLERANCES.block_entries // pattern.linear.M.size)
-        cancellation = self._cancellation(pattern, pending)
+        alike = np.zeros(self.points, dtype=bool)
+        for index, numbers in self.numbers:
+            alike[index] = pattern.known.same_signs(numbers)
+        done = alike[pending]
+        alike_ones = pending[done]
+        cancellation = self._cancellation(pattern, alike_ones) if len(alike_ones) else None
         if cancellation is None:
-            return done
-        for start in range(0, len(pending), block):
+            return np.zeros(len(pending), dtype=bool)
+        block, fits = max(64, TOLERANCES.block_entries // pattern.linear.M.size), []
+        for start in range(0, len(alike_ones), block):
             part = slice(start, start + block)
-            done[part] = self._block(pattern, pending[part], cancellation.at(part))
+            fits.append(self._block(pattern, alike_ones[part], cancellation.at(part)))
             self.progress(1.0 - (len(pending) - start) / self.points)
+        done[done] = np.concatenate(fits)
         return done
+
+    def _numbers(self, index: Index) -> list[tuple[Index, list[Any]]]:
+        """Return numbers and coefficients of points, in groups; those that are out of range are in none."""
+        with contextlib.suppress(MbstabError):
+            return [(index, coefficients(System(self.scene(index))))] if len(index) else []
+        half = len(index) // 2
+        return [*self._numbers(index[:half]), *self._numbers(index[half:])] if half else []
 
     # --- what is checked at some points, or decided one by one ------------------------------------------------------
 
@@ -537,26 +549,13 @@ class _Work:
 
     def _block(self, pattern: Pattern, index: Index, cancellation: Cancellation) -> Flags:
         """Compute points of a pattern together; return which of them fit it."""
-        if not len(index):
-            return np.zeros(0, dtype=bool)
-        try:
-            scene = self.scene(index)
-            alike = pattern.known.same_signs(System(scene))
-        except MbstabError:  # some of them are out of range
-            if len(index) == 1:
-                return np.zeros(1, dtype=bool)
-            half = len(index) // 2
-            parts = (slice(0, half), slice(half, None))
-            return np.concatenate([self._block(pattern, index[x], cancellation.at(x)) for x in parts])
-        if not np.any(alike):
-            return np.zeros(len(index), dtype=bool)
         with np.errstate(all="ignore"):
             try:
-                good, points = self._equations(pattern, index, scene).linearized(cancellation)
+                good, points = self._equations(pattern, index, self.scene(index)).linearized(cancellation)
                 separation = pattern.known.separated(points)
                 for x in self.values.values():
                     good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= VERDICT.number_lost))
-                good = good & separation.good & alike & pattern.known.keeps_energy(points)
+                good = good & separation.good & pattern.known.keeps_energy(points)
                 found = judged(pattern.known, points, separation)
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)

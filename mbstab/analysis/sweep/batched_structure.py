@@ -316,10 +316,9 @@ class Known:
         """The numbers at the point and their error bounds, as `coefficients`."""
         return [value_and_error(x) for x in coefficients(rounded_system(self.grounds.linear.system))]
 
-    def same_signs(self, system: System) -> Flags:
-        """Return where all numbers have the signs that they have at the point, as far as rounding lets them be told."""
+    def same_signs(self, numbers: list[Any]) -> Flags:
+        """Return where all `coefficients` have the signs that they have at the point, as far as rounding shows them."""
         result: Flags = np.ones(1, dtype=bool)
-        numbers = list(coefficients(system))
         if len(numbers) != len(self.numbers):  # a number that is zero leaves an element out
             return ~result
         for x, (own, error) in zip(numbers, self.numbers, strict=True):

@@ -7,13 +7,13 @@ an edge passes through a third region, the grid gets more lines, and so on until
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.arrays import Flags, Index
 from mbstab.analysis.reference.paths import Sheet
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.batched_verdict import RIGHT, settled
@@ -147,22 +147,56 @@ def _located(
     a, b = ends[:, :2], ends[:, 2:]
     first = np.array([grid.settled[i, j] for _, i, j in edges])
     last = np.array([grid.settled[i + (axis == 1), j + (axis == 0)] for axis, i, j in edges])
-    low, high = np.zeros(len(edges)), np.ones(len(edges))
-    crossed: Flags = np.zeros(len(edges), dtype=bool)
     kind = _signatures(evaluator.near({names[0]: a[:, 0], names[1]: a[:, 1]}, count), unplaced)
-    for _ in range(TOLERANCES.edge_halvings):
-        middle = 0.5 * (low + high)
-        at = a + middle[:, None] * (b - a)
-        found = evaluator.near({names[0]: at[:, 0], names[1]: at[:, 1]}, count)
+
+    def told(found: Spectra, of: Index) -> tuple[Flags, Flags]:
         numbers = settled(found.sides, found.words, unplaced)
-        crossed |= (numbers >= 0) & (numbers != first) & (numbers != last)
         # Near the boundary, where bounds do not decide, the functions that vanish on it do.
         hidden = np.flatnonzero(numbers < 0)
-        same = numbers == first
-        same[hidden] = np.all(_signatures(found, unplaced, hidden) == kind[hidden], axis=1)
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    points = a + (0.5 * (low + high))[:, None] * (b - a)
+        same = numbers == first[of]
+        same[hidden] = np.all(_signatures(found, unplaced, hidden) == kind[of[hidden]], axis=1)
+        return same, (numbers >= 0) & (numbers != first[of]) & (numbers != last[of])
+
+    points, crossed = _bisected(evaluator, names, (a, b), count, told)
     return list(zip(points, crossed.tolist(), strict=True))
+
+
+def _bisected(
+    evaluator: Evaluator,
+    names: tuple[str, str],
+    ends: tuple[Array, Array],
+    count: int,
+    told: Callable[[Spectra, Index], tuple[Flags, Flags]],
+) -> tuple[Array, Flags]:
+    """Return points between ends by bisection, and whether something was met on the way, each of shape (edges, …).
+
+    Several steps are computed at once, with all points to which they may lead: a call takes longer than few points.
+
+    Parameters
+    ----------
+    evaluator, names, count
+        As in `traced`.
+    ends : tuple of ndarray, shape (edges, 2)
+    told : callable
+        Returns of points, with the numbers of their edges, which are like the first end, and at which that is met.
+    """
+    a, b = ends
+    edges, low, met = np.arange(len(a)), np.zeros(len(a)), np.zeros(len(a), dtype=bool)
+    steps = next(k for k in TOLERANCES.halvings_together if len(a) << k <= TOLERANCES.edge_points or k == 1)
+    parts = 1 << steps
+    for done in range(0, TOLERANCES.edge_halvings, steps):
+        size = 0.5 ** (done + steps)
+        inside = low[:, None] + size * np.arange(1, parts)
+        at = (a[:, None] + inside[..., None] * (b - a)[:, None]).reshape(-1, 2)
+        found = evaluator.near({names[0]: at[:, 0], names[1]: at[:, 1]}, count)
+        same, meets = (x.reshape(inside.shape) for x in told(found, np.repeat(edges, parts - 1)))
+        place = np.zeros(len(a), dtype=np.intp)
+        for k in reversed(range(steps)):
+            middle = place + (1 << k)
+            met |= meets[edges, middle - 1]
+            place = np.where(same[edges, middle - 1], middle, place)
+        low = low + size * place
+    return a + (low + 0.5 ** (TOLERANCES.edge_halvings + 1))[:, None] * (b - a), met
 
 
 def _divided(
@@ -180,13 +214,12 @@ def _divided(
     ends = np.array([_place(grid, edge) for edge in edges])
     a, b = ends[:, :2], ends[:, 2:]
     first = np.array([grid.oscillating[i, j] for _, i, j in edges])
-    low, high = np.zeros(len(edges)), np.ones(len(edges))
-    for _ in range(TOLERANCES.edge_halvings):
-        middle = 0.5 * (low + high)
-        at = a + middle[:, None] * (b - a)
-        same = counts(evaluator.near({names[0]: at[:, 0], names[1]: at[:, 1]}, count), unplaced)[2] == first
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    points = dict(zip(edges, a + (0.5 * (low + high))[:, None] * (b - a), strict=True))
+
+    def told(found: Spectra, of: Index) -> tuple[Flags, Flags]:
+        same = counts(found, unplaced)[2] == first[of]
+        return same, ~same
+
+    points = dict(zip(edges, _bisected(evaluator, names, (a, b), count, told)[0], strict=True))
     return _curves(points, _neighbours(points, *grid.settled.shape))
 
 

@@ -144,7 +144,11 @@ class Tolerances:
     potential_misfit: Final = 1e-8
     """Forces have a potential if K is symmetric and R skew-symmetric to this."""
     edge_halvings: Final = 40
-    """Bisections of an edge: to 1e-12 of it."""
+    """Bisections of an edge: to 1e-12 of it …"""
+    halvings_together: Final = (4, 2, 1)
+    """… of which so many are done at once, most first, …"""
+    edge_points: Final = 640
+    """… as long as these take no more points."""
 
     # Points between those of a sweep, for pictures
     detail_enough: Final = 2_000
