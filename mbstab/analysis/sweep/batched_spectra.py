@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -492,7 +493,8 @@ class _Work:
             [d.centre for d in placed.discs], [d.radius for d in placed.discs],
             [len(d.members) for d in placed.discs], grounds.mirrored,
         )  # fmt: skip
-        verdict = judge(grounds.facts(discs, len(placed.values) + separated.neutral.count))
+        facts = grounds.facts(discs, len(placed.values) + separated.neutral.count)
+        verdict = judge(replace(facts, zeros=lambda: -1))  # what is said of the linear equations is not kept
         sides = np.full((1, len(placed.values)), OPEN, dtype=np.int8)
         numbers = {name: number for number, name in NAMES.items()}
         for disc, own in zip(discs, placed.discs, strict=True):
