@@ -242,6 +242,27 @@ def test_gyroscopic_modes_whirl_forward_above_and_backward_below(Omega):
     assert conical["backward"] == pytest.approx(min(abs(roots)), rel=1e-12)
 
 
+def test_a_light_body_that_goes_round_the_other_way_does_not_decide():
+    """It hangs on springs of 80 and 120 rad/s: at 100 rad/s it follows one way, and moves against it the other way."""
+    light = "  ring:\n    type: spatial\n    mass: 1e-4\n    inertia: [1e-7, 1e-7, 1e-7]\n"
+    text = ROTOR.replace("forces:\n", light + "forces:\n", 1).replace(
+        "reference:",
+        "  hang:\n    type: expression\n    on:\n"
+        "      ring.x: 0.64*(x(rotor.tip) - ring.x)\n      x(rotor.tip): 0.64*(ring.x - x(rotor.tip))\n"
+        "      ring.y: 1.44*(y(rotor.tip) - ring.y)\n      y(rotor.tip): 1.44*(ring.y - y(rotor.tip))\n"
+        "      ring.z: -ring.z\n      ring.phi: -ring.phi\n      ring.theta: -ring.theta\n"
+        "reference:",
+    )
+    text = text.replace(
+        "coordinates: {rotor", "coordinates: {ring: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}, rotor"
+    )
+    text = text.replace("rates: {rotor", "rates: {ring: {psi: Omega}, rotor")
+    found = dict(whirls(ROTOR)), whirls(text)
+    fast = max(found[0])
+    assert found[0][fast] == "forward"
+    assert min(found[1], key=lambda x: abs(x[0] - fast))[1] == "forward"
+
+
 def test_without_spin_nothing_whirls():
     assert whirls(ROTOR, Omega=0) == []
 

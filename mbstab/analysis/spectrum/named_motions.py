@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.linear.sparse_pencil import product
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import MOTION_UNITS, Placement, motion_name, moving_joints
@@ -188,8 +189,9 @@ class Whirl:
     """The sense in which the axes and centres of spinning bodies go round, seen from the ground.
 
     Forward: in the sense of the spin. An ellipse consists of a circle forward and one backward, the larger of which
-    gives the sense. In a turning frame both are seen with the rate of the frame added. Bodies whose centre is
-    accelerated, or whose spin axis moves with the frame, have no such sense.
+    gives the sense of a body; those of several bodies count by their kinetic energies. In a turning frame both are seen
+    with the rate of the frame added. Bodies whose centre is accelerated, or whose spin axis moves with the frame, have
+    no such sense.
     """
 
     def __init__(self, system: System, motion: Motion, generator: Generator | None) -> None:
@@ -197,7 +199,7 @@ class Whirl:
         turning = np.zeros(3)
         if generator is not None and generator.turns:
             turning = float(generator.rate) * generator.axis
-        own, across, frames = list[Index](), list[Array](), list[float]()
+        own, across, frames, masses = list[Index](), list[Array](), list[float](), list[Array]()
         for i, body in enumerate(() if motion.at_rest else system.scene.bodies):
             if not body.orientation:
                 continue
@@ -213,9 +215,11 @@ class Whirl:
                 directions, rows = _across(axis), np.zeros((4, angles.stop - int(centre[0])))
                 rows[:2, :d], rows[2:, d:] = directions[:, :d] / size, -directions @ cross_matrix(axis) @ G
                 own.append(np.arange(centre[0], angles.stop))
+                masses.append(dense(motion.dynamics.M[own[-1]][:, own[-1]]))
                 across.append(rows)
                 frames.append(along)
         self.own, self.across, self.frames = np.array(own, dtype=np.intp), np.array(across), np.array(frames)
+        self.masses = np.array(masses)
 
     def of(self, value: complex, shape: Complex | None) -> str:
         """Return ``forward``, ``backward``, ``mixed``, or nothing if no spinning body moves to and fro.
@@ -232,12 +236,10 @@ class Whirl:
         most, moved = float(np.max(both)), float(np.max(np.abs(shape / self.sizes)))
         if not most > (TOLERANCES.rotor_moves * moved) ** 2:
             return ""
-        # The sense of a body that hardly moves says nothing.
-        moves = both > TOLERANCES.rotor_moves**2 * most
-        senses = (forward - backward)[moves] / both[moves]
-        if np.all(senses > TOLERANCES.whirl_round):
-            return "forward"
-        return "backward" if np.all(senses < -TOLERANCES.whirl_round) else "mixed"
+        x = shape[self.own]
+        energies = np.einsum("bi,bij,bj->b", x.conj(), self.masses, x).real
+        sense = float(np.sum(energies * (forward - backward) / np.maximum(both, 1e-300)) / np.sum(energies))
+        return "mixed" if abs(sense) <= TOLERANCES.whirl_round else "forward" if sense > 0.0 else "backward"
 
     def _circles(self, frequency: float, shape: Complex) -> tuple[Array, Array]:
         """Return for each rotor the squares of the circles forward and backward, of its centre and its axis together.

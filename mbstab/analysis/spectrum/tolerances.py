@@ -193,7 +193,8 @@ class Tolerances:
     rotor_moves: Final = 1e-2
     """A spinning body that moves less than this fraction of the largest motion does not whirl."""
     whirl_round: Final = 0.02
-    """A straight line has no sense: difference of the squares of both circles, relative to their sum."""
+    """A straight line has no sense: difference of the squares of both circles, relative to their sum, weighed by
+    energies."""
 
 
 TOLERANCES = Tolerances()

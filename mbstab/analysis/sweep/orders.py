@@ -146,7 +146,8 @@ class _Search:
     def whirls(self, crossings: Sequence[OrderCrossing]) -> tuple[str, ...]:
         """Return the sense in which bodies whirl on each branch, as some points and the crossings tell it.
 
-        It is ``changing`` on branches where they differ, and empty where no body whirls.
+        It is ``changing`` on branches that have both, ``mixed`` where all motions are nearly plane, and empty where no
+        body whirls.
         """
         branches = self.result.branches
         senses: list[set[str]] = [set() for _ in branches.T]
@@ -168,7 +169,8 @@ class _Search:
             i = int(np.argmin(np.abs(self.result.values - c.value)))
             for s in (branches[i, c.branch], np.conj(branches[i, c.branch])):
                 senses[int(np.argmin(np.abs(branches[i] - s)))].add(c.whirl)
-        return tuple("changing" if len(found := sense - {""}) > 1 else "".join(found) for sense in senses)
+        sure = [sense & {"forward", "backward"} or sense - {""} for sense in senses]
+        return tuple("changing" if len(sense) > 1 else "".join(sense) for sense in sure)
 
 
 def _between(passed: Approach, x: float) -> complex:
