@@ -389,9 +389,9 @@ def _forced(model: Model, unbalances: Mapping[str, complex], parameter: str, spe
         name, _, point = place.partition(".")
         body = list(model.bodies).index(name)
         points = model.bodies[name].values["points"] if point else {}
-        at = evaluator.vector(points[point]) if point else (0.0,) * model.dimension
+        place_in_body = evaluator.vector(points[point]) if point else (0.0,) * model.dimension
         axis = _axis(plain, motion, body, parameter, speed)
-        at = _foot(plain, motion, body, np.array(at, dtype=float), speed * axis)
+        at = _foot(plain, motion, body, np.array(place_in_body, dtype=float), speed * axis)
         for k, direction in enumerate(_directions(axis), start=1):
             use = ElementUse("ground_force", (body,), tuple(at), tuple(direction[: model.dimension]))
             kind = Kind("force", "", (2, 3), (), lambda item, use=use: (use,))  # type: ignore[misc]
