@@ -4,8 +4,11 @@ import random
 
 import numpy as np
 import pytest
+from elimination import eliminated
+from light_vehicles import light_vehicle
 from mpmath import mp
 from scipy.integrate import solve_ivp
+from scipy.optimize import linear_sum_assignment
 from test_massless import close
 
 import mbstab
@@ -275,3 +278,21 @@ def test_trees_of_light_and_heavy_bodies(seed):
                 assert abs(mp.mpc(one.value) - s) <= one.error_bound
                 left.remove(one)
     assert not left
+
+
+# --- beside nonholonomic rows ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.few(9)
+@pytest.mark.parametrize("seed", range(120))
+def test_light_bodies_beside_nonholonomic_rows_are_within_their_bounds(seed):
+    """Against elimination with 90 digits; bounds are no wider than the rounding of the data asks for."""
+    model = mbstab.loads(light_vehicle(seed))
+    expected, neutral = eliminated(model.model, 1e-30, 90, {})
+    result = model.eig()
+    found = [e for e in result.eigenvalues if e.kind != "neutral"]
+    assert (len(found), result.counts.neutral) == (len(expected), neutral)
+    with mp.workdps(60):
+        errors = np.array([[float(abs(mp.mpc(e.value) - s)) for s in expected] for e in found])
+        for i, j in zip(*linear_sum_assignment(np.log(errors + 1e-300)), strict=True):
+            assert errors[i, j] <= found[i].error_bound < 1e-8 * abs(found[i].value)

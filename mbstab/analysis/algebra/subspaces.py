@@ -4,7 +4,10 @@ Coordinates are scaled by the square roots of the masses they carry and constrai
 unit length, so that a rank decision does not depend on units. A light body between heavy ones
 carries their inertia: scaled by its own mass it would dominate the rows on both its sides, which
 would seem to depend on each other. Where coordinates in such rows are light, the scale that
-separates the rows better is taken. With J = [C_q; D_u],
+separates the rows better is taken. In the end each coordinate has the scale of the inertia that it carries in allowed
+motions, if that is much larger than its own, but of no more than the largest one: N, Z and P would have small entries
+for light coordinates, known to the rounding of the large ones, which stiffness and the rows D_q multiply. With
+J = [C_q; D_u],
 
     C_q N = 0,   W = D_u N,   W_q = D_q N,   W Z = 0,   P = −W⁺ W_q,
 
@@ -124,7 +127,7 @@ def coordinate_scale(M: Any, sizes: Array, J: Any, n_h: int, states: int | None 
 
 
 def _lightest(J: Any, scale: Array, heavy: Flags) -> Array:
-    """Return for each coordinate without mass the largest scale to which rows tie it; the median if to none."""
+    """Return for each coordinate without mass the largest scale to which rows tie it; a middle one if to none."""
     rows, columns = J.nonzero()
     tied, largest = np.where(heavy, scale, 0.0), np.zeros(J.shape[0])
     while True:
@@ -133,7 +136,7 @@ def _lightest(J: Any, scale: Array, heavy: Flags) -> Array:
         np.maximum.at(found, columns, largest[rows])
         found[heavy] = scale[heavy]
         if np.array_equal(found, tied):
-            result: Array = np.where(tied > 0.0, tied, np.median(scale[heavy]))[~heavy]
+            result: Array = np.where(tied > 0.0, tied, np.sort(scale[heavy])[heavy.sum() // 2])[~heavy]
             return result
         tied = found
 
@@ -171,6 +174,10 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array, scale
         other = _decided(J, n_h, carrying)
         if (other.C.rank + other.W.rank, _least(other)) > (found.C.rank + found.W.rank, 2.0 * _least(found)):
             found = other
+    if isinstance(found.C, Rank):
+        carrying = _carrying(M, J[:n_h], found, sizes)
+        if carrying is not found.scale:
+            found = _decided(J, n_h, carrying)
     require_gap(found.C, rows[:n_h])
     require_gap(found.W, rows[n_h:])
     return found
@@ -183,6 +190,27 @@ def _decided(J: Any, n_h: int, scale: Array) -> Subspaces:
     C = _sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[:n_h])
     W = rank_of(unit[n_h:] @ C.null if n_h < J.shape[0] else np.zeros((0, len(scale) - C.rank)))
     return Subspaces(scale, row_scale, C, W)
+
+
+def _carrying(M: Array, C_q: Array, spaces: Subspaces, sizes: Array) -> Array:
+    """Return the scale of coordinates that carry much more inertia than their own: 1/√m with the carried one m.
+
+    A force along a coordinate accelerates it by 1/m: the entries of the diagonal of A (AᵀMA)⁻¹ Aᵀ, A = N Z.
+    A coordinate that is held has the scale of the lightest one to which rows tie it.
+    """
+    scale, allowed = spaces.scale, spaces.allowed
+    try:
+        half = np.linalg.cholesky(allowed.T @ (M * scale * scale[:, None]) @ allowed)
+    except np.linalg.LinAlgError:
+        return scale  # motions without mass
+    least = sizes * np.min(scale / sizes)
+    carried: Array = np.maximum(scale * np.linalg.norm(np.linalg.solve(half, allowed.T), axis=0), least)
+    moving = np.linalg.norm(spaces.N, axis=1) > TOLERANCES.row_weight_dependent
+    if not np.any(scale[moving] > TOLERANCES.light_beside_carried * carried[moving]):
+        return scale
+    if not moving.all():
+        carried[~moving] = np.maximum(sizes[~moving] * _lightest(C_q, carried / sizes, moving), least[~moving])
+    return np.where(scale > TOLERANCES.light_beside_carried * carried, carried, scale)
 
 
 def _least(spaces: Subspaces) -> float:

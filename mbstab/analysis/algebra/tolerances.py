@@ -26,6 +26,8 @@ class Tolerances:
     light_mass: Final = 1e-12
     """Where rows nearly depend on each other because they move coordinates of less than this part of the largest
     inertia, those are scaled as with this part of it."""
+    light_beside_carried: Final = 10.0
+    """A coordinate is scaled by the inertia that it carries where its own scale would be so many times as large."""
 
     # Eigenpairs that are refined by Newton's method in double precision
     roundings_of_entry: Final = 4.0
