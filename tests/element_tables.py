@@ -560,7 +560,7 @@ KEEPS, LOSES, EITHER = "keeps", "loses", "either"
 ENERGY = {
     "spring": LOSES, "bearing": LOSES, "bushing": LOSES, "joint_spring": LOSES, "gear": LOSES, "belt": LOSES,
     "rack": LOSES, "rotor_bearing": EITHER, "tyre": EITHER, "creep": EITHER, "actuator": EITHER, "force": EITHER,
-    "torque": EITHER, "expression": EITHER,
+    "torque": EITHER, "expression": EITHER, "potential": KEEPS, "dissipation": LOSES,
     ("spring", AT_REST): KEEPS, ("rotor_bearing", AT_REST): LOSES, ("tyre", AT_REST): LOSES,
 }  # fmt: skip
 """Whether a force loses energy beside what it stores, keeps it, or may do either; by type, and in one of the scenes."""

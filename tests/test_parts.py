@@ -135,6 +135,8 @@ UNDRAWN = {
     ("forces", "force"): "given forces are not drawn",
     ("forces", "torque"): "given torques are not drawn",
     ("forces", "expression"): "it has no place",
+    ("forces", "potential"): "it has no place",
+    ("forces", "dissipation"): "it has no place",
     ("forces", "pid"): "a signal has no place",
     ("forces", "state_feedback"): "a signal has no place",
     ("forces", "transfer_function"): "a signal has no place",
@@ -323,6 +325,8 @@ ELSEWHERE = {
     ("joints", "fixed"): JOINTS,
     ("joints", "screw"): JOINTS,
     ("forces", "bearing"): "test_families.py: test_a_shaft_turns_at_any_speed_and_every_command_says_so",
+    ("forces", "potential"): "test_potentials.py: test_an_oscillator_has_its_closed_form",
+    ("forces", "dissipation"): "test_potentials.py: test_an_oscillator_has_its_closed_form",
     ("forces", "state_space"): "test_controllers.py: test_a_state_space_controller",
 }
 """Tests with closed forms or published numbers of the parts that no example has."""

@@ -57,9 +57,13 @@ def test_the_whipple_bicycle():
         next(i for i, x in enumerate(found.derivatives) if abs(found.eigenvalue(x).value - s) < 0.01)
         for s in (-0.7753 + 4.4649j, -0.3229, -14.078)
     )
-    assert slopes(found, "v", capsize) == pytest.approx(0.5592202429888759, rel=1e-12)
-    assert slopes(found, "v", weave) == pytest.approx(-0.891101156940564913 + 1.47048886071312979j, rel=1e-12)
-    assert slopes(found, "v", castering) == pytest.approx(-1.96740590634654969, rel=1e-12)
+    for number, exact in (
+        (capsize, 0.5592202429888759),
+        (weave, -0.891101156940564913 + 1.47048886071312979j),
+        (castering, -1.96740590634654969),
+    ):
+        error = found.derivatives[number].errors[found.parameters.index("v")]
+        assert abs(slopes(found, "v", number) - exact) <= error <= 1e-10
 
 
 @pytest.mark.few(3)

@@ -134,10 +134,19 @@ def derive(element: Element, frame: str, given: Given | None = None) -> Derived:
     # Derived last: the text of the other functions depends on the order of their steps.
     if element.role == "inertia":
         return replace(derived, potential=_potential(-defined(at_rest=True)))
+    damping: tuple[int, ...] | None = None
+    if isinstance(definition, Load) and not definition.power:
+        damping = _coefficients(tape, tape.term(definition.dissipation), parameters)
+    return replace(with_potential(derived, definition), damping=damping)
+
+
+def with_potential(derived: Derived, definition: Any) -> Derived:
+    """Return the same with the potential of a force; one that has nothing else has no coefficients of dissipation."""
     if not isinstance(definition, Load):
         return derived
-    damping = None if definition.power else _coefficients(tape, tape.term(definition.dissipation), parameters)
-    return replace(derived, potential=_potential(tape.term(definition.potential)), damping=damping)
+    tape = derived.tape
+    alone = not definition.power and tape.term(definition.dissipation).is_zero
+    return replace(derived, potential=_potential(tape.term(definition.potential)), damping=() if alone else None)
 
 
 class Moving:

@@ -118,6 +118,16 @@ def carried(kernel: ModuleType, measures: Sequence[MeasureKernel], count: int) -
         if hasattr(kernel, function):
             run = _Carried(kernel, function, measures, count)
             vars(found).update({function: run, function.upper(): run.table})
+    if hasattr(kernel, "potential"):
+
+        def potential(f: Arithmetic, q: Any, p: Any) -> Any:
+            still = [f.number("0")] * len(q)
+            seen = [x.at("dynamics", f, q, still, p, None)["E"][()] for x in measures]
+            return kernel.potential(f, [*q[:count], *seen], p[: len(p) - sum(x.size for x in measures)])
+
+        vars(found).update(potential=potential, POTENTIAL=kernel.POTENTIAL)
+    if hasattr(kernel, "DAMPING"):
+        vars(found)["DAMPING"] = kernel.DAMPING
     return found
 
 

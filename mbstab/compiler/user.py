@@ -30,7 +30,7 @@ def user_kernel(
     Parameters
     ----------
     role : str
-        ``holonomic``, ``nonholonomic`` or ``force``.
+        ``holonomic``, ``nonholonomic``, ``force``, ``potential`` or ``dissipation``.
     expressions : tuple of Expression
         One per row; for a force one per coordinate in `rows`.
     rows : tuple of str
@@ -54,7 +54,7 @@ def _kernel(
     parameters: tuple[str, ...],
     measures: tuple[Measured, ...],
 ) -> Any:
-    from mbstab.compiler.derive import Moving, differentiate
+    from mbstab.compiler.derive import Moving, differentiate, with_potential
     from mbstab.compiler.tape import Tape
     from mbstab.mechanics.catalogue import Load
 
@@ -65,8 +65,11 @@ def _kernel(
     definition, rates = contents.on(motion, "s1", roots)
     if role == "force":
         definition = Load(power=((definition, [rates[name] for name in rows]),))
+    elif role in ("potential", "dissipation"):
+        definition, role = Load(**{role: definition[0]}), "force"
     p = [f"p{i}" for i in range(contents.numbers)]
-    return _module("user", differentiate(tape, role, definition, motion, a, ["s1"], p), contents)
+    derived = differentiate(tape, role, definition, motion, a, ["s1"], p)
+    return _module("user", with_potential(derived, definition), contents)
 
 
 @lru_cache(maxsize=256)

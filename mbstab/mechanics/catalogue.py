@@ -40,7 +40,7 @@ GROUND = -1
 Sign = Literal["any", "positive", "nonnegative", "nonzero"]
 """Which values a number may have."""
 
-Role = Literal["inertia", "force", "holonomic", "nonholonomic"]
+Role = Literal["inertia", "force", "potential", "dissipation", "holonomic", "nonholonomic"]
 
 ROWS: tuple[Literal["holonomic"], Literal["nonholonomic"]] = ("holonomic", "nonholonomic")
 """Roles of elements that have constraint rows."""

@@ -422,6 +422,22 @@ KINDS: dict[tuple[str, int], Kind] = {
             written="force",
         ),
         Kind(
+            "potential",
+            "forces with a written potential energy V: -∂V/∂q",
+            (2, 3),
+            (Field("energy", "energy", "V, an expression of coordinates and measures of places", "J", required=True),),
+            lambda item: (),
+            written="potential",
+        ),
+        Kind(
+            "dissipation",
+            "forces with a written dissipation function D: -∂D/∂u",
+            (2, 3),
+            (Field("function", "dissipation", "D, half the power of linear dampers", "W", required=True),),
+            lambda item: (),
+            written="dissipation",
+        ),
+        Kind(
             "torque",
             "torque on a body",
             (2,),

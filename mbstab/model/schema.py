@@ -196,10 +196,11 @@ class Entry:
 
     @property
     def equations(self) -> dict[str, Expression]:
-        """Return the equations that the file itself gives (`Kind.written`): forces by coordinate, a row by its role."""
+        """Return the equations that the file itself gives (`Kind.written`): forces by coordinate, others by role."""
         if self.kind.written is None:
             return {}
-        value = next(self.values[key] for key in ("on", "rate", self.kind.written) if key in self.values)
+        keys = ("on", "rate", "energy", "function", self.kind.written)
+        value = next(self.values[key] for key in keys if key in self.values)
         return value if isinstance(value, dict) else {self.kind.written: value}
 
     @property

@@ -54,14 +54,21 @@ class Drag:
 
     def _takes_as(self, path: str, expanded: bool) -> Any:
         """Return the same, with powers of sums kept together or expanded."""
-        power, exact = Sum(), self._at.structure.exact
         try:
-            for name, force in self._equations(path).items():
-                moving = exact(force, expanded=expanded) - exact(force, still=True, expanded=expanded)
-                power = power + moving * Sum.of(Atom.of("state", f"rate({name})"))
+            power = self._power(path, expanded)
         except ExpressionError:
             return False
-        return not power.time and self._takes(power)
+        return power is not None and not power.time and self._takes(power)
+
+    def _power(self, path: str, expanded: bool) -> Sum | None:
+        """Return what an entry gives to a motion beyond what it does at rest; None if that is not known."""
+        power, exact = Sum(), self._at.structure.exact
+        if path in self._dissipations:
+            return _power_of(exact(self._dissipations[path], expanded=True))
+        for name, force in self._equations(path).items():
+            moving = exact(force, expanded=expanded) - exact(force, still=True, expanded=expanded)
+            power = power + moving * Sum.of(Atom.of("state", f"rate({name})"))
+        return power
 
     def _equations(self, path: str) -> dict[str, Expression]:
         return self._entries[path].equations
@@ -70,8 +77,15 @@ class Drag:
     def _entries(self) -> dict[str, Entry]:
         return {item.entry.path: item.entry for item in self.system.scene.items}
 
+    @cached_property
+    def _dissipations(self) -> dict[str, Expression]:
+        items = (item for item in self.system.scene.items if item.kind.written == "dissipation")
+        return {item.entry.path: item.entry.equations["dissipation"] for item in items}
+
     def potential(self, path: str) -> bool | None:
         """Return whether what an entry does at rest has a potential, by structure; None: its derivatives decide."""
+        if path in self._dissipations:
+            return True  # nothing acts at rest
         still = {name: self._at.structure.exact(x, still=True) for name, x in self._equations(path).items()}
         alone = all(
             not x or (not is_speed(name) and {atom.name for atom in atoms(x) if atom.kind == "state"} <= {name})
@@ -238,6 +252,18 @@ class Drag:
             least > TOLERANCES.constant_rounding * np.linalg.norm(size * units, axis=(-2, -1))
         )
         return definite, definite
+
+
+def _power_of(dissipation: Sum) -> Sum | None:
+    """Return −Σ u ∂D/∂u of a polynomial D of rates: minus its terms times their degrees (Euler)."""
+    found = Sum()
+    for monomial, coefficient in dissipation.terms:
+        parts = [part for atom, _ in monomial if not _is_rate(atom) for part in atoms(Sum.of(atom))]
+        if any(_is_rate(part) or is_speed(part.name) for part in parts if part.kind == "state"):
+            return None
+        degree = sum(n for atom, n in monomial if _is_rate(atom))
+        found = found + Sum(frozenset({(monomial, -degree * coefficient)} if degree else ()))
+    return found
 
 
 def _is_rate(atom: Atom) -> bool:

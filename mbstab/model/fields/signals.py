@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from typing import Any, ClassVar
 
 from mbstab.mechanics.catalogue import Field, Moved, Number
+from mbstab.mechanics.measures import is_measure, is_speed
 from mbstab.model.expressions import Binary, Rate, moves
 from mbstab.model.fields.base import BY_NAME, NUMBER, NUMBERS, TEXT, FieldKind, FormError, Owner, Reading, text_of
 from mbstab.model.nodes import COMMA
-from mbstab.model.schema import Quantity
+from mbstab.model.schema import Quantity, is_state
 from mbstab.model.units import per_second
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 
@@ -101,6 +102,55 @@ class NonholonomicField(ConstraintField):
         """Refuse an expression without rates."""
         if not expression.rates():
             reading.nodes.complain(node, expression.path, "the constraint contains no rate of a coordinate")
+
+
+class EnergyField(SignalField):
+    """A potential energy: an expression of coordinates and places, smooth and the same at all times."""
+
+    name = "energy"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
+        """Return the expression."""
+        expression = super().read(reading, field, node, path)
+        if expression is None:
+            return None
+        names, coordinates = expression.names(), reading.names.coordinates
+        moving = [name for name in names if moves(name, coordinates)]
+        if "t" in names:
+            problem = "depends on the time, and its force would feed in energy", "write the force: type: expression"
+        elif state := next((x for x in (*moving, *expression.rates()) if is_state(x) and not is_measure(x)), None):
+            problem = f"contains the state {state}, on which it would act", "write the force: type: expression"
+        elif other := self.unsuited(expression, moving):
+            problem = other
+        elif expression.pieced(coordinates):
+            hint = "write the force itself: type: expression"
+            problem = "has pieces, and its force may jump where they meet", hint
+        else:
+            return expression
+        reading.nodes.complain(node, path, f"{self.doc} {problem[0]}", problem[1])
+        return None
+
+    doc = "a potential energy"
+
+    def unsuited(self, expression: Quantity, moving: list[str]) -> tuple[str, str] | None:
+        """Return what is wrong with the names in it, and a hint."""
+        speed = next((x for x in (*expression.rates(), *filter(is_speed, moving))), None)
+        if speed is not None:
+            return f"depends on a speed ({speed})", "forces of speeds: type: dissipation, or type: expression"
+        return None if moving else ("contains no coordinate", "for example k*(a.x - b.x)**2/2")
+
+
+class DissipationField(EnergyField):
+    """A dissipation function: an expression of rates, coordinates and places, smooth and the same at all times."""
+
+    name = "dissipation"
+    doc = "a dissipation function"
+
+    def unsuited(self, expression: Quantity, moving: list[str]) -> tuple[str, str] | None:
+        """Return what is wrong with the names in it, and a hint."""
+        if expression.rates() or any(map(is_speed, moving)):
+            return None
+        return "contains no rate", "for example c*(rate(a.x) - rate(b.x))**2/2"
 
 
 class RateField(SignalField):
@@ -286,6 +336,8 @@ KINDS = (
     MovingSignalField(),
     HolonomicField(),
     NonholonomicField(),
+    EnergyField(),
+    DissipationField(),
     RateField(),
     MadeRateField(),
     MovingNumberField(),
