@@ -15,7 +15,7 @@ NUMBERS_BESIDE_TOLERANCES = {
     "mbstab/analysis/verdict/minimum.py:RATIOS",
     "mbstab/analysis/spectrum/periodic.py:INSTANTS",
     "mbstab/analysis/verdict/wording.py:MOST",
-    "mbstab/analysis/reference/symmetry_candidates.py:UNEVEN",
+    "mbstab/analysis/reference/symmetries.py:UNEVEN",
     "mbstab/analysis/simulate/run.py:LISTED",
     "mbstab/analysis/algebra/rounded.py:WHOLE",
     "mbstab/analysis/simulate/singular_passage.py:NODES",

@@ -100,6 +100,12 @@ class Tolerances:
     cluster_widths: Final = (1e-7, 1e-4, 1e-2)
     """Eigenvalues closer than this fraction of the norm are computed together; tried in this order."""
 
+    # Identities
+    bits_of_identities: Final = 220
+    """Bits of balls in which identities are tested at random states."""
+    bits_of_zero: Final = 100
+    """A sum is zero if it is smaller than its terms by these bits; true identities leave 160, broken ones 84."""
+
     # Balls
     ball_digits_beyond: Final = 15
     """Guard digits, in addition to the requested ones."""

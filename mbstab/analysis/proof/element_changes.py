@@ -12,18 +12,16 @@ from mbstab.analysis.algebra import ball_matrices, balls
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, zero_inside
 from mbstab.analysis.proof.enclosures import Reference
-from mbstab.analysis.proof.fields import Map, along_direction, ground_turn, own_turn, short, spin, turned
+from mbstab.analysis.proof.fields import Map, along_direction, combined, turned
 from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.element_comparison import State as Rough
-from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Symmetry, Turn
 from mbstab.analysis.reference.fields import Field as Group
-from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
-from mbstab.model.jets import Jet
 from mbstab.records import dataclass
 
 Finding = Literal["structural", "enclosed", "open", "refuted"]
@@ -136,26 +134,13 @@ class ElementChanges:
         """Return coordinates that rows determine from the others."""
         return independent_rows((_middle(J)[rows] * self.invariance.motion.sizes).T, len(rows))
 
-    def field(self, name: str, group: Group, reference: Reference) -> Map:
-        """Return Y(q) for jets of balls, with the numbers of the file in place of floats."""
-        if isinstance(group, Shift):
-            constant = [Jet.of(short(x)) for x in group.direction.tolist()]
-            return lambda q: constant
-        if isinstance(group, Turn):
-            turn = reference.state.field if name == "the motion itself" else ground_turn(group.generator, reference)
-            return lambda q: turned(turn, q)
-        if isinstance(group, Combination):
-            largest = max((c for c, _ in group.parts), key=abs)
-            parts = [(Jet.of(short(c / largest)), self.field("", part, reference)) for c, part in group.parts]
-            return lambda q: [
-                sum((c * x for (c, _), x in zip(parts, column, strict=True)), Jet.of(ball(0)))
-                for column in zip(*(Y(q) for _, Y in parts), strict=True)
-            ]
-        bodies = zip(reference.system.scene.bodies, reference.system.body_slices, strict=True)
-        body = next(b for b, part in bodies if part == group.part)  # type: ignore[attr-defined]
-        return own_turn(group, body) if isinstance(group, OwnTurn) else spin(group)  # type: ignore[arg-type]
+    def field(self, name: str, group: Group | None, reference: Reference) -> Map:
+        """Return Y(q) for jets of balls; without a group that of the motion itself."""
+        if group is None or name == "the motion itself":
+            return lambda q: turned(reference.state.field, q)
+        return combined(group, reference)
 
-    def local(self, name: str, group: Group, state: State) -> Local:
+    def local(self, name: str, group: Group | None, state: State) -> Local:
         """Return a field and its derivatives at one of the states."""
         key = name, id(state)
         if key not in self._locals:
@@ -205,15 +190,6 @@ class ElementChanges:
             result[i], size = result[i] + x, size + abs(x)
         return result, size
 
-    def _sums(self, broken: list[Acting], name: str, group: Group) -> list[Ball]:
-        """Return the total change of several elements, at all states."""
-        found: list[Ball] = []
-        for state in self.states:
-            at = self.local(name, group, state)
-            changes = [self._change(element, at, state)[0] for element in broken]
-            found += [sum(entries, ball(0)) for entries in zip(*changes, strict=True)]
-        return found
-
     def _allowed(self, state: State) -> Matrix:
         """Return admissible directions, as columns."""
         rows, n = self.reference.rows, self.system.n_q
@@ -248,12 +224,6 @@ class ElementChanges:
         V, J = ball_matrices.vector(dynamics.V), ball_matrices.matrix(dynamics.J)
         size = sum_of(u) + sum_of(state.u)
         return least([is_zero(V[i], sum_of(J[i]) * size) for i in rows])
-
-    def _own(self) -> Turn:
-        """Return the motion as a group; its numbers are those of the reference in balls."""
-        zero = np.zeros(3)
-        system = self.invariance.system
-        return Turn(Generator(system, np.array([0.0, 0.0, 1.0]), zero, 0.0, zero, np.zeros(system.n_q)), 0.0)
 
 
 def is_zero(x: Ball, size: Ball) -> Finding:

@@ -11,7 +11,8 @@ from mbstab.analysis.algebra.balls import Ball, ball
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.motion import Field
 from mbstab.analysis.proof.tolerances import TOLERANCES
-from mbstab.analysis.reference.fields import OwnTurn, Spin
+from mbstab.analysis.reference.fields import Basis, columns_of
+from mbstab.analysis.reference.fields import Field as Group
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array
 from mbstab.mechanics.catalogue import GROUND
@@ -26,32 +27,23 @@ def along_direction(Y: Map, q: Sequence[Ball], v: Sequence[Ball]) -> list[Jet]:
     return [Jet.of(x) for x in Y([Jet(x, y, ball(0)) for x, y in zip(q, v, strict=True)])]
 
 
-def own_turn(group: OwnTurn, body: Any) -> Map:
-    """Return the rotation of a planar body about its centre of mass."""
-    f, angle = jet_arithmetic(balls.ball_arithmetic()), group.part.stop - 1
-    center = [Jet.of(ball(x)) for x in body.center[:2]]
+def combined(group: Group, reference: Reference) -> Map:
+    """Return a combination of rigid motions of bodies and shifts of states."""
+    f, system = jet_arithmetic(balls.ball_arithmetic()), reference.system
+
+    def sine(x: Any) -> tuple[Jet, Jet]:
+        return f.sin(x), f.cos(x)
+
+    exact = [c if isinstance(c, int) else ball(c) for c in group.exact]
 
     def field(q: Sequence[Jet]) -> list[Jet]:
-        c, s = f.cos(q[angle]), f.sin(q[angle])
         found = [Jet.of(ball(0))] * len(q)
-        found[group.part] = [s * center[0] + c * center[1], s * center[1] - c * center[0], Jet.of(ball(1))]
-        return found
-
-    return field
-
-
-def spin(group: Spin) -> Map:
-    """Return the rotation of a body in space about a body-fixed axis."""
-    f, axis = jet_arithmetic(balls.ball_arithmetic()), [Jet.of(short(x)) for x in group.axis.tolist()]
-
-    def field(q: Sequence[Jet]) -> list[Jet]:
-        _, theta, psi = q[group.angles]
-        c3, s3 = f.cos(psi), f.sin(psi)
-        across = axis[0] * c3 - axis[1] * s3
-        found = [Jet.of(ball(0))] * len(q)
-        found[group.angles] = [
-            across / f.cos(theta), axis[0] * s3 + axis[1] * c3, axis[2] - across * f.tan(theta)
-        ]  # fmt: skip
+        for b in Basis(system).blocks:
+            if any(exact[k] != 0 for k in b.fields):
+                columns = columns_of(b.kind, tuple(map(ball, b.base)), q[b.part], sine)
+                for (i, k), x in columns.items():
+                    if exact[b.start + k] != 0:
+                        found[b.part.start + i] = found[b.part.start + i] + Jet.of(ball(exact[b.start + k])) * x
         return found
 
     return field

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices
-from mbstab.analysis.algebra.balls import Ball, Matrix, ball, zero_inside
+from mbstab.analysis.algebra.balls import Ball, Matrix, ball
 from mbstab.analysis.proof.element_changes import (
     UNVERIFIED,
     ElementChanges,
@@ -33,8 +33,7 @@ from mbstab.analysis.proof.element_changes import (
 )
 from mbstab.analysis.proof.fields import short
 from mbstab.analysis.proof.tolerances import TOLERANCES
-from mbstab.analysis.reference.fields import Field as Group
-from mbstab.analysis.reference.fields import Shift, Symmetry
+from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.verdict.drag import Drag
 from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import System
@@ -58,8 +57,8 @@ class Identities(ElementChanges):
     # --- symmetries ---------------------------------------------------------------------------------------------------
 
     def symmetry(self, item: Symmetry) -> Finding:
-        """Return whether a group maps all motions to motions."""
-        return self._once(f"symmetry {item.name}", lambda: self._symmetry(item.name, item.of))
+        """Return what a symmetry rests on, which balls have verified as an identity."""
+        return self.invariance.identities.worth(item.of)
 
     def steady(self) -> Finding:
         """Return whether the reference is constant in its own frame, also with drives of constant speed."""
@@ -74,104 +73,26 @@ class Identities(ElementChanges):
                 self._found[key] = "open"
         return self._found[key]
 
-    def _symmetry(self, name: str, group: Group) -> Finding:
-        shift = group.direction if isinstance(group, Shift) else None
-        seen = [e for e in self.elements if shift is None or any(shift[j] for _, j in e.slots)]
-        found: list[Finding] = []
-        broken = []
-        for element in seen:
-            changes = [self._change(element, self.local(name, group, state), state) for state in self.states]
-            if not changes or not all(_tiny(change, size) for change, size in changes):
-                broken.append(element)
-        found.append(_worth(seen))
-        if broken and not self._together(broken, name, group):
-            wrong = any(not zero_inside(x) for x in self._sums(broken, name, group))
-            found.append("refuted" if wrong and not self.system.n_c else "open")
-        found.append(self._rows_carried(name, group))
-        return least(found)
-
-    def _together(self, broken: list[Acting], name: str, group: Group) -> bool:
-        """Return whether the changes of elements sum to zero, in all motions that the rows allow."""
-        if not self.system.n_c or not self.on_rows:
-            return False
-        for state in self.on_rows:
-            at = self.local(name, group, state)
-            changes = [self._change(element, at, state) for element in broken]
-            total = [sum(entries, ball(0)) for entries in zip(*(x for x, _ in changes), strict=True)]
-            size = sum((x for _, x in changes), ball(0))
-            if not _tiny(ball_matrices.apply(ball_matrices.transposed(self._allowed(state)), total), size):
-                return False
-        return True
-
-    def _rows_carried(self, name: str, group: Group) -> Finding:
-        """Return whether states that satisfy the rows continue to do so along a field."""
-        found: list[Finding] = ["structural"]
-        for state in self._needed_on_rows():
-            at = self.local(name, group, state)
-            found.append(self._rows_change(at, state, at.Y))
-        return least(found)
-
     def _steady(self) -> Finding:
         u = self.reference.state.u
         if all(x.is_zero() for x in u):
             return "structural"
-        group = self._own()
         found = [_worth(self.elements)]
         for state in self.states:
-            at = self.local("the motion itself", group, state)
+            at = self.local("the motion itself", None, state)
             if any(not _tiny(*self._change(element, at, state)) for element in self.elements):
                 return "open"
         if not self.states:
             return "open"
         rows, r_h = self.reference.rows, self.reference.r_h
         for state in self._needed_on_rows():
-            at = self.local("the motion itself", group, state)
+            at = self.local("the motion itself", None, state)
             found.append(self._satisfied(state, at.Y, rows[:r_h]))
             # A drive adds a constant to its row: the rest of the rate of the row has to vanish.
             found.append(self._rows_change(at, state, [ball(0)] * len(at.Y)))
         return least(found)
 
-    # --- conserved functions ------------------------------------------------------------------------------------------
-
-    def boost(self, item: Symmetry) -> Finding:
-        """Return whether a common speed along a shift changes nothing."""
-        return self._once(f"boost {item.name}", lambda: self._boost(item))
-
-    def _boost(self, item: Symmetry) -> Finding:
-        direction = [short(x) for x in item.direction.tolist()]
-        found: list[Finding] = ["structural" if self.states else "open"]
-        for element in self.elements:
-            for state in self.states:
-                _, R = element.slopes(state.q, state.u, state.a, self.time, self.f)
-                found += _blind(ball_matrices.matrix(R), [direction[j] for j in element.columns])
-        return least([*found, self._horizontal(item)])
-
-    def momentum(self, item: Symmetry) -> Finding:
-        """Return whether the momentum along a symmetry is constant along every motion."""
-        return self._once(f"momentum {item.name}", lambda: self._momentum(item))
-
-    def _momentum(self, item: Symmetry) -> Finding:
-        found: list[Finding] = ["structural" if self.states else "open"]
-        zero = [ball(0)] * self.system.n_q
-        for state in self.states:
-            at = self.local(item.name, item.of, state)
-            for element in self.elements:
-                speeds = zero if element.inertia else state.u
-                force = element.force(state.q, speeds, zero, self.time, self.f)
-                Y = [at.Y[i] for i in element.columns]
-                found.append(
-                    is_zero(dot(ball_matrices.vector(force), Y), sum_of(ball_matrices.vector(force)) * sum_of(Y))
-                )
-        return least([*found, self._horizontal(item)])
-
-    def _horizontal(self, item: Symmetry) -> Finding:
-        """Return whether no row resists a field."""
-        found: list[Finding] = ["structural"]
-        for state in self._needed_on_rows():
-            Y = self.local(item.name, item.of, state).Y
-            J = ball_matrices.matrix(self.system.dynamics(state.q, state.u, self.time).J)
-            found += [is_zero(dot(J[i], Y), sum_of(J[i]) * sum_of(Y)) for i in self.reference.rows]
-        return least(found)
+    # --- families ------------------------------------------------------------------------------------------
 
     def at_any_speed(self, item: Symmetry) -> Finding:
         """Return whether the scene may move from the reference along a symmetry at any speed: no force deflects it."""
@@ -207,7 +128,7 @@ class Identities(ElementChanges):
         rows = [i for i in self.reference.rows if not (beside and self.system.rows[i].section == "states")]
         zero = [ball(0)] * self.system.n_q
         for state in self._needed_on_rows():
-            X = self.local("the motion itself", self._own(), state).Y if moving else zero
+            X = self.local("the motion itself", None, state).Y if moving else zero
             found.append(self._satisfied(state, X, rows))
         return least(found)
 
@@ -285,7 +206,7 @@ class Identities(ElementChanges):
         more, still = (element.force(state.q, u, zero, self.time, self.f) for u in (state.u, zero))
         speeds = [state.u]
         if moving:
-            speeds.append(self.local("the motion itself", self._own(), state).Y)
+            speeds.append(self.local("the motion itself", None, state).Y)
         added = [ball(x) - ball(y) for x, y in zip(more, still, strict=True)]
         moved = [[u[i] for i in element.columns] for u in speeds]
         size = sum_of(ball_matrices.vector(more)) + sum_of(ball_matrices.vector(still))
@@ -298,7 +219,7 @@ class Identities(ElementChanges):
         first = element.slopes(self.states[0].q, zero, zero, self.time, self.f)[1] if self.states else []
         for state in self.states:
             K, R = element.slopes(state.q, state.u, zero, self.time, self.f)
-            X = self.local("the motion itself", self._own(), state).Y
+            X = self.local("the motion itself", None, state).Y
             found += _blind(ball_matrices.matrix(R), [X[j] for j in element.columns])
             if element.stored:
                 continue

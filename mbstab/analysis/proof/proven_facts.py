@@ -35,8 +35,7 @@ from mbstab.analysis.proof.characteristic import (
 from mbstab.analysis.proof.element_changes import Finding, tiny
 from mbstab.analysis.proof.fields import ground_turn, short
 from mbstab.analysis.proof.motion import Field
-from mbstab.analysis.reference.fields import Combination, Shift, Symmetry, Turn
-from mbstab.analysis.reference.fields import Field as Group
+from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.verdict.minimum import frame_rates
 from mbstab.analysis.verdict.rule import (
     STABLE,
@@ -121,7 +120,7 @@ class Case:
             (x.name, True, self.proof.column(*self.identities.disturbance(x, self.proof))) for x in self.symmetries
         ]
         for item in self.grounds.invariance.boosts:
-            if item in self.symmetries and self._accepts(self.identities.boost(item), _of("speed", item)):
+            if item in self.symmetries:
                 direction = [short(x) for x in item.direction.tolist()]
                 still = [ball(0)] * len(direction)
                 name = f"speed along {item.name.removeprefix('translation along ')}"
@@ -205,11 +204,9 @@ class Case:
     @cached_property
     def momenta(self) -> list[Symmetry]:
         """Symmetries, and combinations of them, with a conserved momentum."""
-        known = {id(x.of) for x in self.symmetries}
+        known = {id(x) for x in self.symmetries}
         return [
-            x for x in self.grounds.invariance.momenta
-            if {id(part) for part in _parts(x.of)} <= known
-            and self._accepts(self.identities.momentum(x), _of("momentum", x))
+            x for x in self.grounds.invariance.momenta if {id(part) for _, part in x.parts or ((1.0, x),)} <= known
         ]  # fmt: skip
 
     def _momentum(self, item: Symmetry) -> list[Ball]:
@@ -234,7 +231,14 @@ class Case:
         count = len(r.S) - len(quotient.alive)
         if self.generic is not self and self.generic.left[1].count != count:
             raise NotProvable("neutral directions are not independent at all values")
-        neutral = Neutral(symmetries, tuple(dict.fromkeys([*family, *kept])), count, None, weakest(*self._evidence))
+        neutral = Neutral(
+            symmetries,
+            tuple(dict.fromkeys([*family, *kept])),
+            count,
+            None,
+            weakest(*self._evidence),
+            tumbling=known.tumbling,
+        )
         if count == known.count and symmetries == known.symmetries:
             neutral = replace(known, evidence=neutral.evidence)
         spectrum = quotient.spectrum([self.proof.name_of(i) for i in range(len(r.S))], self._mirrored)
@@ -377,8 +381,9 @@ class Case:
             return False
         rates = frame_rates(self.grounds.separated.A).tolist()
         for item, step in self._idle():
-            facts = [self.identities.symmetry(item), self.identities.momentum(item), self.identities.conserved(True)]
-            if any(x not in ("structural", "enclosed") for x in facts):
+            if not self.grounds.invariance.conserves(item.of):
+                continue
+            if self.identities.conserved(True) not in ("structural", "enclosed"):
                 continue
             if any(Case(self.proof.seen_from(step, short(x)), True)._sign() > 0 for x in rates):
                 return True
@@ -387,15 +392,16 @@ class Case:
     def _idle(self) -> Iterator[tuple[Symmetry, Field]]:
         """Yield rotations of the ground that do not move the reference, with the spins that compensate them."""
         still, own = np.zeros(self.proof.system.n_q), self.proof.state.field
-        spins = [x for x in self.momenta if isinstance(x.of, Shift) and np.sum(x.of.direction != 0.0) == 1]
+        spins = [x for x in self.momenta if x.of.shift is not None and np.sum(x.of.shift != 0.0) == 1]
         for name, group in self.grounds.invariance.fields:
-            if not isinstance(group, Turn) or not group.generator.turns or name == "the motion itself":
+            generator = group.generator
+            if generator is None or not generator.turns or name == "the motion itself":
                 continue
             item = Symmetry(name, still, still, group)
             Y = self.identities.disturbance(item, self.proof)[0]
             free = {int(np.flatnonzero(x.direction)[0]) for x in spins}
             if all(i in free or y.is_zero() for i, y in enumerate(Y)) and any(not y.is_zero() for y in Y):
-                turn = ground_turn(group.generator, self.proof)
+                turn = ground_turn(generator, self.proof)
                 pairs = zip([*own.axis, *own.point], [*turn.axis, *turn.point], strict=True)
                 if not own.rate.is_zero() and any(not (x - y).is_zero() for x, y in pairs):
                     continue
@@ -496,17 +502,6 @@ def best(proof: Proof) -> Case:
         if other.verdict.word != UNDECIDED:
             return other
     return case
-
-
-def _parts(group: Group) -> list[Group]:
-    """Return the groups of which a field is a combination, or it alone."""
-    return [part for _, part in group.parts] if isinstance(group, Combination) else [group]
-
-
-def _of(what: str, item: Symmetry) -> str:
-    if what == "speed":
-        return f"a common speed along {item.name.removeprefix('translation along ')} changes nothing else"
-    return f"the momentum of {item.name} is conserved"
 
 
 def _dot(x: Sequence[Ball], y: Sequence[Ball]) -> Ball:

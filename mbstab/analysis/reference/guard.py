@@ -13,6 +13,7 @@ from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
 from mbstab.analysis.reference.motion import Finder, Motion, balanced
 from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, ModelFileError, percent
@@ -48,6 +49,11 @@ def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[
     for generator in candidates:
         matrices = matrices_in(system, motion, generator)
         variation, obstacle = _variation(system, motion, matrices, generator)
+        if variation > TOLERANCES.variation_along_motion and obstacle is None and generator is not None:
+            # Small coefficients are differences of large ones: what a symmetry of the scene keeps, rounding changes.
+            invariance = Invariance(system, motion)
+            kept = not invariance.keeps_time(generator) if system.scene.timed else invariance.steady(generator)
+            variation *= not kept
         if best is None or variation < best[0]:
             best = variation, generator, matrices
         if variation <= TOLERANCES.variation_along_motion:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -58,6 +61,34 @@ def without_chance_zeros(system: System) -> System:
         return system.renumbered(evaluate(scene.model, better))
     except MbstabError:  # a sign that is not allowed
         return system
+
+
+def exact_system(system: System) -> System:
+    """Return a scene in balls, with the decimals of the file where the parameters have the values that these give."""
+
+    def made() -> System:
+        from mbstab.analysis.algebra.ball_arrays import many_bits
+        from mbstab.analysis.algebra.balls import ball, ball_arithmetic
+        from mbstab.analysis.algebra.balls import exact_factor as ball_factor
+
+        with uncollected(), many_bits():
+            f, values, scene = ball_arithmetic(), dict[str, Any](), system.scene
+            for name, parameter in scene.model.parameters.items():
+                given = float(scene.parameters[name])
+                values[name] = ball(Fraction(repr(given)))
+                with suppress(ExpressionError, ArithmeticError, ValueError):
+                    found = parameter.expression.evaluate(values, f) * ball_factor(parameter.unit)
+                    if abs(float(found) - given) <= 8.0 * UNIT * abs(given):
+                        values[name] = found
+            found = evaluate(scene.model, values, f, checked=True)
+            if scene.turned:  # the charts are those of the doubles
+                found = replace(found, bodies=tuple(
+                    replace(own, base=tuple(map(ball, body.base))) if body.name in scene.turned else own
+                    for own, body in zip(found.bodies, scene.bodies, strict=True)
+                ))  # fmt: skip
+            return system.renumbered(found)
+
+    return system.remember("exact", None, made)
 
 
 def _parameters(model: Model, given: dict[str, Any]) -> dict[str, Any]:

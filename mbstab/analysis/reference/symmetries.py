@@ -1,37 +1,38 @@
-"""Symmetries of the equations of a scene, element by element: the structure that verdicts rest on.
+"""Symmetries of the equations of a scene: the structure that verdicts rest on.
 
 A symmetry maps *all* motions near the reference to motions, not only those of the linearized
-equations. It counts if every element has it by itself, nonlinearly: either the element does not
-contain the coordinate at all (structure), or element(g state) = g element(state) holds
-for large g at states spread over the scene, relative to the force of the element itself, at rest and
-in motion: a weak force shows beside a strong damper. Elements that are written as expressions are
-compared with 40 digits. Constraint rows count as a set: g must map states that satisfy them to
-states that satisfy them.
+equations. `mbstab.analysis.reference.identities` finds all fields of a class that leave the elements of the scene
+unchanged; here they get the names by which people know them: translations, rotations, single coordinates.
 
 Fields Y(q) generate the symmetries; a disturbance along one is (Δq, Δu) = (Y, DY u).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import least_squares
-from mbstab.analysis.algebra.sparse import is_sparse, put, unchanged
+from mbstab.analysis.algebra.ball_arrays import many_bits, middle
+from mbstab.analysis.algebra.sparse import bordered, largest, row_norms, scaled
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.analysis.reference.element_comparison import Digits, State, numbers, steps_are_exact, with_errors
-from mbstab.analysis.reference.fields import Combination, Field, Shift, Symmetry, Turn
+from mbstab.analysis.reference.element_comparison import Digits, ElementComparison, State, numbers, with_errors
+from mbstab.analysis.reference.fields import DRIFTS, ROTATIONS, SIZES, SPINS, Block, Field, Symmetry
+from mbstab.analysis.reference.identities import Identities, echelon
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.reference.state_rows import states_follow, states_unmoved
-from mbstab.analysis.reference.steady import Generator
-from mbstab.analysis.reference.symmetry_candidates import UNEVEN, SymmetryCandidates, echelon, in_whole_numbers, short
+from mbstab.analysis.reference.steady import Generator, axis_text, through
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
+from mbstab.model.schema import is_state
+
+UNEVEN = 5661 / 4096
+"""Trial speeds are multiples of this number, which no model has."""
 
 
 def symmetries(system: System, motion: Motion) -> list[Symmetry]:
@@ -39,7 +40,7 @@ def symmetries(system: System, motion: Motion) -> list[Symmetry]:
     return Invariance(system, motion).symmetries
 
 
-class Invariance(SymmetryCandidates):
+class Invariance(ElementComparison):
     """Symmetries and conserved momenta of a scene; each part is computed at first use.
 
     Parameters
@@ -47,29 +48,35 @@ class Invariance(SymmetryCandidates):
     system : System
     motion : Motion
         The reference.
+    together : bool
+        Whether the sum of all forces is tested, as far as the rows do not balance it, not each element by itself.
     """
 
-    # --- states -----------------------------------------------------------------------------------------------------
+    def __init__(self, system: System, motion: Motion, together: bool = False) -> None:
+        super().__init__(system, motion)
+        self.together = together
 
     # --- symmetries -------------------------------------------------------------------------------------------------
 
     @cached_property
+    def identities(self) -> Identities:
+        """What the elements of the scene do along fields."""
+        return Identities(self.system, self.motion, self.rate, self.together)
+
+    @cached_property
     def fields(self) -> list[tuple[str, Field]]:
-        """All verified groups with their names, including those that do not move the reference."""
-        q, sizes = self.motion.q, self.motion.sizes
-        candidates = list(self._candidates())
+        """All groups with their names, including those that do not move the reference; some may be combinations."""
         if self.isolated:
-            # A symmetry that moved the reference would lead to other rests beside it.
-            candidates = [x for x in candidates if np.all(np.abs(x[1].field(q)) < TOLERANCES.field_felt * sizes)]
-        carried = self.passing([field for _, field in candidates], self.carries)
-        found = [candidate for candidate, good in zip(candidates, carried, strict=True) if good]
+            return []
+        named = list(Names(self.identities, self.motion).found())
+        if not named:
+            return []
+        known = np.array([field.c for _, field in named])
         for generator in self.motion.generators:
-            # The reference may follow several groups, of which the simplest need not be a symmetry.
-            if any(isinstance(field, Turn) and field.generator.turns_as(generator) for _, field in found):
-                self._steady[self._key(generator)] = True
-            if generator.moves and self.steady(generator):
-                return [*found, ("the motion itself", self.along(generator))]
-        return found
+            own = self.identities.of_generator(generator)
+            if generator.moves and self.steady(generator) and own is not None and not _spanned(own, known):
+                return [*named, ("the motion itself", self.along(generator))]
+        return named
 
     @cached_property
     def symmetries(self) -> list[Symmetry]:
@@ -98,47 +105,9 @@ class Invariance(SymmetryCandidates):
     @cached_property
     def boosts(self) -> list[Symmetry]:
         """Shifts that may also be added to the speeds: another constant speed along them changes nothing else."""
-        shifts = [item for item in self.symmetries if isinstance(item.of, Shift)]
-        if self.system.sparse and shifts and self.states:
-            felt = self._felt(np.array([item.direction for item in shifts]).T)
-            shifts = [item for item, feels in zip(shifts, felt, strict=True) if not feels]
-        good = self.passing([item.of for item in shifts], self._boosts)
+        shifts = [item for item in self.symmetries if item.of.shift is not None]
+        good = self.identities.passing([item.of for item in shifts], "driven")
         return [item for item, passes in zip(shifts, good, strict=True) if passes]
-
-    def _felt(self, directions: Array) -> Any:
-        """Return along which columns speeds change forces to first order, by more than rounding: no boosts."""
-        state, time, none = self.states[-1], self.motion.time, np.zeros(self.system.n_c)
-        R = self.system.linearize(state.q, state.u, state.a, none, time)[1]
-        sizes = self.system.terms(state.q, state.u, state.a, none, time)["R"]
-        return np.any(np.abs(R @ directions) > TOLERANCES.speed_felt * (sizes @ np.abs(directions)), axis=0)
-
-    def _boosts(self, shift: Shift) -> bool:
-        """Whether all elements and rows are blind to a common speed along a shift."""
-        if not self.states:
-            return False
-        direction = shift.direction
-        step = self.rate * float(self.motion.sizes.max()) * TOLERANCES.trial_move / float(np.max(np.abs(direction)))
-        faster, identity = short(step) * direction, unchanged(len(direction))
-        # Rows first: those of a rolling wheel see the speed at once, without an element.
-        touched = self._containing(shift)
-        try:
-            if not all(self.satisfies(state.q, state.u + faster, part=touched) for state in self.on_rows):
-                return False
-        except MbstabError:  # rows with the slip of a tyre have no value at some speeds
-            return False
-        if not states_unmoved(self.system, self.on_rows, shift, self.motion.time):
-            return False
-        pairs = [(x, State(x.q, x.u + part * faster, x.a)) for x in self.states for part in TOLERANCES.trial_parts]
-        for element in self.containing(shift):
-            if not element.analytic or not all(self.same(element, *pair, identity, exact=True) for pair in pairs):
-                return False
-        return self._horizontal(shift)
-
-    def _containing(self, field: Shift) -> System:
-        """Return a system with only the rows that a shift changes; in a small scene with all rows."""
-        if not self.system.sparse:
-            return self.system
-        return self.system.containing(field.changed)
 
     @cached_property
     def momenta(self) -> list[Symmetry]:
@@ -146,20 +115,32 @@ class Invariance(SymmetryCandidates):
 
         A wheel that rolls along a line conserves neither its momentum nor its spin, but a combination of both.
         """
-        q, u = self.motion.q, self.motion.u
-        kept = self.passing([item.of for item in self.symmetries], self.conserves)
-        found = [item for item, good in zip(self.symmetries, kept, strict=True) if good]
-        single = np.array([[float(item is other) for other in self.symmetries] for item in found])
-        single = single.reshape(len(found), len(self.symmetries))
-        for c in self._idle_combinations():
-            chosen = [(float(x), item) for x, item in zip(c, self.symmetries, strict=True) if x]
-            if np.linalg.norm(c - single.T @ (single @ c)) < TOLERANCES.independent_fields * np.linalg.norm(c):
+        items = self.symmetries
+        if not items:
+            return []
+        idle = self.identities.idle([item.of for item in items])
+        alone = [k for k in range(len(items)) if _spanned(np.eye(len(items))[k], idle.T)]
+        found, single = [items[k] for k in alone], np.eye(len(items))[alone]
+        for c in echelon(idle, np.ones(len(items)), np.zeros(len(items), dtype=bool)).T:
+            if _spanned(np.array(c, dtype=float), single):
                 continue
-            field = Combination(tuple((x, item.of) for x, item in chosen))
-            if self.conserves(field):
-                name = " with ".join(item.name for _, item in chosen)
-                found.append(Symmetry(name, field.field(q), field.slope(q) @ u, field))
+            chosen = [(x, item) for x, item in zip(c, items, strict=True) if x]
+            field = chosen[0][1].of.times(chosen[0][0])
+            for x, item in chosen[1:]:
+                field = field + item.of.times(x)
+            direction = np.sum([float(x) * item.direction for x, item in chosen], axis=0)
+            rate = np.sum([float(x) * item.rate for x, item in chosen], axis=0)
+            name, parts = " with ".join(item.name for _, item in chosen), tuple((float(x), item) for x, item in chosen)
+            found.append(Symmetry(name, direction, rate, field, parts))
         return found
+
+    def conserves(self, field: Field) -> bool:
+        """Return whether the momentum along a symmetry is constant along every motion."""
+        return bool(self.identities.idle([field]).shape[1])
+
+    def carries(self, field: Field) -> bool:
+        """Return whether a group maps all motions to motions."""
+        return self.identities.passing([field], "along")[0]
 
     @cached_property
     def integrals(self) -> list[Symmetry]:
@@ -171,16 +152,20 @@ class Invariance(SymmetryCandidates):
         """
         known = self.momenta
         written = any(element.written for element in self.elements)
-        if not written or not self.states or not all(isinstance(item.of, Shift) for item in self.symmetries):
+        if not written or not self.states or any(item.of.shift is None for item in self.symmetries):
             return known
         still, found = np.zeros(self.system.n_q), list(known)
         basis = [item.direction for item in known]
-        for direction in echelon(self._balanced_shifts().T):
-            field = self._shift(direction)
+        sizes = self.motion.sizes
+        for entries in echelon(self._balanced_shifts(), sizes, np.zeros(len(sizes), dtype=bool)).T:
+            field = self.identities.shift(entries)
+            if field is None:
+                continue
+            direction = np.array(entries, dtype=float)
             new = np.linalg.matrix_rank(
                 np.array([*basis, direction]) / self.motion.sizes, tol=TOLERANCES.independent_fields
             ) > len(basis)
-            if new and self._total(field) and self._horizontal(field):
+            if new and self._total(field) and self.identities.passing([field], "held")[0]:
                 names = [name for name, x in zip(self.system.names, direction, strict=True) if x]
                 found.append(Symmetry(" with ".join(names), direction, still, field))
                 basis.append(direction)
@@ -201,7 +186,7 @@ class Invariance(SymmetryCandidates):
         result: Array = right[int(np.sum(s > TOLERANCES.work_of_combination)) :].T * sizes[:, None]
         return result
 
-    def _total(self, field: Shift) -> bool:
+    def _total(self, field: Field) -> bool:
         """Return whether the total force along a shift is the rate of a linear function that no symmetry changes."""
         found = [self._rates(element, field) for element in self.elements]
         if any(rates is None for rates in found):
@@ -224,20 +209,21 @@ class Invariance(SymmetryCandidates):
                     return False
         return True
 
-    def _rates(self, element: Acting, field: Shift) -> list[Any] | None:
+    def _rates(self, element: Acting, field: Field) -> list[Any] | None:
         """Return c if the force of an element along a shift is c·u, with nothing for its inertia; None if it is not."""
-        if not any(field.direction[i] for i in element.columns):
+        direction = field.shift
+        assert direction is not None
+        if not any(direction[i] for i in element.columns):
             return []
         if element.inertia:
-            images = [self._moved(field, state) for state in self.states]
-            return [] if self._unseen(element, field) or self._carried(element, images, exact=False) else None
-        if not element.analytic or (element.written and not steps_are_exact(field)):
+            return [] if self._unmoved(element, direction) else None
+        if not element.analytic:
             return None
         found: list[tuple[Any, Any]] = []
         for state in self.states:
-            with Digits(element, exact=steps_are_exact(field)) as f:
+            with Digits(element) as f:
                 limit = TOLERANCES.comparison_exact if f.name == "mpmath" else TOLERANCES.force_change
-                weights = [f.number(repr(float(field.direction[i]))) for i in element.columns]
+                weights = [f.number(repr(float(direction[i]))) for i in element.columns]
                 q, u, zero = numbers(state.q, f), numbers(state.u, f), numbers(0.0 * state.q, f)
                 K, R = element.slopes(q, u, zero, self.motion.time, f)
                 still = element.force(q, zero, zero, self.motion.time, f)
@@ -251,26 +237,15 @@ class Invariance(SymmetryCandidates):
                 found = rates
         return [rate for rate, _ in found]
 
-    def _idle_combinations(self) -> list[Array]:
-        """Return coefficients of the combinations of symmetries along which nothing seems to do work, as a basis."""
-        fields = [item.of for item in self.symmetries]
-        if not fields or not self.states:
-            return []
-        rows = []
-        for there in self.on_rows if self.system.n_c else []:
-            Y = np.array([field.field(there.q) for field in fields]).T
-            J = there.dynamics.J
-            rows += list((J @ Y) / (abs(J) @ np.abs(Y) + 1e-300).max(axis=1, keepdims=True))
-        acting = [element for element in self.elements if not element.inertia]
-        for state in self.states if acting else []:
-            every = np.array([field.field(state.q) for field in fields])
-            for element in acting:
-                Y = every[:, list(element.columns)]
-                force = np.array(element.force(state.q, state.u, state.a, self.motion.time), dtype=float)
-                size = float(np.max(np.abs(Y) @ np.abs(force)))
-                rows += [(Y @ force) / size] if size > 0.0 else []
-        _, s, right = np.linalg.svd(np.array([*rows, np.zeros(len(fields))]))
-        return echelon(right[int(np.sum(s > TOLERANCES.work_of_combination)) :])
+    def _unmoved(self, element: Acting, direction: Array) -> bool:
+        """Return whether a shift does not change the forces of inertia."""
+        Y = direction[list(element.columns)]
+        for state in self.states:
+            K = np.abs(np.array(self._slopes(element, state)[0], dtype=float) @ Y)
+            size = np.abs(np.array(self._slopes(element, state)[0], dtype=float)) @ np.abs(Y)
+            if np.any(TOLERANCES.force_change * size < K):
+                return False
+        return bool(self.states)
 
     def moves_on(self, field: Field) -> bool:
         """Return whether a scene may move along a group at any speed: no force deflects it then."""
@@ -334,179 +309,44 @@ class Invariance(SymmetryCandidates):
                 break
         return q
 
-    def conserves(self, field: Field) -> bool:
-        """Return whether the momentum along a symmetry is constant along every motion."""
-        acting = [e for e in self.containing(field) if not e.inertia]
-        return (not acting or (bool(self.states) and self._idle(acting, field))) and self._horizontal(field)
+    @property
+    def _kept_rows(self) -> list[int]:
+        redundant = {id(item.row) for item in self.motion.redundant}
+        return [i for i, row in enumerate(self.system.rows) if id(row) not in redundant]
 
-    def _idle(self, acting: list[Acting], field: Field) -> bool:
-        """Whether elements, each by itself, do no work along a field, whatever the state."""
-        here, directions = field.field(self.motion.q), [field.field(state.q) for state in self.states]
-        return all(
-            (e.analytic or not any(here[i] for i in e.columns)) and self._workless(e, field, directions) for e in acting
-        )
+    @cached_property
+    def isolated(self) -> bool:
+        """Whether the reference rests where there is no other rest beside it, to first order."""
+        motion, system, sizes = self.motion, self.system, self.motion.sizes
+        if not motion.at_rest or motion.massless is not None or system.n_n or system.scene.timed:
+            return False
+        K = scaled(self.slopes_there[0], sizes, sizes)
+        strongest = largest(K)
+        if not strongest:
+            return False
+        J = scaled(motion.dynamics.J, sizes)
+        J = scaled(J, np.ones(system.n_q), 1.0 / row_norms(J))[self._kept_rows]
+        K = K * (1.0 / strongest)
+        if not system.sparse:
+            whole = np.block([[K, J.T], [J, np.zeros((len(J), len(J)))]])
+            return float(np.min(np.linalg.svd(whole, compute_uv=False))) > TOLERANCES.shift_felt
+        from mbstab.analysis.algebra.sparse_rank import least_singular_value
 
-    def _workless(self, element: Acting, field: Field, directions: list[Array]) -> bool:
-        """Whether an element does no work along a field, which has these directions at the states."""
-        for state, Y in zip(self.states, directions, strict=True):
-            if not any(Y[i] for i in element.columns):
-                continue
-            if element.written and not steps_are_exact(field):
-                F, error = self.bounded(element, state)
-                if abs(float(Y @ F)) > float(
-                    np.abs(Y) @ (error + TOLERANCES.roundings_of_comparison * EPS * np.abs(F))
-                ):
-                    return False
-                continue
-            with Digits(element, exact=steps_are_exact(field)) as f:
-                force: Any = self._force(element, state)
-                if f.name == "mpmath":
-                    q, u, a = (numbers(x, f) for x in (state.q, state.u, state.a))
-                    force = element.force(q, u, a, self.motion.time, f)
-                work = [x * f.number(repr(float(Y[i]))) for i, x in zip(element.columns, force, strict=True)]
-                limit = TOLERANCES.comparison_exact if f.name == "mpmath" else TOLERANCES.force_change
-                if abs(sum(work)) > limit * sum(abs(x) for x in work):
-                    return False
-        return True
-
-    def _horizontal(self, field: Field) -> bool:
-        """Whether no constraint row resists a field, at all states that satisfy the rows; those of states never do."""
-        if not self.system.n_c or not self.seen:
-            return self.seen
-        sizes, resisting = self.motion.sizes, np.ones(self.system.n_c, dtype=bool)
-        resisting[self.system.states[1]] = False
-        for state, (J, size) in zip(self.on_rows, self.rows_there, strict=True):
-            Y = field.field(state.q)
-            off = np.abs(J @ Y) > TOLERANCES.row_residual * size * float(np.max(np.abs(Y / sizes)))
-            if np.any(off & resisting):
-                return False
-        return True
+        return least_singular_value(bordered(K, J)) > TOLERANCES.shift_felt
 
     # --- one group --------------------------------------------------------------------------------------------------
 
-    def carries(self, field: Field) -> bool:
-        """Return whether a group maps all motions to motions."""
-        try:
-            if not self._allowed(field) or not self._rows_carried(field):
-                return False
-            if not states_follow(self.system, self.on_rows, field, self.motion.time):
-                return False
-            seen = [e for e in self.containing(field) if not self._unseen(e, field)]
-            if not seen:
-                return True
-            images = [self._moved(field, state) for state in self.states]
-            exact = steps_are_exact(field)
-            broken = [e for e in seen if not (self._carried(e, images, exact) and self.generated(e, field))]
-            return self._near_too(seen, field) and (not broken or self._together(broken, field))
-        except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
-            return False
-
-    def _near_too(self, seen: list[Acting], field: Field) -> bool:
-        """Return whether expressions also pass small steps of a shift: they may be flat except in a narrow range."""
-        written = [e for e in seen if e.written]
-        if not written or not isinstance(field, Shift):
-            return True
-        reach = np.abs(field.direction / self.motion.sizes)[field.direction != 0.0]
-        wide = 2.0 ** np.ceil(np.log2(np.max(reach) / np.min(reach)))
-        for part in TOLERANCES.trial_parts[1:]:
-            # Also the coordinate that moves least must do so by a step of which no bit is lost.
-            step = min(part * wide, 0.5) * field.step
-            images = [self._moved(replace(field, step=step), state) for state in self.states]
-            if not all(self._carried(e, images, exact=steps_are_exact(field)) for e in written):
-                return False
-        return True
-
     def steady(self, generator: Generator) -> bool:
         """Return whether the flow of a steady motion maps all motions to motions."""
-        key = self._key(generator)
-        if key not in self._steady:
-            self._steady[key] = self.carries(self.along(generator))
-        return self._steady[key]
-
-    def _key(self, generator: Generator) -> bytes:
-        """Return the same for generators that move the reference in the same way."""
-        return generator.field(self.motion.q).tobytes() + np.array([generator.rate, *generator.axis]).tobytes()
+        c, space = self.identities.of_generator(generator), middle(self.identities.space)
+        return c is not None and _spanned(c / self.identities.scale, (space / self.identities.scale[:, None]).T)
 
     def along(self, generator: Generator) -> Field:
-        """Return the group of a steady motion, with a noticeable step."""
-        span = self._span(generator)
-        if generator.turns:
-            return Turn(generator, span)
-        direction = generator.field(self.motion.q)
-        largest = float(np.max(np.abs(direction)))
-        whole = in_whole_numbers(direction / largest)
-        return Shift(whole, span * largest / float(np.max(np.abs(whole))))
-
-    def _span(self, generator: Generator) -> float:
-        """Return a time in which a steady motion moves noticeably (s)."""
-        direction = np.abs(generator.field(self.motion.q))
-        span = TOLERANCES.trial_move / (float(np.max(direction / self.motion.sizes)) or self.rate)
-        largest = float(np.max(direction)) or 1.0
-        return short(span * largest) / largest
-
-    def _allowed(self, field: Field) -> bool:
-        """Return whether the constraints allow the disturbance of the reference to first order."""
-        motion, system = self.motion, self.system
-        if not system.n_c:
-            return True
-        Y, n_h = field.field(motion.q), system.n_h
-        J = motion.dynamics.J
-        size = float(np.max(np.abs(Y / motion.sizes))) or 1.0
-        return bool(
-            np.all(
-                np.abs(J[:n_h] @ Y) <= TOLERANCES.row_change_first_order * size * (abs(J[:n_h]) @ motion.sizes) + 1e-300
-            )
-        )
-
-    def _rows_carried(self, field: Field) -> bool:
-        """Return whether states that satisfy the rows are mapped to states that do."""
-        if not self.system.n_c or not self.seen:
-            return self.seen
-        part = self._containing(field) if isinstance(field, Shift) else None
-        for state in self.on_rows:
-            q, T = field.moved(state.q)
-            if not self.satisfies(q, T @ state.u, part=part):
-                return False
-        return True
-
-    def _together(self, broken: list[Acting], field: Field) -> bool:
-        """Return whether the sum of elements that a group changes is unchanged, in all motions that the rows allow."""
-        if not self.system.n_c or any(e.written for e in broken) or len(self.on_rows) < 2:
-            return False
-        system, time = self.system, self.motion.time
-        # At rest too: dampers at high speed would hide weak springs.
-        moving = self.on_rows
-        for state in [*(State(x.q, 0.0 * x.u, 0.0 * x.a) for x in moving), *moving]:
-            there, T = self._moved(field, state)
-            J = system.dynamics(state.q, state.u, time).J
-            if is_sparse(J):
-                return False  # in a large scene only the comparison element by element is tried
-            J = J * self.motion.sizes
-            lengths = np.linalg.norm(J, axis=1) + 1e-300
-            _, s, right = np.linalg.svd(J / lengths[:, None])
-            allowed = self.motion.sizes[:, None] * right[int(np.sum(s > 1e-8)) :].T
-            total, size, rounding = np.zeros((3, allowed.shape[1]))
-            for element in broken:
-                columns, everything = list(element.columns), slice(None)
-                F, moved = (put(self._force(element, x), columns, everything, len(state.q)) for x in (state, there))
-                after: Array = T.T @ moved
-                change = (after - F) @ allowed
-                mixing = np.max(np.abs(allowed) / self.motion.sizes[:, None], axis=0)
-                # What rounding of the coordinates makes of a stiff element must not hide the change of a weak one.
-                own = self._rounding_there(element, state, there, T) * mixing
-                change = np.where(np.abs(change) <= TOLERANCES.force_change_rounding * own, 0.0, change)
-                total += change
-                size += np.abs(change)
-                rounding += float(np.max((np.abs(F) + np.abs(after)) * self.motion.sizes)) * mixing
-            if np.any(np.abs(total) > TOLERANCES.row_residual * size + TOLERANCES.force_change_rounding * rounding):
-                return False
-        return True
-
-    def _rounding_there(self, element: Acting, state: State, there: State, T: Array) -> float:
-        """Return how much an element's force changes at a state and its image if these change by their whole size."""
-        columns, count = list(element.columns), len(state.q)
-        here, moved = (put(self._rounding(element, x), columns, slice(None), count) for x in (state, there))
-        return float(np.max((here + abs(T).T @ moved) * self.motion.sizes))
+        """Return the field of a steady motion, scaled to a size of one."""
+        c = self.identities.of_generator(generator)
+        assert c is not None
+        exact = [Fraction(x) for x in (c / np.max(np.abs(c))).tolist()]
+        return Field(self.identities.basis, c / np.max(np.abs(c)), exact)
 
     def keeps_time(self, generator: Generator) -> str:
         """Return the first entry that is not invariant under a steady motion at later times; empty: none.
@@ -514,19 +354,125 @@ class Invariance(SymmetryCandidates):
         For equations that contain the time in drives: they are constant in the co-moving frame if
         following the motion for some time is the same as waiting.
         """
-        field, span = self.along(generator), self._span(generator)
-        later = self.motion.time + span
-        images = [self._moved(field, state) for state in self.states]
-        for element in self.elements:
-            if not self._unseen(element, field) and not self._carried(element, images, exact=steps_are_exact(field)):
-                return element.path
-        for state in self.on_rows:
-            q, T = field.moved(state.q)
-            if not self.satisfies(q, T @ state.u, later):
-                return "the constraints"
-        return ""
+        c = self.identities.of_generator(generator)
+        return "the motion" if c is None else self.identities.changed_later(c)
 
-    # --- candidates -------------------------------------------------------------------------------------------------
+
+class Names:
+    """The fields of a scene by the names under which people know them, the simplest first.
+
+    Parameters
+    ----------
+    identities : Identities
+    motion : Motion
+    """
+
+    def __init__(self, identities: Identities, motion: Motion) -> None:
+        self.identities, self.motion = identities, motion
+        self.basis, self.system = identities.basis, identities.system
+
+    def found(self) -> Iterator[tuple[str, Field]]:
+        """Yield the fields with their names; later ones may be combinations of earlier ones."""
+        if not self.identities.space.shape[1]:
+            return
+        with many_bits():
+            yield from self._shifts()
+            yield from self._turns()
+            yield from self._own_turns()
+            for entries in self.identities.within(np.zeros(self.basis.size, dtype=bool)).T:
+                yield self._described(entries), self.identities.field(entries)
+
+    # --- shifts -----------------------------------------------------------------------------------------------------
+
+    def _shifts(self) -> Iterator[tuple[str, Field]]:
+        """Yield translations of everything, shifts of single coordinates, and common shifts of several."""
+        basis, names, single = self.basis, self.system.names, dict[int, Field]()
+        for i in range(len(names)):
+            entries = self.identities.of_shift(i)
+            if entries is not None and self.identities.contains(entries):
+                single[i] = self.identities.field(entries)
+        for axis, letter in enumerate("xyz"[: self.system.scene.dimension]):
+            places = [b.part.start + axis for b in basis.blocks if b.body is not None]
+            entries = self.identities.of_shift(*places)
+            # Where each coordinate may be shifted by itself, the shift of all together says less.
+            several = len(places) > 1 and not single.keys() >= set(places)
+            if several and entries is not None and self.identities.contains(entries):
+                yield f"translation along {letter}", self.identities.field(entries)
+        for i, field in single.items():
+            yield f"state {names[i]}" if is_state(names[i]) else names[i], field
+        for entries in self.identities.within(~basis.still).T:
+            field = self.identities.field(entries)
+            assert field.shift is not None
+            strong = self._strongest(field.shift)
+            yield "common shift of " + ", ".join([*strong[:4], *["…"] * (len(strong) > 4)]), field
+
+    def _strongest(self, direction: Array) -> list[str]:
+        """Return the coordinates that a shift moves most; only those of one unit are compared."""
+        model, moved = self.system.scene.model, np.abs(direction)
+        moved = np.where(moved / self.motion.sizes > 1e-9 * np.max(moved / self.motion.sizes), moved, 0.0)
+        units = np.array([model.unit_of(name) for name in self.system.names])
+        most = np.array([np.max(moved, where=units == unit, initial=0.0) for unit in units])
+        return [name for name, x, least in zip(self.system.names, moved, 0.3 * most, strict=True) if x > least]
+
+    # --- rotations --------------------------------------------------------------------------------------------------
+
+    def _turns(self) -> Iterator[tuple[str, Field]]:
+        """Yield rotations of everything with the ground; states may go with them."""
+        spatial = self.system.scene.dimension == 3
+        bodies = [b for b in self.basis.blocks if b.body is not None]
+        if not bodies:
+            return
+        first = bodies[0]
+        for entries in self.identities.common(bodies).T:
+            turn = np.array(
+                [float(entries[k]) for k in range(first.start + ROTATIONS[first.kind], first.start + _last(first))]
+            )
+            size = float(np.linalg.norm(turn))
+            if not size:
+                continue
+            field = self.identities.field(entries)
+            generator = field.generator
+            assert generator is not None
+            place = through(np.where(np.abs(generator.point) > 1e-12 * np.max(self.motion.sizes), generator.point, 0.0))
+            name = f"rotation about {axis_text(turn / size)}" if spatial else "rotation in the plane"
+            yield name + place, field.times(1 / size) if size != 1.0 else field
+
+    def _own_turns(self) -> Iterator[tuple[str, Field]]:
+        """Yield rotations of single bodies about an axis of their own, through their centres of mass."""
+        for b in self.basis.blocks:
+            if b.kind not in SPINS:
+                continue
+            own = np.ones(self.basis.size, dtype=bool)
+            own[b.start + SPINS[b.kind] : b.start + SIZES[b.kind]] = False
+            for entries in self.identities.within(own).T:
+                axis = np.array([float(x) for x in entries[b.start + SPINS[b.kind] : b.start + DRIFTS[b.kind]]])
+                if not np.any(axis):
+                    continue
+                name, body = self.system.names[b.part.stop - 1], self.system.scene.bodies[b.body or 0]
+                if len(axis) == 3 and np.any(axis[:2]):
+                    name = f"turn of {body.name} about its axis {axis_text(axis / np.linalg.norm(axis))}"
+                yield name, self.identities.field(entries)
+
+    def _described(self, entries: Sequence[Any]) -> str:
+        """Return a name for a field that has none of its own."""
+        moved = [b for b in self.basis.blocks if any(entries[k] != 0 for k in b.fields)]
+        owners = [
+            self.system.names[b.part.start] if b.body is None else self.system.scene.bodies[b.body].name for b in moved
+        ]
+        return f"motion of {', '.join([*owners[:4], *['…'] * (len(owners) > 4)])}"
+
+
+def _last(b: Block) -> int:
+    """Return the number after the last rotation of the ground among the fields of a body."""
+    return 6 if b.kind.startswith("spatial") else 3
+
+
+def _spanned(x: Array, rows: Array) -> bool:
+    """Return whether a vector lies in the span of rows, to rounding."""
+    if not len(rows):
+        return not np.any(x)
+    left = x - rows.T @ least_squares(rows.T, x, rcond=TOLERANCES.coefficient_zero)
+    return float(np.linalg.norm(left)) <= 10.0 * TOLERANCES.coefficient_zero * float(np.linalg.norm(x))
 
 
 def _weighted(weights: list[Any], column: Any) -> tuple[Any, Any]:

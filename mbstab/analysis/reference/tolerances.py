@@ -248,8 +248,6 @@ class Tolerances:
     """Expressions are compared with this many digits …"""
     comparison_exact: Final = 1e-32
     """… and are equal if they agree to this."""
-    row_change_of_state: Final = 1e-12
-    """Rates of first-order states agree to this, relative to the terms of their change, where steps are not exact."""
     row_residual: Final = 1e-12
     """Constraint rows hold to this at the states that are compared, relative to the sizes in the scene."""
     shift_felt: Final = 1e-6
@@ -262,6 +260,8 @@ class Tolerances:
     """Speeds below this, relative to those of the scene, count as rest where rows on speeds are tested."""
     state_spreads: Final = (0.5, 0.15, 0.04, 0.01)
     """Spread of the states, in sizes of the scene and rad; a smaller one where equations have no value."""
+    near_rows: Final = 0.04
+    """Spread of states near the reference that satisfy the constraints, relative to that of the others."""
     state_surroundings: Final = 1e-3
     """Spread of the states near the reference, relative to that of the others."""
     newton_steps_onto_rows: Final = 25
@@ -277,26 +277,39 @@ class Tolerances:
     """Rounds in which the units of first-order states are balanced."""
     state_bits: Final = 24
     """Bits of the numbers in the states at which elements are compared."""
-    trial_move: Final = 0.7
-    """Step at which elements are tested: a rotation (rad), or a shift in sizes of the scene."""
 
     # Symmetries: which are tried, and which are independent
     work_of_combination: Final = 1e-7
     """Combinations of symmetries along which the work is below this are tested more closely."""
-    row_change_first_order: Final = 1e-6
-    """Groups that change constraint rows by more than this to first order, relative to their terms, are not tried."""
     independent_fields: Final = 1e-8
     """Fields are independent if the smallest singular value of their unit vectors is larger than this."""
     coordinate_held: Final = 1e-9
     """A coordinate is held by the constraints if its part in all allowed motions, of unit length, is below this."""
-    trial_parts: Final = (1.0, 2.0**-20, 2.0**-40)
-    """Fractions of a step that are tried: functions may be flat except in a narrow range."""
-    speed_felt: Final = 1e-6
-    """Forces change with the speeds along a shift for sure where they do by more than this part of their terms."""
     trial_speeds: Final = (0.3, -1.0, 3.0, 1e-3, -1e-6, 1e-9, -1e-12)
     """Speeds along symmetries, in rates of the scene, at which a scene at rest is tested."""
-    trial_centres: Final = 8
-    """Maximum number of points of the ground that are tried as centres of rotation."""
+    proposed_change: Final = 1e-8
+    """A field is proposed if an element changes by less along it, relative to the terms of the change …"""
+    states_beyond: Final = 3
+    """… at so many random states, and as many more as it takes to see all fields."""
+    exact_spreads: Final = (0.6, 1e-3, 1e-6, 1e-10)
+    """Spreads of states at which identities are tested, by `state_spreads`; but the first of what the file writes only:
+    a function may be flat to all digits but near the reference."""
+    bits_of_weak_terms: Final = 90
+    """At states on rows terms are seen that are smaller by these bits than those of other fields in the same row."""
+    row_dependence: Final = 1e-9
+    """Rows of unit length are dependent on others beside which less is left of them."""
+    bits_of_motion: Final = 36
+    """Bits to which the rates of a steady motion are known."""
+    simple_field: Final = 1e-9
+    """Distance of a field with entries 0 and 1 from the space that doubles propose."""
+    bits_of_coefficients: Final = 120
+    """Coefficients of fields are equal, or zero, to so many bits."""
+    rounds_of_identities: Final = 12
+    """Rounds of fresh states after which the fields that pass are given up …"""
+    fields_at_once: Final = 900
+    """Scenes with more fields are sparse."""
+    coefficient_zero: Final = 1e-10
+    """Relative rounding of the coefficients that doubles propose."""
     shift_denominator: Final = 1000
     """Largest denominator of fractions that are recognized in the ratios of the entries of a shift."""
 

@@ -18,7 +18,7 @@ from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.rounded import value_and_error
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
-from mbstab.analysis.reference.fields import Combination, Symmetry
+from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.rounded_scene import rounded_system
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.sweep.points import Points, disturbance, seen_from
@@ -253,15 +253,15 @@ class Known:
 
     def _conserved(self, points: Points, momenta: tuple[Symmetry, ...], good: Flags) -> Array:
         """Return the differentials of conserved momenta as rows, shape (points, number, n)."""
-        mixed = any(isinstance(item.of, Combination) for item in momenta)
+        mixed = any(item.parts for item in momenta)
         if not momenta or not mixed:
             parts = [disturbance(item, points) for item in momenta]
             return self._differentials(points, parts) if parts else np.zeros((1, 0, points.S.shape[-1]))
         # The combinations of symmetries that are conserved change from point to point.
         fields: list[Symmetry] = []
         for item in momenta:
-            parts_of = item.of.parts if isinstance(item.of, Combination) else ((1.0, item.of),)
-            known = [x for _, part in parts_of for x in self.symmetries if x.of is part]
+            parts_of = [part for _, part in item.parts] or [item]
+            known = [x for part in parts_of for x in self.symmetries if x.of is part.of]
             good &= len(known) == len(parts_of)
             fields += [x for x in known if x not in fields]
         rows = transposed(unit(transposed(self._differentials(points, [disturbance(item, points) for item in fields]))))
@@ -460,7 +460,7 @@ class Known:
         momenta = tuple(self.grounds.structure.invariance.momenta)
         kernel = np.eye(n)[None]
         if momenta:
-            good &= momenta == self.momenta or not any(isinstance(x.of, Combination) for x in momenta)
+            good &= momenta == self.momenta or not any(x.parts for x in momenta)
             rows = self._conserved(points, momenta, good)
             kernel = complement(orthonormal(transposed(rows), len(momenta), good))
         if not self.symmetries:

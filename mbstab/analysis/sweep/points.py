@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.reference.fields import Combination, OwnTurn, Shift, Spin, Symmetry
+from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.sweep.stacks import some
 from mbstab.analysis.verdict.followers import disturbances
@@ -146,21 +146,6 @@ def disturbance(item: Symmetry, points: Points) -> tuple[Array, Array]:
     q, u, field = points.q, points.u, item.of
     if item.name == "the motion itself":
         return u, points.a
-    if isinstance(field, Shift):
-        return field.direction[None], 0.0 * field.direction[None]
-    if isinstance(field, OwnTurn):
-        direction, rate = np.zeros_like(q), np.zeros_like(q)
-        cos, sin = np.cos(q[:, field.part.stop - 1]), np.sin(q[:, field.part.stop - 1])
-        center = points.system.scene.bodies[points.system.body_slices.index(field.part)].center
-        first, second = (np.asarray(x, dtype=float) for x in center[:2])
-        lever = np.stack([cos * first - sin * second, sin * first + cos * second], axis=1)
-        start, turn = field.part.start, u[:, field.part.stop - 1, None]
-        direction[:, start], direction[:, start + 1], direction[:, start + 2] = lever[:, 1], -lever[:, 0], 1.0
-        rate[:, start : start + 2] = lever * turn
-        return direction, rate
-    if isinstance(field, (Spin, Combination)):
-        pairs = [(field.field(x), field.slope(x) @ y) for x, y in zip(q, u, strict=True)]
-        return np.array([x for x, _ in pairs]), np.array([y for _, y in pairs])
-    generator: Any = getattr(field, "generator")  # noqa: B009 (a Turn)
-    direction, slope = generator.field(q), generator.frame(q)[0]
-    return direction, (slope @ u[..., None])[..., 0]
+    if field.shift is not None:
+        return field.shift[None], 0.0 * field.shift[None]
+    return field.field(q), (field.slope(q) @ u[..., None])[..., 0]

@@ -77,10 +77,15 @@ class Grounds:
         return state_space(self.linear)
 
     @cached_property
+    def _elementwise(self) -> Invariance:
+        """The symmetries of the scene that each of its elements has."""
+        return Invariance(self.system, self.motion)
+
+    @cached_property
     def gamma(self) -> float:
         """A typical rate of the deflated system (1/s), the unit of speeds."""
         # In a critical state only rounding may be left of it.
-        return max(time_scale(self.space), TOLERANCES.slowest_typical_rate * self.invariance.rate)
+        return max(time_scale(self.space), TOLERANCES.slowest_typical_rate * self._elementwise.rate)
 
     @cached_property
     def S(self) -> Array:
@@ -88,19 +93,36 @@ class Grounds:
         return balanced(self.space, self.gamma)
 
     @cached_property
+    def _found(self) -> tuple[Structure, Separated]:
+        """The structure, with what holds on all rows only, or for sums of forces, where zeros are left without it."""
+        structure = Structure(self.linear, self.space, self.gamma, self._elementwise)
+        separated, system = structure.separated(self.S), self.system
+        large = system.sparse or system.n_q > TOLERANCES.searched_together
+        if large or not separated.A.size or self.linear.massless is not None:
+            return structure, separated
+        limit = TOLERANCES.family_singular_value * max(float(np.linalg.norm(self.S, 2)), self._elementwise.rate)
+        if float(np.linalg.svd(separated.A, compute_uv=False)[-1]) > limit:
+            return structure, separated
+        wider = Invariance(system, self.motion, together=True)
+        if len(wider.symmetries) <= len(self._elementwise.symmetries):
+            return structure, separated
+        structure = Structure(self.linear, self.space, self.gamma, wider)
+        return structure, structure.separated(self.S)
+
+    @property
     def invariance(self) -> Invariance:
         """The symmetries of the scene."""
-        return Invariance(self.system, self.motion)
+        return self.structure.invariance
 
-    @cached_property
+    @property
     def structure(self) -> Structure:
         """The neutral directions and the work of the forces."""
-        return Structure(self.linear, self.space, self.gamma, self.invariance)
+        return self._found[0]
 
-    @cached_property
+    @property
     def plain(self) -> Separated:
         """The balanced matrix with the directions that symmetries and conserved functions of the scene separate."""
-        return self.structure.separated(self.S)
+        return self._found[1]
 
     @cached_property
     def separated(self) -> Separated:

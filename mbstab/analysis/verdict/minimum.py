@@ -28,7 +28,6 @@ from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.coefficients import Matrices, matrices_in
-from mbstab.analysis.reference.fields import Shift, Turn
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.verdict.neutral import Separated, Structure
 from mbstab.analysis.verdict.rule import Minimum
@@ -198,7 +197,7 @@ class SecondVariation:
         return all(
             item.name in boosts or np.linalg.norm(generator.frame(self.linear.motion.q)[0] @ item.direction) < 1e-9
             for item in invariance.symmetries
-            if isinstance(item.of, Shift) and np.any(item.of.direction[~self._angles()])
+            if item.of.shift is not None and np.any(item.of.shift[~self._angles()])
         )
 
     @cached_property
@@ -294,16 +293,17 @@ class SecondVariation:
     def _idle_turns(self) -> list[Generator]:
         """Return rotations of the ground that do not move the reference, with spins that compensate them."""
         invariance, motion = self.structure.invariance, self.linear.motion
-        spins = [field.direction for _, field in invariance.fields if isinstance(field, Shift)]
+        spins = [field.shift for _, field in invariance.fields if field.shift is not None]
         found = []
         for _, field in invariance.fields:
-            if not isinstance(field, Turn) or not field.generator.turns or not spins:
+            generator = field.generator
+            if generator is None or not generator.turns or not spins:
                 continue
             Y, columns = field.field(motion.q), np.array(spins).T
             c = least_squares(columns, Y, rcond=1e-12)
             undone = columns @ c
             if np.max(np.abs(Y - undone) / motion.sizes) < 1e-9 and np.any(undone) and invariance.conserves(field):
-                found.append(replace(field.generator, spins=field.generator.spins - undone))
+                found.append(replace(generator, spins=generator.spins - undone))
         return found
 
     def _least(self, step: Generator, rate: float) -> float:

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from mbstab.analysis.algebra.sparse import scaled
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.linear.roundings import roundings
-from mbstab.analysis.reference.fields import Combination, Symmetry
+from mbstab.analysis.reference.fields import Field, Symmetry
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
@@ -229,6 +228,7 @@ class Structure:
             self.chains(found),
             "numerical" if d + len(L) else "structural",
             slow=tuple(slow),
+            tumbling=bool(len(L)) and self._tumbles(),
         )
         return replace(found, neutral=neutral)
 
@@ -316,7 +316,7 @@ class Structure:
         """Return the combinations along which the scene moves at any speed: all of them, or that of the reference."""
 
         def moves(coefficients: Array) -> bool:
-            return self.invariance.moves_on(Combination(_parts(coefficients, items)))
+            return self.invariance.moves_on(_combined(coefficients, items))
 
         chosen = _sparse(c / lengths[:, None])
         mixed = [*RandomNumbers(7).uniform(-1.0, 1.0, 2 if c.shape[1] > 1 else 0, c.shape[1])]
@@ -369,6 +369,34 @@ class Structure:
             names.sort(key=[name for name, _ in candidates].index)  # for many equal ones any basis is as good
         return basis.T, names
 
+    def _tumbles(self) -> bool:
+        """Return whether conserved momenta are those of rotations that do not commute, and do not all move on steadily.
+
+        At rest such momenta are zero. With others a body of different moments tumbles for ever (Euler): what tells
+        motions of the same kind apart must be constant in time and the same for all of a symmetry's images.
+        """
+        motion, invariance = self.linear.motion, self.invariance
+        turns = [] if np.any(motion.u) else [x.of for x in invariance.momenta if x.of.shift is None]
+        rng, brackets = RandomNumbers(5), list[Array]()
+        for _ in range(2):
+            q = motion.q + motion.sizes * rng.uniform(-0.5, 0.5, len(motion.q))
+            at = [(field.field(q), field.slope(q)) for field in turns]
+            pairs = ((D @ Y - E @ X) / motion.sizes for X, E in at for Y, D in at)
+            brackets.append(np.array(list(pairs)).reshape(-1, len(q)))
+        # Brackets of rotations and translations are translations, the same everywhere.
+        if float(np.max(np.abs(brackets[0] - brackets[1]), initial=0.0)) <= TOLERANCES.independent_direction:
+            return False
+        # A ball turns about any axis in place, at any speed.
+        still = invariance.identities.in_place()
+        moved = np.array([x.field(motion.q) / motion.sizes for x in (*still, *turns)])
+        ranks = [np.linalg.matrix_rank(x, tol=TOLERANCES.independent_direction) for x in (moved[: len(still)], moved)]
+        if not still or ranks[0] < ranks[1]:
+            return True
+        mixed = still[0].times(float(rng.uniform(0.5, 1.0, 1)[0]))
+        for field in still[1:]:
+            mixed = mixed + field.times(float(rng.uniform(0.5, 1.0, 1)[0]))
+        return not invariance.moves_on(mixed)
+
     def _told_apart(self, rows: list[Array], T: Array, S: Array) -> list[str]:
         """Return whether motions with different conserved functions end at another speed or at another place."""
         n = self.space.n_xi
@@ -396,7 +424,7 @@ class Structure:
 
         Motions of such a family need not be steady where other conserved functions have other values.
         """
-        return not all(self.invariance.passing([x.of for x in self.invariance.boosts], self.invariance.conserves))
+        return not all(self.invariance.conserves(x.of) for x in self.invariance.boosts)
 
 
 def admissible(across: Array) -> Array:
@@ -420,8 +448,12 @@ def _sparse(c: Array) -> list[Array]:
     return [np.where(np.abs(x) > TOLERANCES.independent_direction * np.max(np.abs(x)), x, 0.0) for x in c.T]
 
 
-def _parts(c: Array, items: list[Symmetry]) -> tuple[tuple[float, Any], ...]:
-    return tuple((float(x), item.of) for x, item in zip(c, items, strict=True) if x)
+def _combined(c: Array, items: list[Symmetry]) -> Field:
+    """Return a combination of symmetries."""
+    first, *others = (item.of.times(float(x)) for x, item in zip(c, items, strict=True) if x)
+    for other in others:
+        first = first + other
+    return first
 
 
 def unseparated(S: Array) -> Separated:

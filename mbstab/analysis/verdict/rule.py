@@ -8,7 +8,8 @@ verified symmetries and families of steady motions, and A_⊥ the quotient of A 
     (Lyapunov 1892);
 2.  asymptotically stable: all eigenvalues lie left of it (Lyapunov 1892);
 3.  asymptotically stable up to symmetry: those of A_⊥ lie left of it (Lyapunov 1892, Malkin 1952; Fenichel
-    1971; Krupa 1990);
+    1971; Krupa 1990); only stable up to symmetry at rest where momenta of rotations that do not commute are
+    conserved: small momenta stay small (Carr 1981), and bodies with them may tumble;
 4.  stable, possibly up to symmetry: a function that never increases has a strict minimum, modulo
     the symmetries and at the given momenta (Lagrange, Dirichlet, Routh; Simo, Lewis, Marsden
     1991; Ortega, Ratiu 1999);
@@ -492,6 +493,9 @@ def _decaying(facts: Facts) -> Verdict:
             else ("all eigenvalues lie to the left of the imaginary axis")
         )
         return Verdict(ASYMPTOTIC, (f"all disturbances decay: {what}",), in_place=True, warnings=facts.warnings)
+    if neutral.tumbling:
+        why = "all that momenta do not hold decays, but a body with a small momentum may tumble for ever"
+        return _up_to(facts, STABLE_UP_TO, f"{why}: small disturbances stay small, {_except(neutral)}")
     return _up_to(facts, ASYMPTOTIC_UP_TO, f"all disturbances decay, {_except(neutral)}")
 
 

@@ -82,6 +82,8 @@ class Neutral(Modulo):
         How far a family without a symmetry was followed, in words; empty: there is none.
     linear : bool
         Whether the motions, up to symmetries, obey linear equations, of which zero is a semisimple eigenvalue.
+    tumbling : bool
+        Whether motions with other values of conserved momenta, at rest here, need not become steady.
     slow : tuple of str
         Those of the family that are speeds of a scene at rest; they stay small where the energy bounds them.
     """
@@ -92,6 +94,7 @@ class Neutral(Modulo):
     checked: str = ""
     linear: bool = False
     slow: tuple[str, ...] = ()
+    tumbling: bool = False
 
     @property
     def drift(self) -> int:

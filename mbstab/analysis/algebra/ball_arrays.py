@@ -1,0 +1,210 @@
+"""Arrays of balls beside arrays of doubles, with one set of operations: products with the sizes of their terms.
+
+A size is a power of two, the exponent of the largest term, so that no small term is lost below the range of doubles.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
+from mbstab.model.arithmetic import Arithmetic, array_arithmetic
+
+NONE = -np.inf
+"""The power of zero."""
+
+
+class Doubles:
+    """Arrays of doubles, many states along the first axes."""
+
+    exact = False
+    resolution = 1e-13
+
+    @property
+    def f(self) -> Arithmetic:
+        """The arithmetic of kernels."""
+        return array_arithmetic()
+
+    def zeros(self, shape: tuple[int, ...]) -> Array:
+        """Return an array of zeros."""
+        return np.zeros(shape)
+
+    def of(self, x: Array) -> Array:
+        """Return an array of doubles in these numbers."""
+        return x
+
+    def settled(self, x: Array) -> Array:
+        """Return numbers near x from which to go on."""
+        return x
+
+    def powers(self, x: Array) -> Array:
+        """Return the exponents of the sizes of the entries."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log2(np.abs(x)))
+
+    def multiplied(self, A: Array, B: Array) -> Array:
+        """Return a product of matrices."""
+        return np.asarray(A @ B)
+
+    def solved(self, A: Array, B: Array) -> Array:
+        """Return A⁻¹ B."""
+        return np.asarray(np.linalg.solve(A, B))
+
+    def products(self, *pairs: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Return a sum of products of matrices, and the exponents of the largest terms of its entries."""
+        total: Any = 0
+        size: Any = NONE
+        for A, B in pairs:
+            total = total + self.multiplied(A, B)
+            size = np.maximum(size, largest_terms(self.powers(A), self.powers(B)))
+        return total, size
+
+
+class Balls(Doubles):
+    """Arrays of balls, one state at a time."""
+
+    exact = True
+    resolution = 1e-60
+
+    @cached_property
+    def f(self) -> Arithmetic:  # noqa: D102
+        from mbstab.analysis.algebra.balls import ball_arithmetic
+
+        return ball_arithmetic()
+
+    def zeros(self, shape: tuple[int, ...]) -> Array:  # noqa: D102
+        return np.full(shape, 0, dtype=object)
+
+    def of(self, x: Array) -> Array:  # noqa: D102
+        from flint import arb
+
+        return np.asarray(np.frompyfunc(arb, 1, 1)(np.asarray(x, dtype=float)))
+
+    def settled(self, x: Array) -> Array:  # noqa: D102
+        return np.asarray(np.frompyfunc(lambda y: as_ball(y).mid(), 1, 1)(x))
+
+    def powers(self, x: Array) -> Array:  # noqa: D102
+        return np.asarray(np.frompyfunc(_power, 1, 1)(x), dtype=float)
+
+    def multiplied(self, A: Array, B: Array) -> Array:  # noqa: D102
+        return _array(_matrix(A) * _matrix(B), (A.shape[-2], B.shape[-1]))
+
+    def solved(self, A: Array, B: Array) -> Array:  # noqa: D102
+        return _array(_matrix(A).solve(_matrix(B)), (A.shape[-1], B.shape[-1]))
+
+
+def _matrix(A: Array) -> Any:
+    from flint import arb_mat
+
+    return arb_mat(A.shape[0], A.shape[1], [as_ball(x) for x in A.flat])
+
+
+def _array(A: Any, shape: tuple[int, int]) -> Array:
+    found = np.empty(shape[0] * shape[1], dtype=object)
+    found[:] = A.entries()
+    return found.reshape(shape)
+
+
+DOUBLES, BALLS = Doubles(), Balls()
+
+
+@contextlib.contextmanager
+def many_bits() -> Iterator[None]:
+    """Compute with the bits of identities inside the context."""
+    from flint import ctx
+
+    before, ctx.prec = ctx.prec, TOLERANCES.bits_of_identities
+    try:
+        yield
+    finally:
+        ctx.prec = before
+
+
+def as_ball(x: Any) -> Any:
+    """Return a number as ``flint.arb``."""
+    from flint import arb
+
+    return x if isinstance(x, arb) else arb(x.v) if hasattr(x, "v") else arb(x)
+
+
+def plain_ball(x: Any) -> Any:
+    """Return a number as ``flint.arb``, and as an integer where it is a small one."""
+    value = as_ball(x)
+    return int(value.unique_fmpz()) if value.is_exact() and value.is_integer() and abs(value) < 2 else value
+
+
+def middle(x: Array) -> Array:
+    """Return the midpoints as doubles."""
+    return x if x.dtype == float else np.asarray(np.frompyfunc(float, 1, 1)(x), dtype=float)
+
+
+def _power(x: Any) -> float:
+    """Return the exponent of the size of a number."""
+    if isinstance(x, (int, float)):
+        return float(np.log2(abs(x))) if x else NONE
+    x = as_ball(x)
+    if not x.is_finite():
+        return np.inf
+    mantissa, exponent = x.abs_upper().mid().man_exp()
+    mantissa = int(mantissa)
+    return mantissa.bit_length() + int(exponent) if mantissa else NONE
+
+
+def _least_powers(x: Array) -> Array:
+    """Return the exponents of the sizes that entries have at least; of those that may be zero none."""
+
+    def one(y: Any) -> float:
+        y = as_ball(y)
+        return NONE if y.contains(0) or not y.is_finite() else _power(y)
+
+    return np.asarray(np.frompyfunc(one, 1, 1)(x), dtype=float)
+
+
+def largest_terms(A: Array, B: Array) -> Array:
+    """Return the exponents of the largest terms of the entries of a product, from those of the factors."""
+    return np.asarray(np.max(A[..., :, :, None] + B[..., None, :, :], axis=-2, initial=NONE))
+
+
+def shows(value: Array, size: Array, bits: int = TOLERANCES.bits_of_zero) -> Flags:
+    """Return which entries are not zero beside the sizes of their terms, to so many bits."""
+    with np.errstate(invalid="ignore"):
+        result: Flags = np.nan_to_num(_least_powers(value) - size, nan=NONE) > -bits
+    return result
+
+
+def kept_combinations(rows: Array, sizes: Array) -> Array:
+    """Return the combinations of columns that vanish in all rows, shape (columns, number), in balls.
+
+    Columns are eliminated one by one, with the largest entry left, relative to its terms, as pivot.
+
+    Parameters
+    ----------
+    rows : ndarray of balls, shape (rows, columns)
+    sizes : ndarray, shape (rows, columns)
+        Exponents of the largest terms.
+    """
+    d = rows.shape[1]
+    found, left, rows, sizes = BALLS.of(np.eye(d)), list(range(d)), rows.copy(), sizes.copy()
+    while left and len(rows):
+        with np.errstate(invalid="ignore"):
+            relative = np.nan_to_num(_least_powers(rows[:, left]) - sizes[:, left], nan=NONE)
+        i, j = np.unravel_index(int(np.argmax(relative)), relative.shape)
+        if not relative[i, j] > -TOLERANCES.bits_of_zero:
+            break
+        pivot = left.pop(int(j))
+        for k in left:
+            factor = as_ball(rows[i, k]) / rows[i, pivot]
+            if factor == 0:
+                continue
+            rows[:, k] = rows[:, k] - factor * rows[:, pivot]
+            found[:, k] = BALLS.settled(found[:, k] - factor * found[:, pivot])
+            sizes[:, k] = np.maximum(sizes[:, k], sizes[:, pivot] + _power(factor))
+            rows[i, k] = as_ball(0)
+    return found[:, left]
