@@ -166,3 +166,54 @@ reference: {{coordinates: {{a: {{x: 0, y: 0}}, b: {{x: 0, y: 0}}}}}}
 def test_a_drive_that_passes_an_axis_at_the_reference_time_leaves_no_rotation():
     trailer = mbstab.load("trailer.yaml").eig()
     assert trailer.counts.neutral == 0
+
+
+def test_undamped_torsion_of_a_rotor_decouples_from_its_bending():
+    """ω² = k (1/J₁ + 1/J₂) = 1000 (1/0.1 + 1/0.2) turns beside eight eigenvalues that decay."""
+    rotor = mbstab.loads("""
+mbstab: 1
+parameters: {n: {value: 100, unit: rad/s}, k: 1000, across: 1e5}
+bodies:
+  hub: {type: planar, mass: 1, inertia: 0.1}
+  disk: {type: planar, mass: 10, inertia: 0.2}
+forces:
+  shaft:
+    {type: bushing, between: [disk, hub], stiffness: [1e5, across], damping: [10, 10], torsional_stiffness: k}
+  mount: {type: bushing, between: [hub, ground], stiffness: [1e6, 1e6], damping: [500, 500]}
+reference:
+  coordinates: {hub: {x: 0, y: 0, theta: 0}, disk: {x: 0, y: 0, theta: 0}}
+  rates: {hub: {theta: n}, disk: {theta: n}}
+""")
+    answer = rotor.eig()
+    assert answer.verdict == STABLE_UP_TO
+    assert (answer.spectrum.right, answer.spectrum.left, answer.spectrum.not_right) == (0, 8, 2)
+    slowest = min((e.value for e in answer.eigenvalues if e.kind != "neutral"), key=lambda s: abs(s.real))
+    assert abs(slowest.imag) == pytest.approx(np.sqrt(1000 * (1 / 0.1 + 1 / 0.2)), rel=1e-9)
+
+
+def test_straight_runs_under_another_heading_are_a_family_of_a_driven_car():
+    car = mbstab.loads("""
+mbstab: 1
+parameters: {u: 20}
+bodies: {car: {type: planar, mass: 1700, inertia: 3500, points: {f: [1.2, 0], r: [-1.7, 0]}}}
+drives: {speed: {type: coordinate, coordinate: car.x, position: u*t}}
+forces:
+  f: {type: tyre, at: car.f, cornering_stiffness: 80000}
+  r: {type: tyre, at: car.r, cornering_stiffness: 80000}
+reference: {coordinates: {car: {x: 0, y: 0, theta: 0}}, rates: {car: {x: u}}}
+""").eig()
+    assert (car.verdict, car.counts.neutral) == (ASYMPTOTIC_UP_TO, 2)
+    assert car.spectrum.chains is None or car.spectrum.chains.zeros == (2,)
+    (value,) = [e.value for e in car.eigenvalues if e.value.imag > 0.0]
+    assert value == pytest.approx(-4.827 + 3.277j, abs=1e-3)
+
+
+def test_what_drifts_along_a_family_that_is_no_symmetry_is_not_stable():
+    """a drifts past 90 degrees, and the spring of b then pushes: b grows, although all neighbours are steady."""
+    assert mbstab.loads("""
+mbstab: 1
+bodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 1}}
+constraints: {ay: {holonomic: a.y}, by: {holonomic: b.y}}
+forces: {s: {type: expression, on: {b.x: "-cos(a.x)*b.x - rate(b.x)"}}}
+reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}}
+""").eig().verdict in (UNDECIDED, UNSTABLE)

@@ -25,12 +25,12 @@ from mbstab.analysis.verdict.rule import (
     Disc,
     Facts,
     Minimum,
-    _unplaced,
     judge,
     place,
     side,
 )
 from mbstab.analysis.verdict.spectrum import Chains, Neutral
+from mbstab.analysis.verdict.wording import unplaced
 from mbstab.errors import amount, percent
 
 HELD = "the energy is conserved"
@@ -148,7 +148,7 @@ def test_every_verdict_says_why(known):
 @pytest.mark.parametrize("centre", [0j, 10j, -1e-9 + 10j])
 @pytest.mark.parametrize("radius", [0.0, 1e-8, math.inf])
 def test_why_a_verdict_is_open_is_said_without_numbers_that_are_none(count, centre, radius):
-    text = _unplaced(Disc(centre, radius, count, "open"), None)
+    text = unplaced(Disc(centre, radius, count, "open"))
     for nonsense in ("0.0e", "inf", "nan", "within its error bound 0 "):
         assert nonsense not in text
     assert (f"{count} eigenvalues" in text) == (count > 1 and radius < math.inf)

@@ -393,6 +393,14 @@ class Grounds:
 
         return growing_zeros(self.structure, self.digits)
 
+    def fixed(self, left: int) -> str:
+        """Return why motions that symmetries of the reference leave alone stay near, where all others decay."""
+        if self.system.sparse:
+            return ""
+        from mbstab.analysis.verdict.fixed import fixed_motions
+
+        return fixed_motions(self.structure, self.separated, left)
+
     def family(self, count: int) -> Neutral | None:
         """Return the neutral directions with a family of motions that was followed, unless many digits refute it."""
         if self.system.sparse or self.linear.massless is not None:
@@ -439,6 +447,7 @@ class Grounds:
             critical=self.critical,
             family=self.family,
             zeros=self.zeros,
+            fixed=self.fixed,
             warnings=() if self.linear.massless is None else self.linear.massless.warnings,
             frequencies=self.second_variation.warnings,
         )

@@ -51,6 +51,8 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     ):
         return None
     null = Q @ right[-size:].T
+    if not _drifts_along_symmetries(structure, found, symmetries, null):
+        return None
     try:
         search = _Search(structure, symmetries, null)
         if not all(search.reaches(direction) for direction in _directions(size)):
@@ -110,6 +112,19 @@ def _all_linear(functions: LinearFunctions, symmetries: Array, found: Separated,
     return blind and rank + d == n and constants >= zeros - d
 
 
+def _drifts_along_symmetries(structure: Structure, found: Separated, symmetries: Array, null: Array) -> bool:
+    """Return whether members of a family stand still up to symmetries and common speeds along them.
+
+    Those that drift along the family itself may come to members that are unstable (Fenichel 1971; Krupa 1990).
+    """
+    boosts = [(np.zeros_like(x.direction), x.direction) for x in structure.invariance.boosts]
+    group = orthonormal([*symmetries.T, *structure.columns(boosts)], len(found.S))
+    moved = found.S @ null
+    left = moved - group @ (group.T @ moved)
+    size = max(float(np.linalg.norm(found.S, 2)), structure.invariance.rate)
+    return float(np.linalg.norm(left)) <= TOLERANCES.direction_closure * size
+
+
 def _directions(size: int) -> list[Array]:
     """Return the directions of a null space that are followed, each in both senses."""
     rng = RandomNumbers(3)
@@ -128,6 +143,10 @@ class _Search:
         self.held = np.hstack([symmetries, null])
         self.sizes = self.motion.sizes
         self.free = complement(self.held)
+        # A drive breaks the shift along it; what is driven goes on so.
+        invariance, driven = structure.invariance, self.system.scene.timed
+        own = [g for g in self.motion.generators if driven and g.moves and not invariance.keeps_time(g)]
+        self.driven = [invariance.along(g) for g in own[:1]]
 
     def reaches(self, direction: Array) -> bool:
         """Return whether there is a motion of the kind at a finite distance along a null direction."""
@@ -206,7 +225,7 @@ class _Search:
         a[self.system.states[0]] = 0.0
         sizes, rate_ = self.sizes, self.rate
         moves = np.concatenate([u / sizes / rate_, a / sizes / rate_**2])
-        fields = [field for _, field in self.structure.invariance.fields]
+        fields = [field for _, field in self.structure.invariance.fields] + self.driven
         columns = [
             np.concatenate([Y / sizes, field.slope(q) @ u / sizes / rate_])
             for field in fields

@@ -15,6 +15,8 @@ verified symmetries and families of steady motions, and A_⊥ the quotient of A 
     1991; Ortega, Ratiu 1999);
 5.  stable up to symmetry: the motion is reversible and A_⊥ has a single pair on the axis (Devaney
     1976; Sevryuk 1986);
+    or all decays but motions that the symmetries of the reference leave alone, and the energy of these has a strict
+    minimum (Pliss 1964; Carr 1981; Vanderbauwhede 1989);
 6.  marginally stable: no eigenvalue of A_⊥ lies right of the axis, and each that does not lie left
     of it is simple and held on it by a structure of the equations;
 7.  zeros of A_⊥, the others left: the first nonlinear coefficient of a single one decides (Lyapunov 1892;
@@ -37,7 +39,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from mbstab.analysis.verdict.spectrum import Evidence, Modulo, Neutral, Spectrum
-from mbstab.analysis.verdict.wording import growing, phrases, power, show, strict
+from mbstab.analysis.verdict.wording import growing, phrases, power, show, strict, unplaced
 from mbstab.errors import amount, counted
 from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
 from mbstab.model.words import ASYMPTOTIC_UP_TO as ASYMPTOTIC_UP_TO
@@ -198,6 +200,9 @@ class Facts:
     family : callable
         Takes the number of unexplained zero eigenvalues; returns the `Neutral` in which
         a family that was followed explains them, or None.
+    fixed : callable
+        Takes the number of eigenvalues left of the axis; returns why motions stay near that symmetries of the reference
+        leave alone, where all others decay, or an empty text.
     zeros : callable
         Returns the number of eigenvalues that are zero exactly, explained ones included; −1: not known.
     warnings : tuple of str
@@ -224,6 +229,7 @@ class Facts:
     critical: Callable[[int, bool], Critical | None] = lambda count, others: None
     family: Callable[[int], Neutral | None] = lambda count: None
     zeros: Callable[[], int] = lambda: -1
+    fixed: Callable[[int], str] = lambda left: ""
     warnings: tuple[str, ...] = ()
     frequencies: Callable[[], tuple[str, ...]] = tuple
     multipliers: bool = False
@@ -414,6 +420,9 @@ def _verdict(facts: Facts) -> Verdict:
             reasons.append(f"as far as checked: {neutral.checked}")
         return Verdict(MARGINAL, tuple(reasons), neutral.symmetries, neutral.family, None, neutral.evidence, warnings)
     zeros = sum(d.count for d in rest)
+    left_of_it = sum(d.count for d in facts.discs if d.side == "left")
+    if not any(d.holds_zero for d in rest) and (why := facts.fixed(left_of_it)):
+        return _up_to(facts, STABLE_UP_TO, f"{why}: small disturbances stay small, {_except(neutral)}")
     if any(d.holds_zero for d in rest) and (grows := facts.growth()):
         return Verdict(UNSTABLE, (grows,), warnings=facts.warnings, zeros="critical")
     if all(d.holds_zero for d in rest) and (critical := facts.critical(zeros, not on_axis)) is not None:
@@ -421,7 +430,7 @@ def _verdict(facts: Facts) -> Verdict:
     if all(d.holds_zero for d in rest) and (wider := facts.family(zeros)) is not None:
         left_over = tuple(d for d in facts.discs if d not in rest)
         return replace(judge(replace(facts, discs=left_over, neutral=wider, minimum=lambda: None)), zeros="neutral")
-    return Verdict(UNDECIDED, tuple(_unplaced(d, facts) for d in rest if d.centre.imag >= 0.0), warnings=facts.warnings)
+    return Verdict(UNDECIDED, tuple(unplaced(d) for d in rest if d.centre.imag >= 0.0), warnings=facts.warnings)
 
 
 def _counted(facts: Facts, census: Census) -> Verdict:
@@ -559,35 +568,6 @@ def _except(neutral: Neutral) -> str:
     if not neutral.names:
         return "at the given momenta"
     return f"except that {phrases(neutral.names)} may end up slightly different"
-
-
-def _unplaced(disc: Disc, facts: Facts) -> str:
-    """Return why an eigenvalue leaves the verdict open."""
-    if not disc.radius < float("inf"):
-        return f"nothing is known about how far the eigenvalue {show(disc.centre)} 1/s is off"
-    many = disc.count > 1
-    if disc.holds_zero and not disc.radius:
-        what = f"{disc.count} eigenvalues are" if many else "an eigenvalue is"
-        return f"{what} exactly zero, and no symmetry or family of motions was found that explains it: a critical state"
-    if disc.holds_zero:
-        what = f"{disc.count} eigenvalues lie" if many else "an eigenvalue lies"
-        return (
-            f"{what} within {disc.radius:.1e} 1/s of zero, and no symmetry or family of motions was found that "
-            "explains it: a critical state, or motions so slow that rounding hides on which side of the imaginary axis "
-            "they are"
-        )
-    known = abs(disc.centre.real) > disc.radius
-    value = f"{show(disc.centre if known else complex(0.0, disc.centre.imag))} 1/s"
-    if many and disc.radius:
-        return (
-            f"{disc.count} eigenvalues lie within {disc.radius:.1e} 1/s of {value}, and this disc reaches over the "
-            "imaginary axis"
-        )
-    what = f"{disc.count} eigenvalues {value} lie" if many else f"the eigenvalue {value} lies"
-    where = f"within its error bound {disc.radius:.1e} of" if disc.radius else "exactly on"
-    return (
-        f"{what} {where} the imaginary axis, and no structure of the equations holds {'them' if many else 'it'} there"
-    )
 
 
 def weakest(*evidence: Evidence) -> Evidence:

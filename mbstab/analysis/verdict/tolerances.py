@@ -56,6 +56,8 @@ class Tolerances:
     """Distance to which families are followed: in sizes of the scene and rad, and relative to their rates."""
     family_parts: Final = (1.0, 1e-2, 1e-4, 1e-6)
     """Fractions of this distance at which they are searched as well."""
+    fixed_states: Final = 6
+    """States that symmetries of a reference leave alone, at which the work of forces is compared."""
     searched_together: Final = 60
     """Largest number of coordinates of scenes whose forces are tested together where zeros are left."""
     family_singular_value: Final = 1e-10

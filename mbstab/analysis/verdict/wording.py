@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from mbstab.model.schema import is_length
+
+if TYPE_CHECKING:
+    from mbstab.analysis.verdict.rule import Disc
 
 HEADS: dict[str, tuple[str, str]] = {
     "speed of translation along ": ("the speed along ", ""),
@@ -99,3 +103,32 @@ def strict(kind: str) -> str:
     if kind == "with a multiple":
         return "with a multiple of the angular momentum has a strict minimum here"
     return f"has a strict {kind} here"
+
+
+def unplaced(disc: Disc) -> str:
+    """Return why an eigenvalue leaves the verdict open."""
+    if not disc.radius < float("inf"):
+        return f"nothing is known about how far the eigenvalue {show(disc.centre)} 1/s is off"
+    many = disc.count > 1
+    if disc.holds_zero and not disc.radius:
+        what = f"{disc.count} eigenvalues are" if many else "an eigenvalue is"
+        return f"{what} exactly zero, and no symmetry or family of motions was found that explains it: a critical state"
+    if disc.holds_zero:
+        what = f"{disc.count} eigenvalues lie" if many else "an eigenvalue lies"
+        return (
+            f"{what} within {disc.radius:.1e} 1/s of zero, and no symmetry or family of motions was found that "
+            "explains it: a critical state, or motions so slow that rounding hides on which side of the imaginary axis "
+            "they are"
+        )
+    known = abs(disc.centre.real) > disc.radius
+    value = f"{show(disc.centre if known else complex(0.0, disc.centre.imag))} 1/s"
+    if many and disc.radius:
+        return (
+            f"{disc.count} eigenvalues lie within {disc.radius:.1e} 1/s of {value}, and this disc reaches over the "
+            "imaginary axis"
+        )
+    what = f"{disc.count} eigenvalues {value} lie" if many else f"the eigenvalue {value} lies"
+    where = f"within its error bound {disc.radius:.1e} of" if disc.radius else "exactly on"
+    return (
+        f"{what} {where} the imaginary axis, and no structure of the equations holds {'them' if many else 'it'} there"
+    )
