@@ -15,7 +15,7 @@ def placed(mechanism, structure=True):
     """Return discs, and the eigenvalues that symmetries and conserved functions explain, which have none."""
     grounds = Grounds(mechanism.linearize())
     S = grounds.S
-    if not structure or grounds.separated.doubt:
+    if not structure:
         nothing = np.zeros((len(S), 0))
         return enclosures(grounds.linear, grounds.space, grounds.gamma, S, nothing, nothing.T), []
     T, L = grounds.separated.T, grounds.separated.L

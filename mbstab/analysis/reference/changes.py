@@ -139,6 +139,7 @@ class Cluster:
         self.columns = [i for b in self.blocks for i in range(b.part.start, b.part.stop)]
         self.fields = [k for b in self.blocks for k in b.fields]
         self.elements, self.rows, self.visited = list[Local](), list[Local](), list[list[Changes]]()
+        self.owners: list[tuple[Local, int]] = []
 
     @cached_property
     def exact_blocks(self) -> list[Block]:
@@ -178,6 +179,7 @@ class Cluster:
         """Return what its fields do to its elements at states."""
         X, slopes = self._fields(state, f)
         parts = [_changes(x, state, X, slopes, f) for x in self.elements]
+        self.owners = [(x, part.along[0].shape[-2]) for x, part in zip(self.elements, parts, strict=True)]
         return _joined(parts)
 
     def _fields(self, state: State, f: Doubles) -> tuple[list[Array], Slopes]:
@@ -198,17 +200,16 @@ class Cluster:
             i, j = i + m, j + SIZES[b.kind]
         return X, slopes
 
-    def change_in_time(self, state: State, step: Fraction) -> Array:
-        """Return the derivatives by time of its forces and rows at a state in balls, by a difference."""
-        parts = []
-        h = as_ball(step.numerator) / step.denominator
-        for own in self.elements:
-            ends = []
-            for now in (state[3] + h, state[3] - h):
-                at = own.run("dynamics", (*state[:3], now), BALLS)
-                force = at["F"] + BALLS.multiplied(at["M"], state[2][:, None])[:, 0]
-                ends.append(at["E" if own.holonomic else "V"] if own.element.rows else force)
-            parts.append((ends[0] - ends[1]) / (2 * h))
+    def later(self, state: State, step: Fraction) -> Array:
+        """Return the derivatives by time of the rows of `changes` at the same state in balls, by a difference."""
+        h, parts = as_ball(step.numerator) / step.denominator, []
+        for own, rows in self.owners:
+            change = BALLS.zeros((rows,))
+            if own.analytic:
+                key = ("E" if own.holonomic else "V") if own.element.rows else "F"
+                ends = [own.run("dynamics", (*state[:3], now), BALLS)[key] for now in (state[3] + h, state[3] - h)]
+                change = (ends[0] - ends[1]) / (2 * h)
+            parts.append(change)
         return np.concatenate(parts)
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
 from mbstab.analysis.reference.motion import Finder, Motion, balanced
 from mbstab.analysis.reference.steady import Generator
@@ -52,7 +51,7 @@ def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[
         if variation > TOLERANCES.variation_along_motion and obstacle is None and generator is not None:
             # Small coefficients are differences of large ones: what a symmetry of the scene keeps, rounding changes.
             invariance = Invariance(system, motion)
-            kept = not invariance.keeps_time(generator) if system.scene.timed else invariance.steady(generator)
+            kept = not invariance.broken(generator) if system.scene.timed else invariance.steady(generator)
             variation *= not kept
         if best is None or variation < best[0]:
             best = variation, generator, matrices
@@ -191,7 +190,7 @@ def _continued(system: System, motion: Motion, matrices: Matrices) -> Iterator[M
 def _asymmetric(system: System, motion: Motion, variation: float, obstacle: MbstabError | None) -> ModelFileError:
     """Return the error about a declared steady motion whose scene does not have the symmetry."""
     generator, scene = motion.generators[0], system.scene
-    names = breaking(system, motion, generator)
+    names = Invariance(system, motion).broken(generator)
     least = (
         f", where {percent(TOLERANCES.variation_along_motion)} is allowed"
         if variation < TOLERANCES.variation_told
@@ -214,44 +213,6 @@ def _asymmetric(system: System, motion: Motion, variation: float, obstacle: Mbst
         hint = f"put {' and '.join(held[:6])} under reference.guess: given coordinates hold against forces; or {hint}"
     place = reference.location if reference.steady is None else reference.steady.location
     return ModelFileError([scene.model.document.problem(place, "reference.steady", message, hint)])
-
-
-def breaking(system: System, motion: Motion, generator: Generator) -> list[str]:
-    """Return the entries of a scene whose equations are not invariant under a symmetry."""
-    time = TOLERANCES.guard_turn / abs(generator.rate) if generator.turns else 1.0
-    rng = RandomNumbers(7)
-    scale = motion.spaces.scale
-    found = []
-    for name, part in system.parts():
-        rows = [i for i, row in enumerate(system.rows) if f"{row.section}.{row.name}" == name]
-        worst, size = 0.0, 1e-300
-        # Off the constraints their rows may mix and scale, so they are compared on the constraints only.
-        for spread in (0.0,) if rows else (0.0, 0.05, 0.05):
-            q = motion.q + spread * motion.sizes * rng.uniform(-1.0, 1.0, system.n_q)
-            u = motion.u + spread * np.max(np.abs(motion.u)) * rng.uniform(-1.0, 1.0, system.n_q)
-            moved, T = generator.flow(q, time)
-            before = part.dynamics(q, u, motion.time)
-            after = part.dynamics(moved, T @ u, motion.time + time)
-            if rows:
-                J, J_after = (x[rows] * motion.sizes for x in (before.J, after.J @ T))
-                lengths = np.linalg.norm(J, axis=1) + 1e-300
-                both = np.vstack([J, J_after]) / np.concatenate([lengths, lengths])[:, None]
-                rank = np.linalg.matrix_rank(both[: len(rows)], tol=TOLERANCES.residual)
-                shift = np.abs(after.E[rows] / lengths)
-                worst = max(float(np.linalg.svd(both, compute_uv=False)[rank:].max(initial=0.0)), float(shift.max()))
-                size = 1.0
-            elif np.any(before.M):
-                still = np.zeros(system.n_q)
-                pull, pull_after = part.dynamics(q, still).F0, T.T @ part.dynamics(moved, still).F0
-                inertia = np.abs(T.T @ after.M @ T - before.M) * scale * scale[:, None]
-                worst = max(worst, float(inertia.max()), float(np.max(np.abs((pull - pull_after) * scale))))
-                size = max(size, 1.0, float(np.max(np.abs(pull * scale))))
-            else:
-                worst = max(worst, float(np.max(np.abs(T.T @ after.F0 - before.F0) * scale)))
-                size = max(size, float(np.max(np.abs(before.F0 * scale))))
-        if worst > 1e-6 * size:
-            found.append(name)
-    return found
 
 
 def _change(system: System, motion: Motion, now: Matrices, then: Matrices, time: float) -> float:

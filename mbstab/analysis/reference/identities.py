@@ -5,7 +5,7 @@ states that satisfy the rows of its bodies. Where that vanishes at a random stat
 function that is not zero vanishes at a random point with probability 0: Schwartz 1980, Zippel 1979; Mityagin 2015), and
 the group of X carries motions into motions (Lie; Olver 1993, theorem 2.31). Doubles propose a space of fields, element
 by element; balls of Arb with 220 bits, in which decimals of the file are exact, keep those of it for which the change
-vanishes. Coefficients of fields are fractions; of others only those are found that are simple (`Identities._simple`).
+vanishes.
 
 Of what is not analytic, as a force with abs, nothing is concluded from random states: fields pass if they change none
 of the coordinates and speeds that it contains.
@@ -211,7 +211,9 @@ class Identities:
             return np.zeros((0, len(scale)))
         value, size = own.changes(state, DOUBLES).along
         most = np.exp2(np.max(size + np.log2(scale), axis=-1, keepdims=True, initial=NONE))
-        rows = np.where(most > 0.0, value * scale / most, 0.0)
+        # A row without terms is rounding; what is dropped with it is seen in balls.
+        felt = most > TOLERANCES.row_without_terms * np.max(most, initial=0.0)
+        rows = np.where(felt, value * scale / most, 0.0)
         return np.asarray(rows[np.all(np.isfinite(rows), axis=(-1, -2))].reshape(-1, len(scale)))
 
     @cached_property
@@ -221,7 +223,40 @@ class Identities:
         if not found.shape[1]:
             return found
         with many_bits():
-            return self._kept(in_balls(echelon(found, self.scale, self.basis.lengths, self._simple(found))))
+            reduced_ = echelon(found, self.scale, self.basis.lengths, self._simple(found))
+            exact = in_balls(reduced_)
+            if rough := [k for k, c in enumerate(reduced_.T) if any(isinstance(x, float) for x in c)]:
+                exact[:, rough] = self._refined(exact[:, rough], np.array(reduced_ == 1))
+            return self._kept(exact)
+
+    def _refined(self, space: Array, pivots: Array) -> Array:
+        """Return fields that doubles propose with all digits, by Newton's method; others do not converge."""
+        free = np.flatnonzero(~np.any(pivots & (np.sum(pivots, axis=1, keepdims=True) == 1), axis=1))
+        parts: list[tuple[Cluster, Array, Array]] = []
+        for own in self._searched:
+            for visit in range(TOLERANCES.states_beyond + len(own.fields) // own.least):
+                for at in self._visited(own, visit):
+                    value, size = at.along
+                    most = np.max(size + np.log2(self.scale[own.fields]), axis=1, initial=NONE)
+                    # What a row cancels by itself is rounding of the state.
+                    felt = most > np.max(most, initial=NONE) - TOLERANCES.bits_of_weak_terms
+                    unit = BALLS.of(np.where(felt, np.exp2(-np.where(felt, most, 0.0)), 0.0))
+                    parts.append((own, value * unit[:, None], middle(value * unit[:, None])))
+        rough = np.zeros((sum(len(x) for _, _, x in parts), self.basis.size))
+        start = 0
+        for own, _, x in parts:
+            rough[start : start + len(x), own.fields] = x
+            start += len(x)
+        inverse = np.linalg.pinv((rough * self.scale)[:, free], rcond=TOLERANCES.proposed_change)
+        for _ in range(TOLERANCES.steps_of_refinement):
+            left = np.concatenate([BALLS.multiplied(x, space[own.fields]) for own, x, _ in parts])
+            power = float(np.max(BALLS.powers(left), initial=NONE))
+            if not np.isfinite(power):
+                break
+            unit = BALLS.of(np.array(2.0))[()] ** int(power)
+            step = -inverse @ middle(left / unit) * self.scale[free][:, None]
+            space[free] = BALLS.settled(space[free] + BALLS.of(step) * unit)
+        return space
 
     def _simple(self, space: Array) -> Array:
         """Return independent fields of a space that are motions of everything with the ground, or of single bodies."""
@@ -335,21 +370,24 @@ class Identities:
             .T
         )
 
-    def changed_later(self, c: Array) -> str:
-        """Return the first entry that is not the same a little later after a motion along a field; empty: none.
+    def changed(self, c: Array) -> list[str]:
+        """Return the entries that are not the same a little later after a motion along a field.
 
         Coefficients are those of a motion, which is known to rounding.
         """
+        found = dict[str, None]()
         with many_bits():
             fields, rng, step = BALLS.of(c)[:, None], RandomNumbers(4), Fraction(1, 2**70) / Fraction(self.rate)
             for own in self.clusters:
                 for state in self._exact_states(own, rng):
                     value, terms = self._along(own, own.changes(state, BALLS), fields[own.fields], "along")
-                    later = own.change_in_time(state, step)[:, None]
-                    sizes = np.maximum(terms, BALLS.powers(later))
-                    if np.any(shows(value + later, sizes, TOLERANCES.bits_of_motion)):
-                        return own.elements[0].element.path
-        return ""
+                    if self.system.scene.timed:
+                        later = own.later(state, step)[:, None]
+                        value, terms = value + later, np.maximum(terms, BALLS.powers(later))
+                    broken = shows(value, terms, TOLERANCES.bits_of_motion)[:, 0]
+                    owners = [x.element.path for x, rows in own.owners for _ in range(rows)]
+                    found |= dict.fromkeys(path for path, bad in zip(owners, broken, strict=True) if bad)
+        return list(found)
 
     def of_shift(self, *coordinates: int) -> Array | None:
         """Return the exact coefficients of the field that shifts coordinates alike; None if there is none."""
@@ -534,7 +572,7 @@ def short(x: float) -> Any:
     """Return the short fraction next to a float, or the float itself."""
     if abs(x) < TOLERANCES.coefficient_zero:
         return 0
-    for fraction in (Fraction(x).limit_denominator(TOLERANCES.shift_denominator), Fraction(f"{x:.11g}")):
+    for fraction in (Fraction(x).limit_denominator(TOLERANCES.shift_denominator), Fraction(f"{x:.7g}")):
         if abs(float(fraction) - x) <= TOLERANCES.coefficient_zero * abs(x):
             return fraction
     return x

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import least_squares
-from mbstab.analysis.algebra.ball_arrays import many_bits, middle
+from mbstab.analysis.algebra.ball_arrays import many_bits
 from mbstab.analysis.algebra.sparse import bordered, largest, row_norms, scaled
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.element_comparison import Digits, ElementComparison, State, numbers, with_errors
@@ -337,9 +337,14 @@ class Invariance(ElementComparison):
     # --- one group --------------------------------------------------------------------------------------------------
 
     def steady(self, generator: Generator) -> bool:
-        """Return whether the flow of a steady motion maps all motions to motions."""
-        c, space = self.identities.of_generator(generator), middle(self.identities.space)
-        return c is not None and _spanned(c / self.identities.scale, (space / self.identities.scale[:, None]).T)
+        """Return whether a steady motion follows a symmetry, as far as the rows let it differ from one."""
+        identities, sizes = self.identities, self.motion.sizes
+        fields = [identities.field(c) for c in identities.space.T]
+        own = np.concatenate([generator.field(x.q) / sizes for x in self.on_rows])
+        if not fields:
+            return not np.any(own)
+        rows = np.array([np.concatenate([y.field(x.q) / sizes for x in self.on_rows]) for y in fields])
+        return _spanned(own, rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None])
 
     def along(self, generator: Generator) -> Field:
         """Return the field of a steady motion, scaled to a size of one."""
@@ -348,14 +353,14 @@ class Invariance(ElementComparison):
         exact = [Fraction(x) for x in (c / np.max(np.abs(c))).tolist()]
         return Field(self.identities.basis, c / np.max(np.abs(c)), exact)
 
-    def keeps_time(self, generator: Generator) -> str:
-        """Return the first entry that is not invariant under a steady motion at later times; empty: none.
+    def broken(self, generator: Generator) -> list[str]:
+        """Return the entries that are not invariant under a steady motion.
 
-        For equations that contain the time in drives: they are constant in the co-moving frame if
-        following the motion for some time is the same as waiting.
+        Where drives contain the time, the equations are constant in the co-moving frame if following the motion for
+        some time is the same as waiting.
         """
         c = self.identities.of_generator(generator)
-        return "the motion" if c is None else self.identities.changed_later(c)
+        return ["the motion"] if c is None else self.identities.changed(c)
 
 
 class Names:

@@ -289,6 +289,8 @@ class Tolerances:
     """Speeds along symmetries, in rates of the scene, at which a scene at rest is tested."""
     proposed_change: Final = 1e-8
     """A field is proposed if an element changes by less along it, relative to the terms of the change …"""
+    row_without_terms: Final = 1e-13
+    """Rows of changes with smaller terms than this, relative to those of others, restrict no proposal …"""
     states_beyond: Final = 3
     """… at so many random states, and as many more as it takes to see all fields."""
     exact_spreads: Final = (0.6, 1e-3, 1e-6, 1e-10)
@@ -298,6 +300,8 @@ class Tolerances:
     """At states on rows terms are seen that are smaller by these bits than those of other fields in the same row."""
     row_dependence: Final = 1e-9
     """Rows of unit length are dependent on others beside which less is left of them."""
+    steps_of_refinement: Final = 7
+    """Steps of Newton's method, each of which adds some 12 digits to coefficients of fields that are no fractions."""
     bits_of_motion: Final = 36
     """Bits to which the rates of a steady motion are known."""
     simple_field: Final = 1e-9

@@ -34,7 +34,7 @@ from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.constancy import affine_drives, period_doubt, time_uses
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.multipliers import enclosed, placed
-from mbstab.analysis.verdict.neutral import Separated, chains_of, complement, orthonormal
+from mbstab.analysis.verdict.neutral import Separated, chains_of, complement, orthonormal, unseparated
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, Facts, Minimum, Verdict, judge
 from mbstab.analysis.verdict.rule import Disc as Exponent
 from mbstab.analysis.verdict.smoothness import kinks
@@ -89,7 +89,6 @@ def periodic_answer(
         time=cycle.time,
         kink=cycle.kink(1),
         rough=cycle.kink(2),
-        doubts=(separated.doubt,) if separated.doubt else (),
         minimum=cycle.minimum,
         multipliers=True,
     )
@@ -319,7 +318,10 @@ class Cycle:
             chains_of(replace(found, S=steady)),
             "numerical" if count else "structural",
         )
-        return replace(found, neutral=neutral, doubt=self._misfit(found, names))
+        size = max(1.0, float(np.linalg.norm(flow.Phi, 2))) if n else 1.0
+        allowed = (VERDICT.direction_closure + TOLERANCES.mismatch_factor * flow.mismatch) * size
+        fits = found.misfit <= allowed + TOLERANCES.mismatch_factor * flow.error
+        return replace(found, neutral=neutral) if fits else unseparated(change)
 
     def _differentials(self, T: Array) -> tuple[Array, list[str]]:
         """Return independent differentials that vanish on T, as orthonormal rows, and what their values distinguish."""
@@ -339,26 +341,6 @@ class Cycle:
             shares = [(-abs(row @ differential), x.name) for row, x in zip(rows, candidates, strict=True)]
             names.append(min(x for x in shares if x[1] not in names)[1])
         return basis.T, names
-
-    def _misfit(self, found: Separated, names: list[str]) -> str:
-        """Say that the monodromy matrix contradicts the structure, if it does."""
-        S, T, L = found.S, found.T, found.L
-        d = T.shape[1]
-        worst = max(
-            float(np.linalg.norm(S @ T - T @ (T.T @ S @ T), 2)) if d else 0.0,
-            float(np.linalg.norm(L @ S - (L @ S @ T) @ T.T, 2)) if len(L) else 0.0,
-        )
-        size = max(1.0, float(np.linalg.norm(self.flow.Phi, 2))) if len(S) else 1.0
-        if (
-            worst
-            <= (VERDICT.direction_closure + TOLERANCES.mismatch_factor * self.flow.mismatch) * size
-            + TOLERANCES.mismatch_factor * self.flow.error
-        ):
-            return ""
-        return (
-            f"the symmetries found ({', '.join(names)}) do not fit the monodromy matrix ({worst / size:.1e} of its "
-            "norm): please report this model"
-        )
 
     def multipliers(self) -> list[complex]:
         """Return the multipliers of the neutral directions: 1, or on the unit circle where a turn is incomplete."""

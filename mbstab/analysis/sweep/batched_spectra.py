@@ -452,7 +452,7 @@ class _Work:
                 if not grounds.linear.constant:
                     self.problems[i] = FROZEN
                     return None
-                doubt = grounds.time or grounds.kink(1) or grounds.separated.doubt
+                doubt = grounds.time or grounds.kink(1)
                 if doubt:
                     self.problems[i] = doubt
                     return None

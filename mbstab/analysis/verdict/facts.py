@@ -27,7 +27,7 @@ from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.minimum import SecondVariation, norm_of_error
-from mbstab.analysis.verdict.neutral import Separated, Structure, unseparated
+from mbstab.analysis.verdict.neutral import Separated, Structure
 from mbstab.analysis.verdict.rule import Critical, Disc, Facts, Minimum
 from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
@@ -128,9 +128,7 @@ class Grounds:
     def separated(self) -> Separated:
         """The balanced matrix with its neutral directions, including those of a reversor."""
         found = self.plain
-        if found.doubt and self.time:
-            return unseparated(self.S)  # equations of an instant need not have the symmetries of the motion
-        if self.reversor is None or found.doubt:
+        if self.reversor is None:
             return found
         return self.reversor.widened(self.structure, found, self.structure.symmetric(len(self.S)))
 
@@ -189,7 +187,7 @@ class Grounds:
         followed = list[tuple[Generator, str | bool]]()
         for g in (first, *(g for g in self.motion.generators if g is not first)):
             if not self._accelerating(g):
-                broken = self.invariance.keeps_time(g) if driven else not self.invariance.steady(g)
+                broken = next(iter(self.invariance.broken(g)), "") if driven else not self.invariance.steady(g)
                 if not broken:
                     return ""
                 followed.append((g, broken))
@@ -430,7 +428,7 @@ class Grounds:
         separated = self.separated
         # A disc that is entirely left or right of the axis is so whatever else is lost.
         lost = self.lost if separated.neutral.count or any(d.side in ("axis", "open") for d in discs) else ""
-        doubts = (*doubts, *(x for x in (separated.doubt, lost) if x))
+        doubts = (*doubts, *([lost] if lost else []))
         return Facts(
             expected=self.linear.n_f,
             found=found,

@@ -145,7 +145,7 @@ class _Search:
         self.free = complement(self.held)
         # A drive breaks the shift along it; what is driven goes on so.
         invariance, driven = structure.invariance, self.system.scene.timed
-        own = [g for g in self.motion.generators if driven and g.moves and not invariance.keeps_time(g)]
+        own = [g for g in self.motion.generators if driven and g.moves and not invariance.broken(g)]
         self.driven = [invariance.along(g) for g in own[:1]]
 
     def reaches(self, direction: Array) -> bool:

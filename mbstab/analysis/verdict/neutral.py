@@ -53,8 +53,6 @@ class Separated:
     neutral : Neutral
     rates : tuple of float (1/s)
         Ω of the co-moving frame, if it rotates, and rates of the coordinates that spin in it.
-    doubt : str
-        A contradiction between the structure and the numbers; empty: there is none.
     speeds : int
         Number of directions of T that are speeds along symmetries, at which a scene at rest may move.
     """
@@ -65,8 +63,14 @@ class Separated:
     B: Array
     neutral: Neutral
     rates: tuple[float, ...] = ()
-    doubt: str = ""
     speeds: int = 0
+
+    @property
+    def misfit(self) -> float:
+        """How far S leads out of the directions, and the functions are not constant up to them."""
+        S, T, L = self.S, self.T, self.L
+        outside = float(np.linalg.norm(S @ T - T @ (T.T @ S @ T), 2)) if T.shape[1] else 0.0
+        return max(outside, float(np.linalg.norm((L @ S) - (L @ S @ T) @ T.T, 2)) if len(L) else 0.0)
 
     @cached_property
     def A(self) -> Array:
@@ -208,18 +212,10 @@ class Structure:
         B = complement(np.hstack([T, L.T]))
         # Where forces cancel in a critical state, S itself may be only rounding.
         size = max(spectral_norm(S), self.invariance.rate) if d + len(L) else 1.0
-        doubt = ""
-        worst = max(
-            float(np.linalg.norm(S @ T - T @ (T.T @ S @ T), 2)) if d else 0.0,
-            float(np.linalg.norm((L @ S) - (L @ S @ T) @ T.T, 2)) if len(L) else 0.0,
-        )
-        if worst > TOLERANCES.direction_closure * size:
-            doubt = (
-                f"the symmetries found ({', '.join(x.name for x in symmetries)}) do not fit the linearized equations "
-                f"({worst / size:.1e} of their norm): please report this model"
-            )
+        if Separated(S, T, L, B, Neutral()).misfit > TOLERANCES.direction_closure * size:
+            return unseparated(S)  # equations of an instant need not have the symmetries of the motion
         T, B = settled(S, T, L, B)
-        found = Separated(S, T, L, B, Neutral(), rates, doubt, len(moving))
+        found = Separated(S, T, L, B, Neutral(), rates, len(moving))
         names = tuple(item.name for item in symmetries)
         neutral = Neutral(
             names,
