@@ -313,7 +313,9 @@ def test_a_chain_whose_joints_are_all_damped_is_asymptotically_stable(name):
 @pytest.mark.parametrize("name", [n for n in GENERATED if "damped" not in n or "floating" in n])
 def test_a_chain_without_dampers_is_stable_by_its_energy_and_without_ground_up_to_its_place(name):
     result = answer(name)
-    word = "asymptotically stable" if "damped" in name else "stable"
+    # Free in space, with a small momentum, it tumbles while its joints still damp.
+    tumbles = "floating" in name and "spatial" in name
+    word = "asymptotically stable" if "damped" in name and not tumbles else "stable"
     assert result.verdict == (f"{word} up to symmetry" if "floating" in name else word)
     assert bool(result.modulo.symmetries) == ("floating" in name)
 

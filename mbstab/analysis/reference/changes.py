@@ -154,8 +154,8 @@ class Cluster:
 
     @property
     def least(self) -> int:
-        """How many equations a state gives at least."""
-        return max(len(x.element.rows) or len(self.columns) for x in self.elements)
+        """How many equations a state gives."""
+        return sum(len(x.element.rows) or len(self.columns) for x in self.elements)
 
     @property
     def still(self) -> bool:
@@ -259,6 +259,8 @@ class Whole(Cluster):
             # Reactions mix what acts on coordinates.
             unit = np.log2(self.sizes)[:, None]
             size = np.max(size + unit, axis=0) - unit
+        if f.exact:  # a weak force must not be lost beside those of all others
+            size = size - TOLERANCES.bits_of_weak_forces
         found = [Changes(*[(value, size)] * 4)]
         found += [_changes(own, state, X, slopes, f) for own in self.elements if own.element.rows or not own.analytic]
         return _joined(found)

@@ -225,9 +225,17 @@ class Identities:
         with many_bits():
             reduced_ = echelon(found, self.scale, self.basis.lengths, self._simple(found))
             exact = in_balls(reduced_)
-            if rough := [k for k, c in enumerate(reduced_.T) if any(isinstance(x, float) for x in c)]:
-                exact[:, rough] = self._refined(exact[:, rough], np.array(reduced_ == 1))
-            return self._kept(exact)
+            rough = [k for k, c in enumerate(reduced_.T) if any(isinstance(x, float) for x in c)]
+            if moving := [k for k in rough if self._moves(reduced_[:, k])]:
+                exact[:, moving] = self._refined(exact[:, moving], np.array(reduced_ == 1))
+            return self._kept(np.delete(exact, [k for k in rough if k not in moving], axis=1))
+
+    def _moves(self, c: Array) -> bool:
+        """Return whether a field moves the reference."""
+        step = self.field(c).field(self.motion.q) / self.motion.sizes
+        return bool(
+            np.max(np.abs(step)) > TOLERANCES.field_felt * np.max(np.abs(np.array(c, dtype=float) / self.scale))
+        )
 
     def _refined(self, space: Array, pivots: Array) -> Array:
         """Return fields that doubles propose with all digits, by Newton's method; others do not converge."""

@@ -302,6 +302,8 @@ class Tolerances:
     """Rows of unit length are dependent on others beside which less is left of them."""
     steps_of_refinement: Final = 7
     """Steps of Newton's method, each of which adds some 12 digits to coefficients of fields that are no fractions."""
+    bits_of_weak_forces: Final = 70
+    """In sums of all forces those are seen that are smaller by these bits than what identities ask of a single one."""
     bits_of_motion: Final = 36
     """Bits to which the rates of a steady motion are known."""
     simple_field: Final = 1e-9

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 from mbstab.model.schema import is_length
-
-if TYPE_CHECKING:
-    from mbstab.analysis.verdict.rule import Disc
 
 HEADS: dict[str, tuple[str, str]] = {
     "speed of translation along ": ("the speed along ", ""),
@@ -105,8 +102,8 @@ def strict(kind: str) -> str:
     return f"has a strict {kind} here"
 
 
-def unplaced(disc: Disc) -> str:
-    """Return why an eigenvalue leaves the verdict open."""
+def unplaced(disc: Any) -> str:
+    """Return why an eigenvalue in a `mbstab.analysis.verdict.rule.Disc` leaves the verdict open."""
     if not disc.radius < float("inf"):
         return f"nothing is known about how far the eigenvalue {show(disc.centre)} 1/s is off"
     many = disc.count > 1
