@@ -449,7 +449,10 @@ class Identities:
         space, pivots = self._reduced
         with many_bits():
             x = in_balls(np.array(entries, dtype=object))
-            left = x - BALLS.multiplied(space, x[pivots][:, None])[:, 0] if pivots else x
+            taken = [k for k, row in enumerate(pivots) if entries[row] != 0]
+            if not taken:
+                return not np.any(x != 0)
+            left = x - BALLS.multiplied(space[:, taken], x[[pivots[k] for k in taken]][:, None])[:, 0]
             return bool(np.all(BALLS.powers(left) <= np.max(BALLS.powers(x)) - TOLERANCES.bits_of_coefficients))
 
     @cached_property
@@ -459,7 +462,10 @@ class Identities:
 
     def within(self, excluded: Flags) -> Array:
         """Return the fields of the space whose coefficients vanish where they are excluded, as reduced columns."""
-        return self._those(self.space[excluded])
+        # Each reduced column has a row of its own: one whose row is excluded takes no part.
+        space, pivots = self._reduced
+        part = space[:, [k for k, row in enumerate(pivots) if not excluded[row]]]
+        return self._those(part, part[excluded])
 
     def in_place(self) -> list[Field]:
         """Return the fields of the space that turn bodies in place, and do nothing else."""
@@ -476,16 +482,16 @@ class Identities:
             ground = 6 if b.kind.startswith("spatial") else 3
             rows.append(self.space[b.start + ground : b.start + SIZES[b.kind]])
             rows.append(self.space[b.start : b.start + ground] - self.space[first.start : first.start + ground])
-        return self._those(np.concatenate(rows))
+        return self._those(self.space, np.concatenate(rows))
 
-    def _those(self, rows: Array) -> Array:
-        """Return the combinations of the space for which rows vanish, as reduced columns of exact numbers."""
+    def _those(self, space: Array, rows: Array) -> Array:
+        """Return the combinations of fields for which rows vanish, as reduced columns of exact numbers."""
         with many_bits():
-            sizes = np.broadcast_to(np.max(BALLS.powers(self.space), axis=0, initial=NONE), rows.shape)
+            sizes = np.broadcast_to(np.max(BALLS.powers(space), axis=0, initial=NONE), rows.shape)
             combinations = kept_combinations(rows, sizes)
             if not combinations.shape[1]:
                 return np.zeros((self.basis.size, 0), dtype=object)
-            found, _ = reduced(BALLS.multiplied(self.space, combinations), self.scale, self.basis.lengths)
+            found, _ = reduced(BALLS.multiplied(space, combinations), self.scale, self.basis.lengths)
             return np.asarray(np.frompyfunc(_short_ball, 1, 1)(found), dtype=object)
 
 
