@@ -25,7 +25,6 @@ class Doubles:
     """Arrays of doubles, many states along the first axes."""
 
     exact = False
-    resolution = 1e-13
 
     @property
     def f(self) -> Arithmetic:
@@ -57,21 +56,15 @@ class Doubles:
         """Return A⁻¹ B."""
         return np.asarray(np.linalg.solve(A, B))
 
-    def products(self, *pairs: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Return a sum of products of matrices, and the exponents of the largest terms of its entries."""
-        total: Any = 0
-        size: Any = NONE
-        for A, B in pairs:
-            total = total + self.multiplied(A, B)
-            size = np.maximum(size, largest_terms(self.powers(A), self.powers(B)))
-        return total, size
+    def prepared(self, A: Array) -> Any:
+        """Return a matrix in the form in which products are computed."""
+        return A
 
 
 class Balls(Doubles):
     """Arrays of balls, one state at a time."""
 
     exact = True
-    resolution = 1e-60
 
     @cached_property
     def f(self) -> Arithmetic:  # noqa: D102
@@ -94,22 +87,25 @@ class Balls(Doubles):
         return np.asarray(np.frompyfunc(_power, 1, 1)(x), dtype=float)
 
     def multiplied(self, A: Array, B: Array) -> Array:  # noqa: D102
-        return _array(_matrix(A) * _matrix(B), (A.shape[-2], B.shape[-1]))
+        return _array(_matrix(A) * _matrix(B))
 
     def solved(self, A: Array, B: Array) -> Array:  # noqa: D102
-        return _array(_matrix(A).solve(_matrix(B)), (A.shape[-1], B.shape[-1]))
+        return _array(_matrix(A).solve(_matrix(B)))
+
+    def prepared(self, A: Array) -> Any:  # noqa: D102
+        return _matrix(A)
 
 
-def _matrix(A: Array) -> Any:
+def _matrix(A: Any) -> Any:
     from flint import arb_mat
 
-    return arb_mat(A.shape[0], A.shape[1], [as_ball(x) for x in A.flat])
+    return A if isinstance(A, arb_mat) else arb_mat(A.shape[0], A.shape[1], [as_ball(x) for x in A.flat])
 
 
-def _array(A: Any, shape: tuple[int, int]) -> Array:
-    found = np.empty(shape[0] * shape[1], dtype=object)
+def _array(A: Any) -> Array:
+    found = np.empty(A.nrows() * A.ncols(), dtype=object)
     found[:] = A.entries()
-    return found.reshape(shape)
+    return found.reshape(A.nrows(), A.ncols())
 
 
 DOUBLES, BALLS = Doubles(), Balls()
@@ -199,10 +195,9 @@ def kept_combinations(rows: Array, sizes: Array) -> Array:
         if not relative[i, j] > -TOLERANCES.bits_of_zero:
             break
         pivot = left.pop(int(j))
-        for k in left:
+        felt = np.delete(relative[i], j) > -TOLERANCES.bits_of_zero
+        for k in (k for k, x in zip(left, felt, strict=True) if x):
             factor = as_ball(rows[i, k]) / rows[i, pivot]
-            if factor == 0:
-                continue
             rows[:, k] = rows[:, k] - factor * rows[:, pivot]
             found[:, k] = BALLS.settled(found[:, k] - factor * found[:, pivot])
             sizes[:, k] = np.maximum(sizes[:, k], sizes[:, pivot] + _power(factor))

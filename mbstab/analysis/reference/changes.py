@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, NamedTuple
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from mbstab.analysis.algebra.ball_arrays import BALLS, Doubles, as_ball, middle, plain_ball
+from mbstab.analysis.algebra.ball_arrays import (
+    BALLS,
+    DOUBLES,
+    NONE,
+    Doubles,
+    as_ball,
+    largest_terms,
+    middle,
+    plain_ball,
+)
 from mbstab.analysis.reference.fields import SIZES, Block, field_values
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.placed import Placed
@@ -20,33 +30,32 @@ from mbstab.compiler.system import Array, System
 State = tuple[Array, Array, Array, Any]
 """Coordinates, speeds and accelerations, shape (…, n), and the time."""
 
-Sized = tuple[Array, Array]
-"""A matrix, and the exponents of the largest terms of its entries."""
+What = Literal["along", "driven", "work", "held"]
+"""What is asked of fields: how forces and rows change along them, and for speeds along them; the work of forces; what
+they do against rows, but for those of states."""
 
 
 OF_FUNCTION = {"dynamics": "MFEVJB", "linearize": "KRD"}
 """Results of the functions of kernels that are asked for."""
 
 
-class Changes(NamedTuple):
-    """What fields do to elements, as matrices with a column for each field.
+class Change(NamedTuple):
+    """What fields do to an element, as a matrix with a column for each field.
 
     Attributes
     ----------
-    along : Sized
-        Changes of their forces and rows along the fields.
-    driven : Sized
-        Changes for speeds along the fields.
-    work : Sized
-        Work of the forces along the fields.
-    held : Sized
-        What the fields do against rows, but for those of states.
+    of : Local
+    value : ndarray, shape (…, rows, k)
+    size : ndarray, shape (…, rows, k)
+        Exponents of the largest terms of the entries.
+    usual : ndarray, shape (…, rows, 1)
+        Exponents of the largest terms for fields that move the scene by about its own size, at its rate.
     """
 
-    along: Sized
-    driven: Sized
-    work: Sized
-    held: Sized
+    of: Local
+    value: Array
+    size: Array
+    usual: Array
 
 
 class Local:
@@ -58,13 +67,19 @@ class Local:
         self.holonomic = bool(element.rows) and max(element.rows) < system.n_h
         self.written = element.kernel.__name__ == "user"
         self._known: dict[str, list[tuple[str, tuple[Any, ...], int]]] = {}
+        self.on: list[int] = []
+        self.columns: list[int] = []
         self.own: list[int] = []
 
-    def among(self, columns: Sequence[int]) -> Local:
-        """Return the same element among the coordinates of some bodies."""
+    def among(self, cluster: Cluster) -> Local:
+        """Return the same element among the bodies of a cluster."""
         found = Local.__new__(Local)
         found.__dict__ |= self.__dict__ | {"_known": {}}
-        found.own = [columns.index(i) if i in columns else -1 for i in self.element.columns]
+        inside = [i for i in self.element.columns if i in cluster.owner]
+        found.on = sorted({cluster.owner[i] for i in inside})
+        numbers = [i for k in found.on for i in range(cluster.blocks[k].part.start, cluster.blocks[k].part.stop)]
+        found.columns = [cluster.place[i] for i in numbers]
+        found.own = [numbers.index(i) if i in cluster.owner else -1 for i in self.element.columns]
         return found
 
     @cached_property
@@ -77,25 +92,26 @@ class Local:
     def key(self) -> tuple[Any, ...]:
         """What elements that do the same have in common."""
         numbers = tuple(np.asarray(x, dtype=float).tobytes() for x in self.element.parameters)
-        return id(self.element.kernel), numbers, tuple(self.own), tuple(map(id, self.element.laws)), self.analytic
+        laws, places = tuple(map(id, self.element.laws)), (*self.on, *self.own)
+        return id(self.element.kernel), numbers, places, laws, self.analytic
 
     def run(self, function: str, state: State, f: Doubles, nu: Any = None) -> dict[str, Array]:
-        """Return the results of a function of its kernel on the coordinates of the bodies, by name.
+        """Return the results of a function of its kernel on the coordinates of its bodies, by name.
 
         With multipliers `nu` of all rows those of its own are taken.
         """
         e = self.exact if f.exact else self.element
+        q, u, a, time = state
+        n, m, places = len(self.columns), len(e.rows), [self.columns[k] if k >= 0 else -1 for k in self.own]
 
         def given(x: Array) -> list[Any]:
-            return [x[..., k][()] if k >= 0 else 0.0 for k in self.own]
+            return [x[..., k][()] if k >= 0 else 0.0 for k in places]
 
-        q, u, a, time = state
         arguments = [given(q), given(u), e.parameters, signals_at(e.laws, time) if e.laws else ()]
         if function == "linearize" and e.takes_acceleration:
             arguments.append(given(a))
         elif function == "linearize" and e.rows:
             arguments.append([0.0 if nu is None else nu[i] for i in e.rows])
-        n, m = q.shape[-1], len(e.rows)
         shapes = (
             {key: (n, n) for key in "MKR"} | {"F": (n,)} | {key: (m,) for key in "EVB"} | {key: (m, n) for key in "JD"}
         )
@@ -137,14 +153,21 @@ class Cluster:
     def __init__(self, blocks: Sequence[Block], exact: Callable[[], Sequence[Block]]) -> None:
         self.blocks, self._given = list(blocks), exact
         self.columns = [i for b in self.blocks for i in range(b.part.start, b.part.stop)]
+        self.owner = {i: k for k, b in enumerate(self.blocks) for i in range(b.part.start, b.part.stop)}
+        self.place = {i: k for k, i in enumerate(self.columns)}
         self.fields = [k for b in self.blocks for k in b.fields]
-        self.elements, self.rows, self.visited = list[Local](), list[Local](), list[list[Changes]]()
-        self.owners: list[tuple[Local, int]] = []
+        self.elements, self.rows, self.visited = list[Local](), list[Local](), list[list[At]]()
 
     @cached_property
     def exact_blocks(self) -> list[Block]:
         """The same blocks with bases in balls."""
         return [b._replace(base=tuple(map(plain_ball, b.base))) for b in self._given()]
+
+    @cached_property
+    def parts(self) -> list[slice]:
+        """The places of the fields of each block."""
+        ends = np.cumsum([0, *(SIZES[b.kind] for b in self.blocks)]).tolist()
+        return [slice(*x) for x in pairwise(ends)]
 
     @cached_property
     def key(self) -> tuple[Any, ...]:
@@ -154,119 +177,252 @@ class Cluster:
 
     @property
     def least(self) -> int:
-        """How many equations a state gives."""
-        return sum(len(x.element.rows) or len(self.columns) for x in self.elements)
+        """How many equations a state gives at least."""
+        return sum(len(x.element.rows) or len(x.columns) for x in self.elements)
 
     @property
     def still(self) -> bool:
         """Whether its elements are rows on positions alone."""
         return all(x.holonomic for x in self.elements)
 
-    @property
-    def written(self) -> bool:
-        """Whether the file writes some of what it contains."""
-        return any(x.written for x in (*self.elements, *self.rows))
+    def at(self, state: State, f: Doubles, sizes: Array, rate: float) -> At:
+        """Return its elements at states."""
+        return At(self, state, f, sizes, rate)
 
-    def residuals(self, level: str, state: State, f: Doubles) -> tuple[Array, Array]:
-        """Return the residuals of its rows, on positions with level ``E``, of all with ``V``, and their derivatives."""
-        found = [x.run("dynamics", state, f) for x in self.rows if level == "V" or x.holonomic]
-        left, J = ([at[key] for at in found] for key in (level, "J"))
-        if not found:
-            return f.zeros((*state[0].shape[:-1], 0)), f.zeros((*state[0].shape[:-1], 0, len(self.columns)))
-        return np.concatenate(left, axis=-1), np.concatenate(J, axis=-2)
 
-    def changes(self, state: State, f: Doubles) -> Changes:
-        """Return what its fields do to its elements at states."""
-        X, slopes = self._fields(state, f)
-        parts = [_changes(x, state, X, slopes, f) for x in self.elements]
-        self.owners = [(x, part.along[0].shape[-2]) for x, part in zip(self.elements, parts, strict=True)]
-        return _joined(parts)
+class At:
+    """The elements of a cluster at states, with the fields there.
 
-    def _fields(self, state: State, f: Doubles) -> tuple[list[Array], Slopes]:
-        """Return its fields with their derivatives at states."""
-        q, u, a, _ = state
-        lead, n, k = q.shape[:-1], len(self.columns), len(self.fields)
-        X = [f.zeros((*lead, n, k)) for _ in range(3)]
-        slopes = []
-        i = j = 0
-        moving = not self.still or not all(x.analytic for x in self.elements)
-        for b in self.exact_blocks if f.exact else self.blocks:
+    Parameters
+    ----------
+    cluster : Cluster
+    state : State
+    f : Doubles
+        The numbers.
+    sizes : ndarray, shape (n,)
+        Characteristic sizes of the coordinates.
+    rate : float
+        A characteristic rate (1/s).
+    """
+
+    def __init__(self, cluster: Cluster, state: State, f: Doubles, sizes: Array, rate: float) -> None:
+        self.cluster, self.state, self.f = cluster, state, f
+        self.units, self.rate = np.log2(sizes), float(np.log2(rate))
+        self.elements: Sequence[Local] = cluster.elements
+        self._runs: dict[tuple[int, str], dict[str, tuple[Array, Array]]] = {}
+
+    def run(self, own: Local, function: str, nu: Any = None) -> dict[str, tuple[Array, Array]]:
+        """Return the results of a function of the kernel of an element by name, with the exponents of their sizes."""
+        key = id(own), function
+        if key not in self._runs:
+            found = own.run(function, self.state, self.f, nu)
+            self._runs[key] = {name: (x, self.f.powers(x)) for name, x in found.items()}
+        return self._runs[key]
+
+    def evaluate(self, elements: Sequence[Local]) -> None:
+        """Evaluate some elements of the cluster, those of which changes are asked."""
+        self.elements = elements
+        for own in (x for x in elements if x.analytic):
+            self.run(own, "dynamics")
+            if not own.holonomic:
+                self.run(own, "linearize")
+
+    def rough(self, what: What) -> Iterator[Change]:
+        """Yield what all fields do at the same state, in doubles."""
+        q, u, a = (middle(x) for x in self.state[:3])
+        at = self.cluster.at((q, u, a, float(self.state[3])), DOUBLES, np.exp2(self.units), 2.0**self.rate)
+        if at.__class__ is At:
+            at.elements = self.elements
+        return at.changes(what)
+
+    @cached_property
+    def values(self) -> list[Any]:
+        """The fields of each block: X, X', X'' and DX, one below the other."""
+        (q, u, a, _), cluster, found = self.state, self.cluster, list[Any]()
+        moving = not cluster.still or not all(x.analytic for x in cluster.elements)
+        start = 0
+        for b in cluster.exact_blocks if self.f.exact else cluster.blocks:
             m = b.part.stop - b.part.start
-            here, fields = slice(i, i + m), slice(j, j + SIZES[b.kind])
-            values = field_values(b, q[..., here], *((u[..., here], a[..., here]) if moving else ()))
-            for x, value in zip(X, values, strict=False):
-                x[..., here, fields] = value
-            slopes.append((here, fields, values.slope))
-            i, j = i + m, j + SIZES[b.kind]
-        return X, slopes
+            here = slice(start, start + m)
+            x = field_values(b, q[..., here], *((u[..., here], a[..., here]) if moving else ()))
+            parts = (*x[:3], x.slope.reshape(*x.X.shape[:-2], -1, x.X.shape[-1])) if moving else x[:1]
+            found.append(self.f.prepared(np.concatenate(parts, axis=-2)))
+            start += m
+        return found
 
-    def later(self, state: State, step: Fraction) -> Array:
-        """Return the derivatives by time of the rows of `changes` at the same state in balls, by a difference."""
-        h, parts = as_ball(step.numerator) / step.denominator, []
-        for own, rows in self.owners:
-            change = BALLS.zeros((rows,))
-            if own.analytic:
-                key = ("E" if own.holonomic else "V") if own.element.rows else "F"
-                ends = [own.run("dynamics", (*state[:3], now), BALLS)[key] for now in (state[3] + h, state[3] - h)]
-                change = (ends[0] - ends[1]) / (2 * h)
-            parts.append(change)
-        return np.concatenate(parts)
+    def fields(self, c: Array | None) -> list[tuple[Array, ...]]:
+        """Return combinations of fields, given by their coefficients as columns, or all: X, X', X'' and DX by block.
+
+        DX has the shape (…, m, m, k).
+        """
+        found = list[tuple[Array, ...]]()
+        c = self.f.of(np.eye(len(self.cluster.fields))) if c is None else c
+        for b, part, values in zip(self.cluster.blocks, self.cluster.parts, self.values, strict=True):
+            m, x = b.part.stop - b.part.start, self.f.multiplied(values, c[part])
+            rest = x[..., 3 * m :, :]
+            slope = rest.reshape(*x.shape[:-2], m, m, x.shape[-1]) if rest.shape[-2] else rest
+            found.append((*(x[..., k * m : (k + 1) * m, :] for k in range(3)), slope))
+        return found
+
+    def changes(self, what: What, c: Array | None = None) -> Iterator[Change]:
+        """Yield what combinations of fields, or all, do to its elements."""
+        fields = self.fields(c)
+        for own in self.elements:
+            X, X1, X2 = (np.concatenate([fields[k][i] for k in own.on], axis=-2) for i in range(3))
+            yield from self._change(own, what, (X, X1, X2), [fields[k][3] for k in own.on])
+
+    def _change(self, own: Local, what: What, X: Sequence[Array], slopes: Sequence[Array]) -> Iterator[Change]:
+        if not own.analytic:
+            found = self._untouched(own, what, X[0], slopes)
+        elif own.element.rows:
+            J = self.run(own, "dynamics")["J"]
+            found = None if what == "work" or (what == "held" and own.of_state) else self._products(own, (J, X[0], 0))
+            if what == "along" and not own.holonomic:
+                D = self.run(own, "linearize")["D"]
+                found = self._products(own, (D, X[0], 0), (J, X[1], 1))
+        elif what == "along":
+            rates, at = self.run(own, "linearize"), self.run(own, "dynamics")
+            found = self._products(own, (rates["K"], X[0], 0), (rates["R"], X[1], 1), (at["M"], X[2], 2))
+            self._bend(own, found, slopes)
+        elif what == "driven":
+            found = self._products(own, (self.run(own, "linearize")["R"], X[0], 0))
+        elif what == "work" and not own.element.takes_acceleration:
+            F, size = self.run(own, "dynamics")["F"]
+            found = self._products(own, ((F[..., None, :], size[..., None, :]), X[0], 0))
+        else:
+            found = None
+        if found is not None:
+            yield found
+
+    def _products(self, own: Local, *terms: tuple[tuple[Array, Array], Array, int]) -> Change:
+        """Return a sum of products of matrices and fields, or their derivatives of an order."""
+        total: Any = 0
+        size: Any = NONE
+        usual: Any = NONE
+        for (A, power), X, order in terms:
+            total = total + self.f.multiplied(A, X)
+            size = np.maximum(size, largest_terms(power, self.f.powers(X)))
+            each = np.max(power + self.units[own.columns], axis=-1, keepdims=True, initial=NONE)
+            usual = np.maximum(usual, each + order * self.rate)
+        return Change(own, total, size, usual)
+
+    def _bend(self, own: Local, found: Change, slopes: Sequence[Array]) -> None:
+        """Add (DX)ᵀ F, which acts on all coordinates of a body."""
+        at = self.run(own, "dynamics")
+        a = self.state[2][..., own.columns]
+        force = at["F"][0] + self.f.multiplied(at["M"][0], a[..., None])[..., 0]
+        power, start = self.f.powers(force), 0
+        for slope in slopes:
+            m, k = slope.shape[-2], slope.shape[-1]
+            here = slice(start, start + m)
+            flat = slope.reshape(*slope.shape[:-3], m, m * k)
+            bent, terms = (
+                self.f.multiplied(force[..., None, here], flat),
+                largest_terms(power[..., None, here], self.f.powers(flat)),
+            )
+            found.value[..., here, :] += bent.reshape(*bent.shape[:-2], m, k)
+            found.size[..., here, :] = np.maximum(found.size[..., here, :], terms.reshape(*terms.shape[:-2], m, k))
+            start += m
+
+    def _untouched(self, own: Local, what: What, X: Array, slopes: Sequence[Array]) -> Change | None:
+        """Return the changes of the coordinates and speeds that an element contains, in place of its own changes."""
+        places, speeds = own.contained
+        if what == "along":
+            rows, start = [X[..., places, :]], 0
+            for slope in slopes:
+                m = slope.shape[-2]
+                bent = slope[..., [i - start for i in speeds if start <= i < start + m], :, :]
+                rows.append(bent.reshape(*bent.shape[:-3], -1, bent.shape[-1]))
+                start += m
+            moved = np.concatenate(rows, axis=-2)
+        else:
+            if what != "driven" and bool(own.element.rows) != (what == "held" and not own.of_state):
+                return None
+            moved = X[..., speeds, :]
+        size = self.f.powers(moved)
+        return Change(own, moved, size, np.max(size, axis=-1, keepdims=True, initial=NONE))
+
+    def later(self, own: Local, step: Fraction, rows: int) -> Array:
+        """Return the derivative by time of the force or the rows of an element, in balls, by a difference."""
+        h, (*state, time) = as_ball(step.numerator) / step.denominator, self.state
+        if not own.analytic:
+            return BALLS.zeros((rows,))
+        key = ("E" if own.holonomic else "V") if own.element.rows else "F"
+        ahead, back = (own.run("dynamics", (*state, now), BALLS)[key] for now in (time + h, time - h))
+        return np.asarray((ahead - back) / (2 * h))
 
 
 class Whole(Cluster):
     """A whole scene: the forces of all elements count together, as far as its rows do not balance them."""
 
-    def __init__(self, blocks: Sequence[Block], exact: Callable[[], Sequence[Block]], sizes: Array) -> None:
-        super().__init__(blocks, exact)
-        self.sizes = sizes
+    def at(self, state: State, f: Doubles, sizes: Array, rate: float) -> At:
+        """Return its elements at a state, with the accelerations and multipliers of the motion through it."""
+        return Balanced(self, state, f, sizes, rate)
 
-    @property
-    def least(self) -> int:
-        """How many equations a state gives at least."""
-        return len(self.columns)
 
-    def changes(self, state: State, f: Doubles) -> Changes:
-        """Return what its fields do at states, with the accelerations and multipliers of the motions through them."""
+class Balanced(At):
+    """The sum of the forces of a scene at a state, with the accelerations and multipliers of the motion through it."""
+
+    def __init__(self, cluster: Cluster, state: State, f: Doubles, sizes: Array, rate: float) -> None:
         q, u, _, time = state
-        if q.ndim == 1:
-            return self._balanced(q, u, time, f)
-        found = [self._balanced(one, other, time, f) for one, other in zip(q, u, strict=True)]
-        kinds = ([np.stack(x) for x in zip(*kind, strict=True)] for kind in zip(*found, strict=True))
-        return Changes(*((value, size) for value, size in kinds))
+        super().__init__(cluster, (q, u, 0 * q, time), f, sizes, rate)
+        self.sizes, self.smooth = sizes, [x for x in cluster.elements if x.analytic]
+        self.elements = [x for x in cluster.elements if x.element.rows or not x.analytic]
+        n = len(cluster.columns)
+        M, F = self._sum("dynamics", "M"), self._sum("dynamics", "F")
+        rows = [x for x in self.smooth if x.element.rows]
+        J, B = f.zeros((sum(len(x.element.rows) for x in rows), n)), list[Any]()
+        for x in rows:
+            at = self.run(x, "dynamics")
+            J[len(B) : len(B) + len(x.element.rows), x.columns] = at["J"][0]
+            B += list(at["B"][0])
+        kept = independent(middle(J) * sizes)
+        self.J = J[kept]
+        matrix, right = f.zeros((n + len(kept), n + len(kept))), f.zeros((n + len(kept), 1))
+        matrix[:n, :n], matrix[n:, :n], matrix[:n, n:] = M, self.J, self.J.T
+        right[:n, 0], right[n:, 0] = -F, [-B[k] for k in kept]
+        x = f.solved(matrix, right)[:, 0]
+        numbers = [i for own in rows for i in own.element.rows]
+        self.nu = dict.fromkeys(numbers, 0.0) | {numbers[k]: y for k, y in zip(kept, x[n:], strict=True)}
+        self.M, self.state = M, (q, u, f.settled(x[:n]), time)
 
-    def _balanced(self, q: Array, u: Array, time: Any, f: Doubles) -> Changes:
-        n, smooth = len(self.columns), [x for x in self.elements if x.analytic]
-        at = [x.run("dynamics", (q, u, 0 * q, time), f) for x in smooth]
-        M, F = sum((x["M"] for x in at), f.zeros((n, n))), sum((x["F"] for x in at), f.zeros((n,)))
-        rows = [x for x, own in zip(at, smooth, strict=True) if own.element.rows]
-        J = np.concatenate([x["J"] for x in rows]) if rows else f.zeros((0, n))
-        B = np.concatenate([x["B"] for x in rows]) if rows else f.zeros((0,))
-        kept = _independent(middle(J) * self.sizes)
-        matrix = f.zeros((n + len(kept), n + len(kept)))
-        matrix[:n, :n], matrix[n:, :n], matrix[:n, n:] = M, J[kept], J[kept].T
-        x = f.solved(matrix, np.concatenate([-F, -B[kept]])[:, None])[:, 0]
-        numbers = [i for own in smooth for i in own.element.rows]
-        nu = dict.fromkeys(numbers, 0.0) | {numbers[k]: y for k, y in zip(kept, x[n:], strict=True)}
-        state = q, u, f.settled(x[:n]), time
-        X, slopes = self._fields(state, f)
-        rates = [own.run("linearize", state, f, nu) for own in smooth if not own.holonomic or own.element.rows]
-        K, R = (sum((x[key] for x in rates), f.zeros((n, n))) for key in "KR")
-        value, size = f.products((K, X[0]), (R, X[1]), (M, X[2]))
-        if kept:
-            weighted = J[kept] * self.sizes**2
-            pulled = f.solved(f.multiplied(weighted, J[kept].T), f.multiplied(weighted, value))
-            value = value - f.multiplied(J[kept].T, pulled)
+    def evaluate(self, elements: Sequence[Local]) -> None:
+        """Evaluate all elements."""
+        for x in self.smooth:
+            if x.element.rows or not x.holonomic:
+                self.run(x, "linearize", self.nu)
+
+    def _sum(self, function: str, key: str) -> Array:
+        """Return the sum of a matrix, or of forces, over the elements."""
+        n = len(self.cluster.columns)
+        total = self.f.zeros((n,) if key == "F" else (n, n))
+        for x in self.smooth:
+            if function == "dynamics" or x.element.rows or not x.holonomic:
+                nu = self.nu if function == "linearize" else None
+                total[x.columns if key == "F" else np.ix_(x.columns, x.columns)] += self.run(x, function, nu)[key][0]
+        return total
+
+    def changes(self, what: What, c: Array | None = None) -> Iterator[Change]:
+        """Yield what combinations of fields, or all, do to the sum of the forces, and to rows."""
+        yield from super().changes(what, c)
+        f, fields = self.f, self.fields(c)
+        X, X1, X2 = (np.concatenate([x[i] for x in fields], axis=-2) for i in range(3))
+        whole = Local.__new__(Local)
+        whole.columns, whole.on = list(range(len(self.cluster.columns))), list(range(len(self.cluster.blocks)))
+        pairs = ((self._sum("linearize", "K"), X, 0), (self._sum("linearize", "R"), X1, 1), (self.M, X2, 2))
+        _, value, size, usual = self._products(whole, *(((A, f.powers(A)), Y, k) for A, Y, k in pairs))
+        if len(self.J):
+            weighted = self.J * self.sizes**2
+            pulled = f.solved(f.multiplied(weighted, self.J.T), f.multiplied(weighted, value))
+            value = value - f.multiplied(self.J.T, pulled)
             # Reactions mix what acts on coordinates.
-            unit = np.log2(self.sizes)[:, None]
-            size = np.max(size + unit, axis=0) - unit
+            size, usual = (np.max(x + self.units[:, None], axis=0) - self.units[:, None] for x in (size, usual))
         if f.exact:  # a weak force must not be lost beside those of all others
-            size = size - TOLERANCES.bits_of_weak_forces
-        found = [Changes(*[(value, size)] * 4)]
-        found += [_changes(own, state, X, slopes, f) for own in self.elements if own.element.rows or not own.analytic]
-        return _joined(found)
+            size, usual = size - TOLERANCES.bits_of_weak_forces, usual - TOLERANCES.bits_of_weak_forces
+        yield Change(whole, value, size, usual)
 
 
-def _independent(J: Array) -> list[int]:
+def independent(J: Array) -> list[int]:
     """Return the numbers of independent rows."""
     left, kept = J / np.maximum(np.linalg.norm(J, axis=1), 1e-300)[:, None], list[int]()
     while len(kept) < len(J):
@@ -278,61 +434,3 @@ def _independent(J: Array) -> list[int]:
         unit = left[k] / lengths[k]
         left = left - np.outer(left @ unit, unit)
     return sorted(kept)
-
-
-Slopes = Sequence[tuple[slice, slice, Array]]
-
-
-def _joined(parts: Sequence[Changes]) -> Changes:
-    """Return changes of several elements, one below the other."""
-    kinds = ([np.concatenate(x, axis=-2) for x in zip(*kind, strict=True)] for kind in zip(*parts, strict=True))
-    return Changes(*((value, size) for value, size in kinds))
-
-
-def _changes(own: Local, state: State, fields: Sequence[Array], slopes: Slopes, f: Doubles) -> Changes:
-    """Return what fields, given with their derivatives at states, do to an element."""
-    X, X1, X2 = fields
-    if not own.analytic:
-        return _untouched(own, X, slopes, f)
-    at = own.run("dynamics", state, f)
-    if own.holonomic:
-        along = f.products((at["J"], X))
-        return Changes(along, along, _none(along), along)
-    rates = own.run("linearize", state, f)
-    if own.element.rows:
-        against = f.products((at["J"], X))
-        held = _none(against) if own.of_state else against
-        return Changes(f.products((rates["D"], X), (at["J"], X1)), against, _none(against), held)
-    force = at["F"] + f.multiplied(at["M"], state[2][..., None])[..., 0]
-    total, size = f.products((rates["K"], X), (rates["R"], X1), (at["M"], X2))
-    for here, part, slope in slopes:
-        # (DX)ᵀ F acts on all coordinates of the body.
-        m, count = here.stop - here.start, part.stop - part.start
-        bent, terms = f.products((force[..., None, here], slope.reshape(*X.shape[:-2], m, m * count)))
-        total[..., here, part] += bent.reshape(*X.shape[:-2], m, count)
-        size[..., here, part] = np.maximum(size[..., here, part], terms.reshape(*X.shape[:-2], m, count))
-    driven = f.products((rates["R"], X))
-    work = _none(driven) if own.element.takes_acceleration else f.products((at["F"][..., None, :], X))
-    return Changes((total, size), driven, work, _none(driven))
-
-
-def _untouched(own: Local, X: Array, slopes: Slopes, f: Doubles) -> Changes:
-    """Return the changes of the coordinates and speeds that an element contains, in place of its own changes."""
-    places, speeds = own.contained
-    rows = [X[..., places, :]]
-    for here, part, slope in slopes:
-        bent = slope[..., [i - here.start for i in speeds if here.start <= i < here.stop], :, :]
-        spread = f.zeros((*X.shape[:-2], bent.shape[-3] * bent.shape[-2], X.shape[-1]))
-        spread[..., part] = bent.reshape(*spread.shape[:-1], -1)
-        rows.append(spread)
-    moved, held = np.concatenate(rows, axis=-2), X[..., speeds, :]
-    one, other = (moved, f.powers(moved)), (held, f.powers(held))
-    of_rows = bool(own.element.rows)
-    return Changes(
-        one, other, _none(other) if of_rows else other, other if of_rows and not own.of_state else _none(other)
-    )
-
-
-def _none(x: Sized) -> Sized:
-    """Return a matrix without rows."""
-    return x[0][..., :0, :], x[1][..., :0, :]

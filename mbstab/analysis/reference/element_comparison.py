@@ -196,9 +196,10 @@ class ElementComparison:
             TOLERANCES.repeated_row_misfit * float(np.max(s[motion.spaces.C.rank :], initial=0.0)),
         )
 
-    def onto_rows(self, q: Array, u: Array, within: float | None = None) -> OnRows | None:
+    def onto_rows(self, q: Array, u: Array, within: float | None = None, time: float | None = None) -> OnRows | None:
         """Return the state nearest to a given one that satisfies the constraints, or None if there is none."""
-        system, time, sizes = self.system, self.motion.time, self.motion.sizes
+        system, sizes = self.system, self.motion.sizes
+        time = self.motion.time if time is None else time
         n_h = system.n_h
         try:
             for _ in range(TOLERANCES.newton_steps_onto_rows if n_h else 0):

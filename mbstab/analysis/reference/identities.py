@@ -13,7 +13,7 @@ of the coordinates and speeds that it contains.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import cached_property, partial
@@ -29,20 +29,22 @@ from mbstab.analysis.algebra.ball_arrays import (
     Doubles,
     as_ball,
     kept_combinations,
-    largest_terms,
     many_bits,
     middle,
     plain_ball,
     shows,
 )
-from mbstab.analysis.reference.changes import Changes, Cluster, Local, Sized, State, Whole
+from mbstab.analysis.reference.changes import At, Cluster, Local, State, What, Whole, independent
+from mbstab.analysis.reference.element_comparison import ElementComparison
 from mbstab.analysis.reference.fields import ROTATIONS, SIZES, Basis, Block, Field
-from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.rounded_scene import exact_system
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
+
+Sized = tuple[Array, Array]
+"""A matrix, and the exponents of the largest terms of its entries."""
 
 NO_VALUE = (ArithmeticError, ValueError, MbstabError, np.linalg.LinAlgError)
 """Errors of a state at which an element has no value."""
@@ -53,18 +55,17 @@ class Identities:
 
     Parameters
     ----------
-    system : System
-    motion : Motion
-        The reference, near which states lie.
-    rate : float
-        A characteristic rate of the scene (1/s).
+    near : ElementComparison
+        The scene and its reference, near which states lie.
     together : bool
         Whether only the sum of all forces must stay the same, as far as rows do not balance it.
     """
 
-    def __init__(self, system: System, motion: Motion, rate: float, together: bool = False) -> None:
-        self.system, self.motion, self.rate, self.together = system, motion, rate, together
-        self.basis = Basis(system)
+    def __init__(self, near: ElementComparison, together: bool = False) -> None:
+        self.near, self.together = near, together
+        self.system, self.motion, self.rate = near.system, near.motion, near.rate
+        self.basis = Basis(self.system)
+        self._found: dict[tuple[int, float], list[State]] = {}
 
     @cached_property
     def _exact(self) -> System:
@@ -89,18 +90,24 @@ class Identities:
 
     @cached_property
     def clusters(self) -> list[Cluster]:
-        """The elements by the bodies and states that they contain, with all rows on these."""
+        """The elements by the bodies and states that they contain, with all rows on these; of small scenes, all."""
+        blocks, every = self.basis.blocks, tuple(range(len(self.basis.blocks)))
+        together = not self.system.sparse and self.system.n_q <= TOLERANCES.searched_together
         found, touching = dict[tuple[int, ...], Cluster](), dict[int, list[tuple[tuple[int, ...], Local]]]()
         for on, own in self._locals:
             for k in on if own.element.rows else ():
                 touching.setdefault(k, []).append((on, own))
-            if on not in found:
-                exactly = partial(lambda on: [self.exact_blocks[k] for k in on], on)
-                found[on] = Cluster([self.basis.blocks[k] for k in on], exactly)
-            found[on].elements.append(own.among(found[on].columns))
-        for on, cluster in found.items():
-            near = {id(own): own for k in on for other, own in touching.get(k, ()) if set(other) <= set(on)}
-            cluster.rows = [own.among(cluster.columns) for own in near.values()]
+            key = every if together else on
+            if key not in found:
+                exactly = partial(lambda key: [self.exact_blocks[k] for k in key], key)
+                found[key] = Cluster([blocks[k] for k in key], exactly)
+            found[key].elements.append(own.among(found[key]))
+        for key, cluster in found.items():
+            if together:
+                cluster.rows = [x for x in cluster.elements if x.element.rows]
+            else:
+                near = {id(own): own for k in key for other, own in touching.get(k, ()) if set(other) <= set(key)}
+                cluster.rows = [own.among(cluster) for own in near.values()]
         return list(found.values())
 
     @cached_property
@@ -114,8 +121,8 @@ class Identities:
         """The clusters that fields must leave unchanged."""
         if not self.together:
             return self.clusters
-        whole = Whole(self.basis.blocks, lambda: self.exact_blocks, self.motion.sizes)
-        whole.elements = [own.among(whole.columns) for _, own in self._locals]
+        whole = Whole(self.basis.blocks, lambda: self.exact_blocks)
+        whole.elements = [own.among(whole) for _, own in self._locals]
         whole.rows = [x for x in whole.elements if x.element.rows]
         return [whole]
 
@@ -133,88 +140,102 @@ class Identities:
 
     # --- states -----------------------------------------------------------------------------------------------------
 
-    def _random(self, own: Cluster, rng: RandomNumbers, count: int, spread: float) -> State:
-        """Return random states near the reference that satisfy the rows of a cluster, shape (count, n) each."""
-        motion, columns = self.motion, own.columns
-        sizes = motion.sizes[columns]
-        q, u, a = (rng.uniform(-1.0, 1.0, count, len(columns)) for _ in range(3))
-        # At rest, in motion, accelerated: fast motions hide weak forces.
-        kinds = np.arange(count)[::-1, None] % 3
-        q, u = motion.q[columns] + spread * sizes * q, motion.u[columns] + spread * self.rate * sizes * u
-        u, a = np.where(kinds == 2, 0.0, u), np.where(kinds == 0, a, 0.0)
+    def _states(self, seed: int, count: int, spread: float) -> list[State]:
+        """Return random states near the reference that satisfy all rows, in doubles: fewer where none are found."""
+        if (seed, spread) not in self._found:
+            self._found[seed, spread] = self._searched_states(RandomNumbers(seed), count, spread)
+        return self._found[seed, spread]
+
+    def _searched_states(self, rng: RandomNumbers, count: int, spread: float) -> list[State]:
+        motion, sizes, found = self.motion, self.motion.sizes, list[State]()
         # What holds at one time only, as where a drive passes through an axis, is no identity.
-        later = float(rng.uniform(-1.0, 1.0, 1)[0]) / self.rate if self.system.scene.timed else 0.0
-        return self._onto_rows(own, (q, u, self.rate**2 * sizes * a, motion.time + later), DOUBLES)
-
-    def _onto_rows(self, own: Cluster, state: State, f: Doubles) -> State:
-        """Return nearby states that satisfy the rows, by Newton's method; those that are not found are left out."""
-        q, u, a, time = state
-        sizes, good = self.motion.sizes[own.columns], np.ones(q.shape[:-1], dtype=bool)
-        levels = [level for level in "EV" if any(x.holonomic or level == "V" for x in own.rows)]
-        for level in levels[:1] if own.still else levels:
-            unit = sizes * (1.0 if level == "E" else self.rate)
-            for _ in range(TOLERANCES.newton_steps_onto_rows):
-                left, J = map(middle, own.residuals(level, (q, 0 * u if level == "E" else u, a, time), f))
-                good &= np.all(np.isfinite(J), axis=(-1, -2)) & np.all(np.isfinite(left), axis=-1)
-                J, left = np.where(good[..., None, None], J * sizes, 0.0), np.where(good[..., None], left, 0.0)
-                step = sizes * (np.linalg.pinv(J, rcond=1e-10) @ left[..., None])[..., 0]
-                q, u = (f.settled(q - step), u) if level == "E" else (q, f.settled(u - step))
-                if not np.any(np.abs(step) > f.resolution * unit):
-                    break
-            good &= np.all(np.abs(step) <= 1e3 * f.resolution * unit, axis=-1)
-        return (q[good], u[good], a[good], time) if q.ndim > 1 else (q, u, a, time)
-
-    def _exact_states(self, own: Cluster, rng: RandomNumbers) -> Iterator[State]:
-        """Yield random states in balls: one far from the reference, and of what the file writes some near it."""
-        for spread in TOLERANCES.exact_spreads[: None if own.written else 1]:
-            for part in TOLERANCES.state_spreads:
-                with np.errstate(all="ignore"):
-                    rough = self._random(own, rng, 1, spread * part)
-                if not len(rough[0]):
+        time = motion.time + (float(rng.uniform(-1.0, 1.0, 1)[0]) / self.rate if self.system.scene.timed else 0.0)
+        for k in reversed(range(count)):
+            # At rest, in motion, accelerated: fast motions hide weak forces.
+            kind = k % 3
+            q, u, a = (spread * sizes * rng.uniform(-1.0, 1.0, len(sizes)) for _ in range(3))
+            u = 0.0 * u if kind == 2 else motion.u + self.rate * u
+            q, a = motion.q + q, self.rate**2 / spread * a if kind == 0 else 0.0 * a
+            if self.system.n_c:
+                at = self.near.onto_rows(q, u, time=time)
+                if at is None:
                     continue
-                try:
-                    q, u, a = (BALLS.of(x[0]) for x in rough[:3])
-                    yield self._onto_rows(own, (q, u, a, as_ball(rough[3])), BALLS)
+                q, u = at.q, at.u
+            found.append((q, u, a, time))
+        return found
+
+    def _closed(self, own: Cluster, state: State) -> State:
+        """Return the state in balls near one in doubles at which the rows of a cluster hold, by Newton's method."""
+        q, u, a = (BALLS.of(x[own.columns]) for x in state[:3])
+        time, sizes = as_ball(state[3]), self.motion.sizes[own.columns]
+        for level in ("E",) if own.still else ("E", "V"):
+            rows = [x for x in own.rows if x.holonomic or level == "V"]
+            for _ in range(TOLERANCES.newton_steps_onto_rows if rows else 0):
+                left, J = BALLS.zeros((0,)), BALLS.zeros((0, len(sizes)))
+                for x in rows:
+                    at = x.run("dynamics", (q, 0 * u if level == "E" else u, a, time), BALLS)
+                    J_x = BALLS.zeros((len(x.element.rows), len(sizes)))
+                    J_x[:, x.columns] = at["J"]
+                    left, J = np.concatenate([left, at[level]]), np.concatenate([J, J_x])
+                kept = independent(middle(J) * sizes)
+                J = J[kept]
+                weighted = J * sizes**2
+                step = weighted.T @ BALLS.solved(BALLS.multiplied(weighted, J.T), left[kept][:, None])[:, 0]
+                q, u = (BALLS.settled(q - step), u) if level == "E" else (q, BALLS.settled(u - step))
+                # Each step doubles the digits.
+                far = float(np.max(np.abs(middle(step)) / sizes)) / (1.0 if level == "E" else self.rate)
+                if far < TOLERANCES.half_of_digits:
                     break
-                except NO_VALUE:
-                    continue
+            else:
+                if rows:
+                    raise ArithmeticError("no state on the rows")
+        return q, u, a, time
 
     # --- the space of fields ----------------------------------------------------------------------------------------
 
     @cached_property
     def _proposed(self) -> Array:
         """The fields that leave each element unchanged to rounding, as columns, shape (basis.size, number)."""
-        known: dict[tuple[Any, ...], Array] = {}
-        rng = RandomNumbers(2)
+        known: dict[tuple[Any, ...], list[tuple[list[int], Array]]] = {}
+        equations = sum(len(own.element.rows) or len(own.columns) for x in self._searched for own in x.elements)
+        count = TOLERANCES.states_beyond + 2 * self.basis.size // equations
         parts: list[tuple[list[int], Array]] = []
         for own in self._searched:
             if own.key not in known:
-                known[own.key] = self._conditions(own, rng)
-            parts.append((own.fields, known[own.key]))
+                known[own.key] = self._conditions(own, count)
+            parts += [([own.fields[k] for k in places], rows) for places, rows in known[own.key]]
         return null_space(parts, self.basis.size) * self.scale[:, None]
 
-    def _conditions(self, own: Cluster, rng: RandomNumbers) -> Array:
+    def _conditions(self, own: Cluster, count: int) -> list[tuple[list[int], Array]]:
         """Return what elements demand of the fields of their bodies, relative to their scale, as orthonormal rows."""
         for spread in TOLERANCES.state_spreads[1:]:
             with np.errstate(all="ignore"), suppress(*NO_VALUE):
-                rows = self._demands(own, rng, spread)
-                if len(rows):
-                    _, s, right = np.linalg.svd(rows, full_matrices=False)
-                    return np.asarray(right[: int(np.sum(s > TOLERANCES.proposed_change * max(s[0], 1.0)))])
-        return np.eye(len(own.fields))
+                if found := self._demands(own, self._states(2, count, spread)):
+                    return found
+        return [(list(range(len(own.fields))), np.eye(len(own.fields)))]
 
-    def _demands(self, own: Cluster, rng: RandomNumbers, spread: float) -> Array:
-        """Return the changes of elements along fields at random states, relative to their terms, as rows."""
-        scale = self.scale[own.fields]
-        state = self._random(own, rng, TOLERANCES.states_beyond + 2 * len(scale) // own.least, spread)
-        if not len(state[0]):
-            return np.zeros((0, len(scale)))
-        value, size = own.changes(state, DOUBLES).along
-        most = np.exp2(np.max(size + np.log2(scale), axis=-1, keepdims=True, initial=NONE))
-        # A row without terms is rounding; what is dropped with it is seen in balls.
-        felt = most > TOLERANCES.row_without_terms * np.max(most, initial=0.0)
-        rows = np.where(felt, value * scale / most, 0.0)
-        return np.asarray(rows[np.all(np.isfinite(rows), axis=(-1, -2))].reshape(-1, len(scale)))
+    def _demands(self, own: Cluster, states: Sequence[State]) -> list[tuple[list[int], Array]]:
+        """Return the changes of elements along fields at states, relative to their terms, as rows."""
+        if not states:
+            return []
+        scale, found = self.scale[own.fields], list[tuple[list[int], Array]]()
+        q, u, a = (np.array(x)[:, own.columns] for x in list(zip(*states, strict=True))[:3])
+        every = [(q, u, a)] if not self.together else zip(q, u, a, strict=True)
+        for change in (x for y in every for x in self._at(own, (*y, states[0][3]), DOUBLES).changes("along")):
+            on = [k for b in change.of.on for k in range(own.parts[b].start, own.parts[b].stop)]
+            most = np.exp2(np.max(change.size + np.log2(scale), axis=-1, keepdims=True, initial=NONE))
+            # A row without terms is rounding; what is dropped with it is seen in balls.
+            felt = most > TOLERANCES.row_without_terms * np.max(most, initial=0.0)
+            rows = np.where(felt, change.value[..., on] * scale[on] / most, 0.0)
+            good = rows[np.all(np.isfinite(rows), axis=(-1, -2))].reshape(-1, len(on))
+            if rows.size and not len(good):
+                return []
+            _, s, right = np.linalg.svd(good, full_matrices=False)
+            found.append((on, right[: int(np.sum(s > TOLERANCES.proposed_change * np.max(s, initial=1.0)))]))
+        return found
+
+    def _at(self, own: Cluster, state: State, f: Doubles) -> At:
+        return own.at(state, f, self.motion.sizes[own.columns], self.rate)
 
     @cached_property
     def space(self) -> Array:
@@ -240,24 +261,22 @@ class Identities:
     def _refined(self, space: Array, pivots: Array) -> Array:
         """Return fields that doubles propose with all digits, by Newton's method; others do not converge."""
         free = np.flatnonzero(~np.any(pivots & (np.sum(pivots, axis=1, keepdims=True) == 1), axis=1))
-        parts: list[tuple[Cluster, Array, Array]] = []
+        parts, rough = list[tuple[Cluster, At, Array]](), [np.zeros((0, self.basis.size))]
         for own in self._searched:
             for visit in range(TOLERANCES.states_beyond + len(own.fields) // own.least):
                 for at in self._visited(own, visit):
-                    value, size = at.along
+                    value, size = (np.concatenate(x) for x in zip(*(y[1:3] for y in at.rough("along")), strict=True))
                     most = np.max(size + np.log2(self.scale[own.fields]), axis=1, initial=NONE)
                     # What a row cancels by itself is rounding of the state.
                     felt = most > np.max(most, initial=NONE) - TOLERANCES.bits_of_weak_terms
-                    unit = BALLS.of(np.where(felt, np.exp2(-np.where(felt, most, 0.0)), 0.0))
-                    parts.append((own, value * unit[:, None], middle(value * unit[:, None])))
-        rough = np.zeros((sum(len(x) for _, _, x in parts), self.basis.size))
-        start = 0
-        for own, _, x in parts:
-            rough[start : start + len(x), own.fields] = x
-            start += len(x)
-        inverse = np.linalg.pinv((rough * self.scale)[:, free], rcond=TOLERANCES.proposed_change)
+                    unit = np.where(felt, np.exp2(-np.where(felt, most, 0.0)), 0.0)
+                    parts.append((own, at, BALLS.of(unit)[:, None]))
+                    rows = np.zeros((len(value), self.basis.size))
+                    rows[:, own.fields] = value * unit[:, None]
+                    rough.append(rows)
+        inverse = np.linalg.pinv((np.concatenate(rough) * self.scale)[:, free], rcond=TOLERANCES.proposed_change)
         for _ in range(TOLERANCES.steps_of_refinement):
-            left = np.concatenate([BALLS.multiplied(x, space[own.fields]) for own, x, _ in parts])
+            left = np.concatenate([self._along(own, at, space[own.fields], "along")[0] * x for own, at, x in parts])
             power = float(np.max(BALLS.powers(left), initial=NONE))
             if not np.isfinite(power):
                 break
@@ -287,7 +306,7 @@ class Identities:
                     found.append(x)
         return np.array(found).reshape(-1, self.basis.size).T
 
-    def _kept(self, space: Array, what: str = "along") -> Array:
+    def _kept(self, space: Array, what: What = "along") -> Array:
         """Return the combinations of fields for which nothing shows anywhere, at fresh states until none fails."""
         doubtful = self._searched if what == "along" else self.clusters
         for k in range(TOLERANCES.rounds_of_identities):
@@ -301,7 +320,8 @@ class Identities:
                 if found:
                     combinations = kept_combinations(*(np.concatenate(x) for x in zip(*found, strict=True)))
                 if combinations.shape[1] < len(on):
-                    failed.append(own)
+                    # A field that passes with the others left out was not chosen by this state.
+                    failed += [own] * bool(np.any(np.sum(combinations != 0, axis=0) > 1))
                     mixed = BALLS.settled(BALLS.multiplied(space[:, on], combinations))
                     space = np.hstack([np.delete(space, on, axis=1), mixed])
             if not failed:
@@ -309,22 +329,37 @@ class Identities:
             doubtful = failed
         return space[:, :0]
 
-    def _visited(self, own: Cluster, visit: int = 0) -> list[Changes]:
-        """Return what fields do to elements at random states, others at each visit; each is computed once."""
+    def _visited(self, own: Cluster, visit: int = 0) -> list[At]:
+        """Return elements at random states in balls, others at each visit: far from the reference, and near it.
+
+        Only what the file writes is asked near it: a function may be flat to all digits elsewhere.
+        """
         while len(own.visited) <= visit:
-            rng = RandomNumbers(3 + len(own.visited))
-            own.visited.append([own.changes(state, BALLS) for state in self._exact_states(own, rng)])
+            written = [x for x in own.elements if x.written]
+            found = self._exactly(own, 3 + len(own.visited), TOLERANCES.exact_spreads[0], own.elements)
+            for spread in TOLERANCES.exact_spreads[1:] if written else ():
+                found += self._exactly(own, 3 + len(own.visited), spread, written)
+            own.visited.append(found)
         return own.visited[visit]
 
-    def _along(self, own: Cluster, at: Changes, fields: Array, what: str) -> Sized:
+    def _exactly(self, own: Cluster, seed: int, spread: float, elements: Sequence[Local]) -> list[At]:
+        """Return some elements of a cluster at a random state in balls; none where they have no value."""
+        for part in TOLERANCES.state_spreads:
+            with np.errstate(all="ignore"), suppress(*NO_VALUE):
+                for state in self._states(seed, 1, spread * part):
+                    at = self._at(own, self._closed(own, state), BALLS)
+                    at.evaluate(elements)
+                    return [at]
+        return []
+
+    def _along(self, own: Cluster, at: At, c: Array, what: What) -> Sized:
         """Return what combinations of the fields of a cluster do to its elements at a state."""
-        value, size = getattr(at, what)
-        terms = largest_terms(size, BALLS.powers(fields))
-        if own.rows:
+        found = [(BALLS.zeros((0, c.shape[1])), np.zeros((0, c.shape[1])))]
+        for x in at.changes(what, c):
             # What vanishes on rows does so to the digits of the state only, and kernels cancel it by themselves.
-            most = np.max(size + np.log2(self.scale[own.fields]), axis=-1, keepdims=True, initial=NONE)
-            terms = np.maximum(terms, most - TOLERANCES.bits_of_weak_terms)
-        return BALLS.multiplied(value, fields), terms
+            found.append((x.value, np.maximum(x.size, x.usual - TOLERANCES.bits_of_weak_terms) if own.rows else x.size))
+        value, size = (np.concatenate(x) for x in zip(*found, strict=True))
+        return value, size
 
     # --- questions --------------------------------------------------------------------------------------------------
 
@@ -339,12 +374,13 @@ class Identities:
             columns = self._columns(fields)
             # Below the fields stand the coefficients of their combinations.
             kept = np.vstack([columns, BALLS.of(np.eye(len(fields)))])
-            for what in ("work", "held"):
+            asked: tuple[What, ...] = ("work", "held")
+            for what in asked:
                 kept = self._kept(kept, what)
             return middle(kept[len(columns) :])
 
-    def passing(self, fields: Sequence[Field], what: str) -> list[bool]:
-        """Return for each field whether nothing shows along it, of one kind of `Changes`."""
+    def passing(self, fields: Sequence[Field], what: What) -> list[bool]:
+        """Return for each field whether nothing shows along it, of what is asked."""
         if not fields:
             return []
         with many_bits():
@@ -385,16 +421,16 @@ class Identities:
         """
         found = dict[str, None]()
         with many_bits():
-            fields, rng, step = BALLS.of(c)[:, None], RandomNumbers(4), Fraction(1, 2**70) / Fraction(self.rate)
+            fields, step = BALLS.of(c)[:, None], Fraction(1, 2**70) / Fraction(self.rate)
             for own in self.clusters:
-                for state in self._exact_states(own, rng):
-                    value, terms = self._along(own, own.changes(state, BALLS), fields[own.fields], "along")
+                pairs = ((at, x) for at in self._visited(own) for x in at.changes("along", fields[own.fields]))
+                for at, x in pairs:
+                    value, terms = x.value, np.maximum(x.size, x.usual - TOLERANCES.bits_of_weak_terms)
                     if self.system.scene.timed:
-                        later = own.later(state, step)[:, None]
+                        later = at.later(x.of, step, len(value))[:, None]
                         value, terms = value + later, np.maximum(terms, BALLS.powers(later))
-                    broken = shows(value, terms, TOLERANCES.bits_of_motion)[:, 0]
-                    owners = [x.element.path for x, rows in own.owners for _ in range(rows)]
-                    found |= dict.fromkeys(path for path, bad in zip(owners, broken, strict=True) if bad)
+                    if np.any(shows(value, terms, TOLERANCES.bits_of_motion)):
+                        found[x.of.element.path] = None
         return list(found)
 
     def of_shift(self, *coordinates: int) -> Array | None:

@@ -61,13 +61,11 @@ class Invariance(ElementComparison):
     @cached_property
     def identities(self) -> Identities:
         """What the elements of the scene do along fields."""
-        return Identities(self.system, self.motion, self.rate, self.together)
+        return Identities(self, self.together)
 
     @cached_property
     def fields(self) -> list[tuple[str, Field]]:
         """All groups with their names, including those that do not move the reference; some may be combinations."""
-        if self.isolated:
-            return []
         named = list(Names(self.identities, self.motion).found())
         if not named:
             return []
@@ -82,6 +80,8 @@ class Invariance(ElementComparison):
     def symmetries(self) -> list[Symmetry]:
         """Independent symmetries that move the reference."""
         motion, found = self.motion, list[Symmetry]()
+        if self.isolated:
+            return found
         room = np.zeros((2 * len(motion.q) + 1, 2 * len(motion.q)))
         for name, field in self.fields:
             direction, rate = field.field(motion.q), field.slope(motion.q) @ motion.u
@@ -339,6 +339,8 @@ class Invariance(ElementComparison):
     def steady(self, generator: Generator) -> bool:
         """Return whether a steady motion follows a symmetry, as far as the rows let it differ from one."""
         identities, sizes = self.identities, self.motion.sizes
+        if identities.of_generator(generator) is not None and self.carries(self.along(generator)):
+            return True
         fields = [identities.field(c) for c in identities.space.T]
         own = np.concatenate([generator.field(x.q) / sizes for x in self.on_rows])
         if not fields:

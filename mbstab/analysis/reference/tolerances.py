@@ -298,6 +298,10 @@ class Tolerances:
     a function may be flat to all digits but near the reference."""
     bits_of_weak_terms: Final = 90
     """At states on rows terms are seen that are smaller by these bits than those of other fields in the same row."""
+    searched_together: Final = 60
+    """Elements of scenes with no more coordinates than this are tested at states of the whole scene."""
+    half_of_digits: Final = 1e-30
+    """A step of Newton's method with many digits that is smaller than this, relatively, is the last."""
     row_dependence: Final = 1e-9
     """Rows of unit length are dependent on others beside which less is left of them."""
     steps_of_refinement: Final = 7

@@ -27,7 +27,7 @@ from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.minimum import SecondVariation, norm_of_error
-from mbstab.analysis.verdict.neutral import Separated, Structure
+from mbstab.analysis.verdict.neutral import Separated, Structure, may_turn
 from mbstab.analysis.verdict.rule import Critical, Disc, Facts, Minimum
 from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
@@ -95,9 +95,11 @@ class Grounds:
     @cached_property
     def _found(self) -> tuple[Structure, Separated]:
         """The structure, with what holds on all rows only, or for sums of forces, where zeros are left without it."""
+        if not self.S.size or not may_turn(self.S, self.linear.generator, self._elementwise.rate):
+            self._elementwise.isolated = True
         structure = Structure(self.linear, self.space, self.gamma, self._elementwise)
         separated, system = structure.separated(self.S), self.system
-        large = system.sparse or system.n_q > TOLERANCES.searched_together
+        large = system.sparse or system.n_q > REFERENCE.searched_together
         if large or not separated.A.size or self.linear.massless is not None:
             return structure, separated
         limit = TOLERANCES.family_singular_value * max(float(np.linalg.norm(self.S, 2)), self._elementwise.rate)

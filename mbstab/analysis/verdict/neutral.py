@@ -452,6 +452,33 @@ def _combined(c: Array, items: list[Symmetry]) -> Field:
     return first
 
 
+def may_turn(S: Array, generator: Generator | None, rate: float) -> bool:
+    """Return whether some direction is unchanged by S, or turns with the motion, as those of symmetries are or do.
+
+    S has eigenvalues 0 or ± iΩ then, with the rates Ω of the motion.
+
+    Parameters
+    ----------
+    rate : float (1/s)
+        A characteristic rate of the scene.
+    """
+    least = TOLERANCES.direction_closure * max(spectral_norm(S), rate)
+    shifted = (
+        S - turn * 1j * np.eye(len(S)) if turn else S for turn in (0.0, *(_rates(generator) if generator else ()))
+    )
+    return any(_least_singular_value(x) <= least for x in shifted)
+
+
+def _least_singular_value(S: Array) -> float:
+    """Return the smallest singular value; for large matrices a lower bound by the inverse."""
+    if len(S) < TOLERANCES.norm_by_powers_from:
+        return float(np.linalg.svd(S, compute_uv=False)[-1])
+    try:
+        return 1.0 / float(np.linalg.norm(np.linalg.inv(S)))
+    except np.linalg.LinAlgError:
+        return 0.0
+
+
 def unseparated(S: Array) -> Separated:
     """Return a matrix without known structure."""
     n = len(S)

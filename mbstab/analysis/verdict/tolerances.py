@@ -58,8 +58,6 @@ class Tolerances:
     """Fractions of this distance at which they are searched as well."""
     fixed_states: Final = 6
     """States that symmetries of a reference leave alone, at which the work of forces is compared."""
-    searched_together: Final = 60
-    """Largest number of coordinates of scenes whose forces are tested together where zeros are left."""
     family_singular_value: Final = 1e-10
     """Singular values of A modulo symmetries are zero below this fraction of its norm; the next follows after a rank
     gap."""
