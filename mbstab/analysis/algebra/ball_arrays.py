@@ -6,8 +6,9 @@ A size is a power of two, the exponent of the largest term, so that no small ter
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from functools import cached_property
+import math
+from collections.abc import Callable, Iterator
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -70,15 +71,33 @@ class Balls(Doubles):
     def f(self) -> Arithmetic:  # noqa: D102
         from mbstab.analysis.algebra.balls import ball_arithmetic
 
-        return ball_arithmetic()
+        arb, _ = _types()
+        known, kept = ball_arithmetic(), dict[int, tuple[Any, tuple[Any, Any]]]()
+        sines = known.sin, known.cos
+
+        def function(which: int) -> Callable[[Any], Any]:
+            def one(x: Any) -> Any:
+                if x.__class__ is not arb:
+                    return sines[which](x)
+                # All elements of a body ask for those of the same angles.
+                found = kept.get(id(x))
+                if found is None or found[0] is not x:
+                    if len(kept) > TOLERANCES.sines_kept:
+                        kept.clear()
+                    found = kept[id(x)] = x, x.sin_cos()
+                return found[1][which]
+
+            return one
+
+        functions = {name: x for name, x in vars(known).items() if callable(x) and name != "number"}
+        functions |= {"sin": function(0), "cos": function(1)}
+        return Arithmetic(known.name, known.number, known.constants, functions)
 
     def zeros(self, shape: tuple[int, ...]) -> Array:  # noqa: D102
         return np.full(shape, 0, dtype=object)
 
     def of(self, x: Array) -> Array:  # noqa: D102
-        from flint import arb
-
-        return np.asarray(np.frompyfunc(arb, 1, 1)(np.asarray(x, dtype=float)))
+        return np.asarray(np.frompyfunc(_types()[0], 1, 1)(np.asarray(x, dtype=float)))
 
     def settled(self, x: Array) -> Array:  # noqa: D102
         return np.asarray(np.frompyfunc(lambda y: as_ball(y).mid(), 1, 1)(x))
@@ -96,10 +115,20 @@ class Balls(Doubles):
         return _matrix(A)
 
 
-def _matrix(A: Any) -> Any:
-    from flint import arb_mat
+@cache
+def _types() -> tuple[Any, Any]:
+    """Return the types of balls and of matrices of them."""
+    from flint import arb, arb_mat
 
-    return A if isinstance(A, arb_mat) else arb_mat(A.shape[0], A.shape[1], [as_ball(x) for x in A.flat])
+    return arb, arb_mat
+
+
+def _matrix(A: Any) -> Any:
+    arb, arb_mat = _types()
+    if A.__class__ is arb_mat:
+        return A
+    plain = (arb, int, float)
+    return arb_mat(*A.shape, [x if x.__class__ in plain else as_ball(x) for x in A.ravel().tolist()])
 
 
 def _array(A: Any) -> Array:
@@ -125,9 +154,8 @@ def many_bits() -> Iterator[None]:
 
 def as_ball(x: Any) -> Any:
     """Return a number as ``flint.arb``."""
-    from flint import arb
-
-    return x if isinstance(x, arb) else arb(x.v) if hasattr(x, "v") else arb(x)
+    arb, _ = _types()
+    return x if x.__class__ is arb else arb(x.v) if hasattr(x, "v") else arb(x)
 
 
 def plain_ball(x: Any) -> Any:
@@ -144,21 +172,29 @@ def middle(x: Array) -> Array:
 def _power(x: Any) -> float:
     """Return the exponent of the size of a number."""
     if isinstance(x, (int, float)):
-        return float(np.log2(abs(x))) if x else NONE
-    x = as_ball(x)
+        return math.log2(abs(x)) if x else NONE
+    return _exponent(as_ball(x).abs_upper())
+
+
+def _exponent(x: Any) -> float:
+    """Return the exponent of a positive ball without radius."""
+    rough = float(x)
+    if 1e-300 < rough < 1e300:
+        return math.frexp(rough)[1]
     if not x.is_finite():
         return np.inf
-    mantissa, exponent = x.abs_upper().mid().man_exp()
-    mantissa = int(mantissa)
-    return mantissa.bit_length() + int(exponent) if mantissa else NONE
+    mantissa, exponent = x.mid().man_exp()
+    return int(mantissa).bit_length() + int(exponent) if mantissa else NONE
 
 
 def _least_powers(x: Array) -> Array:
     """Return the exponents of the sizes that entries have at least; of those that may be zero none."""
 
     def one(y: Any) -> float:
+        if isinstance(y, (int, float)):
+            return _power(y)
         y = as_ball(y)
-        return NONE if y.contains(0) or not y.is_finite() else _power(y)
+        return _exponent(y.abs_lower()) if y.is_finite() else np.inf
 
     return np.asarray(np.frompyfunc(one, 1, 1)(x), dtype=float)
 

@@ -106,6 +106,9 @@ class Tolerances:
     bits_of_zero: Final = 100
     """A sum is zero if it is smaller than its terms by these bits; true identities leave 160, broken ones 84."""
 
+    sines_kept: Final = 500
+    """Sines and cosines of so many angles are kept."""
+
     # Balls
     ball_digits_beyond: Final = 15
     """Guard digits, in addition to the requested ones."""

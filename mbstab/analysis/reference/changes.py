@@ -156,7 +156,8 @@ class Cluster:
         self.owner = {i: k for k, b in enumerate(self.blocks) for i in range(b.part.start, b.part.stop)}
         self.place = {i: k for k, i in enumerate(self.columns)}
         self.fields = [k for b in self.blocks for k in b.fields]
-        self.elements, self.rows, self.visited = list[Local](), list[Local](), list[list[At]]()
+        self.elements, self.rows = list[Local](), list[Local]()
+        self.rough, self.visited = list[At](), list[list[At]]()
 
     @cached_property
     def exact_blocks(self) -> list[Block]:
@@ -168,6 +169,10 @@ class Cluster:
         """The places of the fields of each block."""
         ends = np.cumsum([0, *(SIZES[b.kind] for b in self.blocks)]).tolist()
         return [slice(*x) for x in pairwise(ends)]
+
+    def fields_of(self, own: Local) -> list[int]:
+        """Return the places of the fields of the bodies of an element."""
+        return [k for b in own.on for k in range(self.parts[b].start, self.parts[b].stop)]
 
     @cached_property
     def key(self) -> tuple[Any, ...]:
@@ -227,7 +232,11 @@ class At:
             if not own.holonomic:
                 self.run(own, "linearize")
 
-    def rough(self, what: What) -> Iterator[Change]:
+    def know(self, slopes: dict[int, Array]) -> None:
+        """Take ∂V/∂u of rows as known, by the identity of their elements."""
+        self._runs |= {(key, "dynamics"): {"J": (J, self.f.powers(J))} for key, J in slopes.items()}
+
+    def in_doubles(self, what: What) -> Iterator[Change]:
         """Yield what all fields do at the same state, in doubles."""
         q, u, a = (middle(x) for x in self.state[:3])
         at = self.cluster.at((q, u, a, float(self.state[3])), DOUBLES, np.exp2(self.units), 2.0**self.rate)
@@ -250,26 +259,33 @@ class At:
             start += m
         return found
 
-    def fields(self, c: Array | None) -> list[tuple[Array, ...]]:
-        """Return combinations of fields, given by their coefficients as columns, or all: X, X', X'' and DX by block.
+    def fields(self, c: Array) -> list[tuple[Array, ...]]:
+        """Return combinations of fields, given by their coefficients as columns: X, X', X'' and DX by block.
 
         DX has the shape (…, m, m, k).
         """
-        found = list[tuple[Array, ...]]()
-        c = self.f.of(np.eye(len(self.cluster.fields))) if c is None else c
-        for b, part, values in zip(self.cluster.blocks, self.cluster.parts, self.values, strict=True):
-            m, x = b.part.stop - b.part.start, self.f.multiplied(values, c[part])
-            rest = x[..., 3 * m :, :]
-            slope = rest.reshape(*x.shape[:-2], m, m, x.shape[-1]) if rest.shape[-2] else rest
-            found.append((*(x[..., k * m : (k + 1) * m, :] for k in range(3)), slope))
-        return found
+        return [
+            _divided(self.f.multiplied(values, c[part]), b)
+            for b, part, values in zip(self.cluster.blocks, self.cluster.parts, self.values, strict=True)
+        ]
 
     def changes(self, what: What, c: Array | None = None) -> Iterator[Change]:
-        """Yield what combinations of fields, or all, do to its elements."""
-        fields = self.fields(c)
+        """Yield what combinations of fields, or in doubles all of its bodies, do to each of its elements."""
+        known = None if c is None else self.fields(c)
         for own in self.elements:
-            X, X1, X2 = (np.concatenate([fields[k][i] for k in own.on], axis=-2) for i in range(3))
-            yield from self._change(own, what, (X, X1, X2), [fields[k][3] for k in own.on])
+            fields = self._each(own.on) if known is None else [known[k] for k in own.on]
+            X, X1, X2 = (np.concatenate([x[i] for x in fields], axis=-2) for i in range(3))
+            yield from self._change(own, what, (X, X1, X2), [x[3] for x in fields])
+
+    def _each(self, on: Sequence[int]) -> list[tuple[Array, ...]]:
+        """Return each field of some blocks, in doubles."""
+        sizes, start, found = [SIZES[self.cluster.blocks[k].kind] for k in on], 0, list[tuple[Array, ...]]()
+        for k, size in zip(on, sizes, strict=True):
+            values = np.zeros((*self.values[k].shape[:-1], sum(sizes)))
+            values[..., start : start + size] = self.values[k]
+            found.append(_divided(values, self.cluster.blocks[k]))
+            start += size
+        return found
 
     def _change(self, own: Local, what: What, X: Sequence[Array], slopes: Sequence[Array]) -> Iterator[Change]:
         if not own.analytic:
@@ -352,6 +368,14 @@ class At:
         return np.asarray((ahead - back) / (2 * h))
 
 
+def _divided(x: Array, b: Block) -> tuple[Array, ...]:
+    """Return X, X', X'' and DX of a block, given one below the other."""
+    m = b.part.stop - b.part.start
+    rest = x[..., 3 * m :, :]
+    slope = rest.reshape(*x.shape[:-2], m, m, x.shape[-1]) if rest.shape[-2] else rest
+    return (*(x[..., k * m : (k + 1) * m, :] for k in range(3)), slope)
+
+
 class Whole(Cluster):
     """A whole scene: the forces of all elements count together, as far as its rows do not balance them."""
 
@@ -386,6 +410,9 @@ class Balanced(At):
         self.nu = dict.fromkeys(numbers, 0.0) | {numbers[k]: y for k, y in zip(kept, x[n:], strict=True)}
         self.M, self.state = M, (q, u, f.settled(x[:n]), time)
 
+    def know(self, slopes: dict[int, Array]) -> None:
+        """Take nothing as known: rows are asked for more."""
+
     def evaluate(self, elements: Sequence[Local]) -> None:
         """Evaluate all elements."""
         for x in self.smooth:
@@ -405,7 +432,7 @@ class Balanced(At):
     def changes(self, what: What, c: Array | None = None) -> Iterator[Change]:
         """Yield what combinations of fields, or all, do to the sum of the forces, and to rows."""
         yield from super().changes(what, c)
-        f, fields = self.f, self.fields(c)
+        f, fields = self.f, self._each(range(len(self.values))) if c is None else self.fields(c)
         X, X1, X2 = (np.concatenate([x[i] for x in fields], axis=-2) for i in range(3))
         whole = Local.__new__(Local)
         whole.columns, whole.on = list(range(len(self.cluster.columns))), list(range(len(self.cluster.blocks)))

@@ -59,6 +59,8 @@ class Basis:
 
     def __init__(self, system: System) -> None:
         self.system, self.blocks = system, list[Block]()
+        self._place: Array | None = None
+        self._values = dict[int, Values]()
         spatial, start = system.scene.dimension == 3, 0
         for number, (body, part) in enumerate(zip(system.scene.bodies, system.body_slices, strict=True)):
             kind = ("spatial" if spatial else "planar") + ("" if body.orientation else " point")
@@ -69,6 +71,15 @@ class Basis:
             self.blocks.append(Block(slice(i, i + 1), start, "scalar", (), None))
             start += 1
         self.size = start
+
+    def values(self, k: int, q: Array) -> Values:
+        """Return the fields of a block at coordinates of the scene, where speeds are zero; the last are kept."""
+        if self._place is not q:
+            self._place, self._values = q, {}
+        if k not in self._values:
+            own = q[..., self.blocks[k].part]
+            self._values[k] = field_values(self.blocks[k], own, 0.0 * own, 0.0 * own)
+        return self._values[k]
 
     @cached_property
     def of_coordinate(self) -> list[int]:
@@ -223,7 +234,13 @@ class Field:
         """The same change of the coordinates everywhere, shape (n_q,); None if it is none."""
         if np.any(self.c[~self.basis.still]):
             return None
-        return self.field(np.zeros(self.basis.system.n_q))
+        found = np.zeros(self.basis.system.n_q)
+        for b in self.basis.blocks:
+            count = ROTATIONS.get(b.kind, 1)
+            found[b.part.start : b.part.start + count] = self.c[b.start : b.start + count]
+            if b.kind in SPINS:
+                found[b.part.stop - 1] = self.c[b.start + (11 if b.kind == "spatial" else 3)]
+        return found
 
     @cached_property
     def generator(self) -> Generator | None:
@@ -260,8 +277,9 @@ class Field:
     def field(self, q: Array) -> Array:
         """Return X(q), shape (…, n_q)."""
         found = np.zeros(q.shape, dtype=q.dtype)
-        for b in (self.basis.blocks[k] for k in self.moved):
-            found[..., b.part] = field_values(b, q[..., b.part]).X @ self.c[b.fields]
+        for k in self.moved:
+            b = self.basis.blocks[k]
+            found[..., b.part] = self.basis.values(k, q).X @ self.c[b.fields]
         return found
 
     def slope(self, q: Array) -> Any:
@@ -269,9 +287,9 @@ class Field:
         if not np.any(self.c[~self.basis.still]):
             return nothing(q.shape[-1]) if q.ndim == 1 else np.zeros((*q.shape, q.shape[-1]))
         found = np.zeros((*q.shape, q.shape[-1]), dtype=q.dtype)
-        for b in (self.basis.blocks[k] for k in self.moved):
-            own = q[..., b.part]
-            found[..., b.part, b.part] = field_values(b, own, 0.0 * own, 0.0 * own).slope @ self.c[b.fields]
+        for k in self.moved:
+            b = self.basis.blocks[k]
+            found[..., b.part, b.part] = self.basis.values(k, q).slope @ self.c[b.fields]
         return found
 
     def __add__(self, other: Field) -> Field:

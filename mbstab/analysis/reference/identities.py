@@ -140,6 +140,16 @@ class Identities:
 
     # --- states -----------------------------------------------------------------------------------------------------
 
+    @cached_property
+    def _known(self) -> list[State]:
+        """The states at which other questions about a scene are asked, with random accelerations."""
+        if self.system.scene.timed:
+            return []
+        sizes, rng, time = self.motion.sizes, RandomNumbers(2), self.motion.time
+        return [
+            (x.q, x.u, self.rate**2 * sizes * rng.uniform(-1.0, 1.0, len(sizes)), time) for x in self.near.on_rows[1:]
+        ]
+
     def _states(self, seed: int, count: int, spread: float) -> list[State]:
         """Return random states near the reference that satisfy all rows, in doubles: fewer where none are found."""
         if (seed, spread) not in self._found:
@@ -164,32 +174,40 @@ class Identities:
             found.append((q, u, a, time))
         return found
 
-    def _closed(self, own: Cluster, state: State) -> State:
-        """Return the state in balls near one in doubles at which the rows of a cluster hold, by Newton's method."""
+    def _closed(self, own: Cluster, state: State) -> At:
+        """Return a cluster in balls at a state near one in doubles at which its rows hold, by Newton's method."""
         q, u, a = (BALLS.of(x[own.columns]) for x in state[:3])
-        time, sizes = as_ball(state[3]), self.motion.sizes[own.columns]
+        time, sizes, found = as_ball(state[3]), self.motion.sizes[own.columns], dict[int, dict[str, Array]]()
         for level in ("E",) if own.still else ("E", "V"):
             rows = [x for x in own.rows if x.holonomic or level == "V"]
+            asked = rows
             for _ in range(TOLERANCES.newton_steps_onto_rows if rows else 0):
-                left, J = BALLS.zeros((0,)), BALLS.zeros((0, len(sizes)))
+                for x in asked:
+                    found[id(x)] = x.run("dynamics", (q, 0 * u if level == "E" else u, a, time), BALLS)
+                left, J = BALLS.zeros((0,)), BALLS.zeros((sum(len(x.element.rows) for x in rows), len(sizes)))
                 for x in rows:
-                    at = x.run("dynamics", (q, 0 * u if level == "E" else u, a, time), BALLS)
-                    J_x = BALLS.zeros((len(x.element.rows), len(sizes)))
-                    J_x[:, x.columns] = at["J"]
-                    left, J = np.concatenate([left, at[level]]), np.concatenate([J, J_x])
+                    at = found[id(x)]
+                    J[len(left) : len(left) + len(x.element.rows), x.columns] = at["J"]
+                    left = np.concatenate([left, at[level] if x in asked else 0 * at[level]])
                 kept = independent(middle(J) * sizes)
                 J = J[kept]
                 weighted = J * sizes**2
-                step = weighted.T @ BALLS.solved(BALLS.multiplied(weighted, J.T), left[kept][:, None])[:, 0]
+                pulled = BALLS.solved(BALLS.multiplied(weighted, J.T), left[kept][:, None])
+                step = BALLS.multiplied(weighted.T, pulled)[:, 0]
                 q, u = (BALLS.settled(q - step), u) if level == "E" else (q, BALLS.settled(u - step))
+                if level == "V":
+                    asked = [x for x in rows if not x.holonomic]  # the others are linear in the speeds
                 # Each step doubles the digits.
                 far = float(np.max(np.abs(middle(step)) / sizes)) / (1.0 if level == "E" else self.rate)
-                if far < TOLERANCES.half_of_digits:
+                if far < TOLERANCES.half_of_digits or not asked:
                     break
             else:
                 if rows:
                     raise ArithmeticError("no state on the rows")
-        return q, u, a, time
+        at = self._at(own, (q, u, a, time), BALLS)
+        if not own.still:
+            at.know({key: x["J"] for key, x in found.items()})
+        return at
 
     # --- the space of fields ----------------------------------------------------------------------------------------
 
@@ -208,9 +226,11 @@ class Identities:
 
     def _conditions(self, own: Cluster, count: int) -> list[tuple[list[int], Array]]:
         """Return what elements demand of the fields of their bodies, relative to their scale, as orthonormal rows."""
-        for spread in TOLERANCES.state_spreads[1:]:
+        spreads = TOLERANCES.state_spreads[1:]
+        for known in (self._known, *(partial(self._states, 2, count, spread) for spread in spreads)):
             with np.errstate(all="ignore"), suppress(*NO_VALUE):
-                if found := self._demands(own, self._states(2, count, spread)):
+                states = known() if isinstance(known, partial) else known
+                if len(states) > 1 and (found := self._demands(own, states)):
                     return found
         return [(list(range(len(own.fields))), np.eye(len(own.fields)))]
 
@@ -221,12 +241,13 @@ class Identities:
         scale, found = self.scale[own.fields], list[tuple[list[int], Array]]()
         q, u, a = (np.array(x)[:, own.columns] for x in list(zip(*states, strict=True))[:3])
         every = [(q, u, a)] if not self.together else zip(q, u, a, strict=True)
-        for change in (x for y in every for x in self._at(own, (*y, states[0][3]), DOUBLES).changes("along")):
-            on = [k for b in change.of.on for k in range(own.parts[b].start, own.parts[b].stop)]
-            most = np.exp2(np.max(change.size + np.log2(scale), axis=-1, keepdims=True, initial=NONE))
+        own.rough = [self._at(own, (*x, states[0][3]), DOUBLES) for x in every]
+        for change in (x for at in own.rough for x in at.changes("along")):
+            on = own.fields_of(change.of)
+            most = np.exp2(np.max(change.size + np.log2(scale[on]), axis=-1, keepdims=True, initial=NONE))
             # A row without terms is rounding; what is dropped with it is seen in balls.
             felt = most > TOLERANCES.row_without_terms * np.max(most, initial=0.0)
-            rows = np.where(felt, change.value[..., on] * scale[on] / most, 0.0)
+            rows = np.where(felt, change.value * scale[on] / most, 0.0)
             good = rows[np.all(np.isfinite(rows), axis=(-1, -2))].reshape(-1, len(on))
             if rows.size and not len(good):
                 return []
@@ -265,15 +286,19 @@ class Identities:
         for own in self._searched:
             for visit in range(TOLERANCES.states_beyond + len(own.fields) // own.least):
                 for at in self._visited(own, visit):
-                    value, size = (np.concatenate(x) for x in zip(*(y[1:3] for y in at.rough("along")), strict=True))
-                    most = np.max(size + np.log2(self.scale[own.fields]), axis=1, initial=NONE)
-                    # What a row cancels by itself is rounding of the state.
-                    felt = most > np.max(most, initial=NONE) - TOLERANCES.bits_of_weak_terms
-                    unit = np.where(felt, np.exp2(-np.where(felt, most, 0.0)), 0.0)
-                    parts.append((own, at, BALLS.of(unit)[:, None]))
-                    rows = np.zeros((len(value), self.basis.size))
-                    rows[:, own.fields] = value * unit[:, None]
-                    rough.append(rows)
+                    changes, most = list(at.in_doubles("along")), list[Array]()
+                    for x in changes:
+                        most.append(np.max(x.size + np.log2(self.scale[own.fields][own.fields_of(x.of)]), axis=1))
+                    largest = max(float(np.max(x, initial=NONE)) for x in most)
+                    units = list[Array]()
+                    for x, size in zip(changes, most, strict=True):
+                        # What a row cancels by itself is rounding of the state.
+                        felt = size > largest - TOLERANCES.bits_of_weak_terms
+                        units.append(np.where(felt, np.exp2(-np.where(felt, size, 0.0)), 0.0)[:, None])
+                        rows = np.zeros((len(size), self.basis.size))
+                        rows[:, [own.fields[k] for k in own.fields_of(x.of)]] = x.value * units[-1]
+                        rough.append(rows)
+                    parts.append((own, at, BALLS.of(np.concatenate(units))))
         inverse = np.linalg.pinv((np.concatenate(rough) * self.scale)[:, free], rcond=TOLERANCES.proposed_change)
         for _ in range(TOLERANCES.steps_of_refinement):
             left = np.concatenate([self._along(own, at, space[own.fields], "along")[0] * x for own, at, x in parts])
@@ -346,8 +371,13 @@ class Identities:
         """Return some elements of a cluster at a random state in balls; none where they have no value."""
         for part in TOLERANCES.state_spreads:
             with np.errstate(all="ignore"), suppress(*NO_VALUE):
-                for state in self._states(seed, 1, spread * part):
-                    at = self._at(own, self._closed(own, state), BALLS)
+                first = (
+                    self._known[:1]
+                    if seed == 3 and spread == TOLERANCES.exact_spreads[0] and part == TOLERANCES.state_spreads[0]
+                    else []
+                )
+                for state in first or self._states(seed, 1, spread * part):
+                    at = self._closed(own, state)
                     at.evaluate(elements)
                     return [at]
         return []
@@ -370,6 +400,8 @@ class Identities:
         -------
         c : ndarray, shape (len(fields), number)
         """
+        if self._all_act(fields):
+            return np.zeros((len(fields), 0))
         with many_bits():
             columns = self._columns(fields)
             # Below the fields stand the coefficients of their combinations.
@@ -378,6 +410,19 @@ class Identities:
             for what in asked:
                 kept = self._kept(kept, what)
             return middle(kept[len(columns) :])
+
+    def _all_act(self, fields: Sequence[Field]) -> bool:
+        """Return whether forces do work along all combinations of fields, or rows resist them: doubles show it."""
+        c = np.array([x.c / np.max(np.abs(x.c / self.scale)) for x in fields]).T
+        rows = [np.zeros((1, len(fields)))]
+        asked: tuple[What, ...] = ("work", "held")
+        for own, what in ((own, what) for own in self.clusters for what in asked):
+            for x in (x for at in own.rough for x in at.changes(what, c[own.fields])):
+                most = np.exp2(np.max(np.maximum(x.size, x.usual), axis=-1, keepdims=True, initial=NONE))
+                part = np.where(most > 0.0, x.value / most, 0.0).reshape(-1, len(fields))
+                rows.append(part[np.all(np.isfinite(part), axis=-1)])
+        left = np.linalg.svd(np.concatenate(rows), compute_uv=False)
+        return len(left) >= len(fields) and bool(left[-1] > TOLERANCES.proposed_change)
 
     def passing(self, fields: Sequence[Field], what: What) -> list[bool]:
         """Return for each field whether nothing shows along it, of what is asked."""
