@@ -142,8 +142,8 @@ class Identities:
 
     @cached_property
     def _known(self) -> list[State]:
-        """The states at which other questions about a scene are asked, with random accelerations."""
-        if self.system.scene.timed:
+        """The states on rows at which other questions about a scene are asked, with random accelerations."""
+        if self.system.scene.timed or not self.system.n_c:
             return []
         sizes, rng, time = self.motion.sizes, RandomNumbers(2), self.motion.time
         return [
@@ -264,13 +264,38 @@ class Identities:
         found = self._proposed
         if not found.shape[1]:
             return found
+        simple = self._simple(found)
+        others = echelon(found, self.scale, self.basis.lengths, simple)[:, simple.shape[1] :]
+        others = others[:, self._further(simple, others)]
         with many_bits():
-            reduced_ = echelon(found, self.scale, self.basis.lengths, self._simple(found))
-            exact = in_balls(reduced_)
-            rough = [k for k, c in enumerate(reduced_.T) if any(isinstance(x, float) for x in c)]
-            if moving := [k for k in rough if self._moves(reduced_[:, k])]:
-                exact[:, moving] = self._refined(exact[:, moving], np.array(reduced_ == 1))
+            exact = in_balls(np.hstack([simple.astype(int).astype(object), others]))
+            rough = [k for k, c in enumerate(others.T, simple.shape[1]) if any(isinstance(x, float) for x in c)]
+            if moving := [k for k in rough if self._moves(others[:, k - simple.shape[1]])]:
+                exact[:, moving] = self._refined(exact[:, moving], np.array(exact == 1))
             return self._kept(np.delete(exact, [k for k in rough if k not in moving], axis=1))
+
+    def _further(self, simple: Array, others: Array) -> list[int]:
+        """Return the numbers of fields that are on the rows no combinations of simple ones and of those before."""
+        if not others.shape[1]:
+            return []
+
+        def images(c: Array) -> Array:
+            found = [np.zeros((1, c.shape[1]))]
+            for own in self._searched:
+                sizes = self.motion.sizes[own.columns]
+                for at in own.rough:
+                    X = np.concatenate([x[0] for x in at.fields(c[own.fields])], axis=-2) / sizes[:, None]
+                    found.append(X.reshape(int(np.prod(X.shape[:-1])), c.shape[1]))
+            return np.concatenate(found)
+
+        kept, known, new = list[int](), images(simple), images(others.astype(float))
+        room = np.linalg.qr(known)[0] if known.shape[1] else known
+        for k, x in enumerate(new.T):
+            left = x - room @ (room.T @ x)
+            if np.linalg.norm(left) > TOLERANCES.independent_fields * np.linalg.norm(x):
+                kept.append(k)
+                room = np.column_stack([room, left / np.linalg.norm(left)])
+        return kept
 
     def _moves(self, c: Array) -> bool:
         """Return whether a field moves the reference."""
@@ -419,7 +444,7 @@ class Identities:
         for own, what in ((own, what) for own in self.clusters for what in asked):
             for x in (x for at in own.rough for x in at.changes(what, c[own.fields])):
                 most = np.exp2(np.max(np.maximum(x.size, x.usual), axis=-1, keepdims=True, initial=NONE))
-                part = np.where(most > 0.0, x.value / most, 0.0).reshape(-1, len(fields))
+                part = (x.value / np.where(most > 0.0, most, 1.0)).reshape(-1, len(fields))
                 rows.append(part[np.all(np.isfinite(part), axis=-1)])
         left = np.linalg.svd(np.concatenate(rows), compute_uv=False)
         return len(left) >= len(fields) and bool(left[-1] > TOLERANCES.proposed_change)
