@@ -6,7 +6,6 @@ A size is a power of two, the exponent of the largest term, so that no small ter
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Iterator
 from functools import cache, cached_property
 from typing import Any
@@ -16,7 +15,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
-from mbstab.model.arithmetic import Arithmetic, array_arithmetic
+from mbstab.model.arithmetic import FLOAT, Arithmetic
 
 NONE = -np.inf
 """The power of zero."""
@@ -30,7 +29,7 @@ class Doubles:
     @property
     def f(self) -> Arithmetic:
         """The arithmetic of kernels."""
-        return array_arithmetic()
+        return FLOAT
 
     def zeros(self, shape: tuple[int, ...]) -> Array:
         """Return an array of zeros."""
@@ -103,7 +102,8 @@ class Balls(Doubles):
         return np.asarray(np.frompyfunc(lambda y: as_ball(y).mid(), 1, 1)(x))
 
     def powers(self, x: Array) -> Array:  # noqa: D102
-        return np.asarray(np.frompyfunc(_power, 1, 1)(x), dtype=float)
+        # What is beyond the range of doubles has no size: then everything shows beside it.
+        return np.nan_to_num(super().powers(middle(x)), nan=NONE, posinf=NONE, neginf=NONE)
 
     def multiplied(self, A: Array, B: Array) -> Array:  # noqa: D102
         return _array(_matrix(A) * _matrix(B))
@@ -169,32 +169,15 @@ def middle(x: Array) -> Array:
     return x if x.dtype == float else np.asarray(np.frompyfunc(float, 1, 1)(x), dtype=float)
 
 
-def _power(x: Any) -> float:
-    """Return the exponent of the size of a number."""
-    if isinstance(x, (int, float)):
-        return math.log2(abs(x)) if x else NONE
-    return _exponent(as_ball(x).abs_upper())
-
-
-def _exponent(x: Any) -> float:
-    """Return the exponent of a positive ball without radius."""
-    rough = float(x)
-    if 1e-300 < rough < 1e300:
-        return math.frexp(rough)[1]
-    if not x.is_finite():
-        return np.inf
-    mantissa, exponent = x.mid().man_exp()
-    return int(mantissa).bit_length() + int(exponent) if mantissa else NONE
-
-
 def _least_powers(x: Array) -> Array:
     """Return the exponents of the sizes that entries have at least; of those that may be zero none."""
 
     def one(y: Any) -> float:
-        if isinstance(y, (int, float)):
-            return _power(y)
         y = as_ball(y)
-        return _exponent(y.abs_lower()) if y.is_finite() else np.inf
+        if not y.is_finite():
+            return np.inf
+        mantissa, exponent = y.abs_lower().man_exp()
+        return int(mantissa).bit_length() + int(exponent) if mantissa else NONE
 
     return np.asarray(np.frompyfunc(one, 1, 1)(x), dtype=float)
 
@@ -236,6 +219,6 @@ def kept_combinations(rows: Array, sizes: Array) -> Array:
             factor = as_ball(rows[i, k]) / rows[i, pivot]
             rows[:, k] = rows[:, k] - factor * rows[:, pivot]
             found[:, k] = BALLS.settled(found[:, k] - factor * found[:, pivot])
-            sizes[:, k] = np.maximum(sizes[:, k], sizes[:, pivot] + _power(factor))
+            sizes[:, k] = np.maximum(sizes[:, k], sizes[:, pivot] + BALLS.powers(np.array([factor], dtype=object))[0])
             rows[i, k] = as_ball(0)
     return found[:, left]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
@@ -29,6 +29,9 @@ from mbstab.compiler.system import Array, System
 
 State = tuple[Array, Array, Array, Any]
 """Coordinates, speeds and accelerations, shape (…, n), and the time."""
+
+Sized = tuple[Array, Array]
+"""A matrix, and the exponents of the sizes of its entries, or of the largest terms of these."""
 
 What = Literal["along", "driven", "work", "held"]
 """What is asked of fields: how forces and rows change along them, and for speeds along them; the work of forces; what
@@ -66,7 +69,6 @@ class Local:
         self.of_state = bool(element.rows) and set(element.rows) <= set(system.states[1].tolist())
         self.holonomic = bool(element.rows) and max(element.rows) < system.n_h
         self.written = element.kernel.__name__ == "user"
-        self._known: dict[str, list[tuple[str, tuple[Any, ...], int]]] = {}
         self.on: list[int] = []
         self.columns: list[int] = []
         self.own: list[int] = []
@@ -74,7 +76,7 @@ class Local:
     def among(self, cluster: Cluster) -> Local:
         """Return the same element among the bodies of a cluster."""
         found = Local.__new__(Local)
-        found.__dict__ |= self.__dict__ | {"_known": {}}
+        found.__dict__ |= self.__dict__
         inside = [i for i in self.element.columns if i in cluster.owner]
         found.on = sorted({cluster.owner[i] for i in inside})
         numbers = [i for k in found.on for i in range(cluster.blocks[k].part.start, cluster.blocks[k].part.stop)]
@@ -100,39 +102,29 @@ class Local:
 
         With multipliers `nu` of all rows those of its own are taken.
         """
-        e = self.exact if f.exact else self.element
-        q, u, a, time = state
+        e, (q, u, a, time) = self.exact if f.exact else self.element, state
         n, m, places = len(self.columns), len(e.rows), [self.columns[k] if k >= 0 else -1 for k in self.own]
+        signals = signals_at(e.laws, time) if e.laws else ()
+        evaluate = getattr(e.kernel, function)
 
-        def given(x: Array) -> list[Any]:
-            return [x[..., k][()] if k >= 0 else 0.0 for k in places]
+        def values(one: Sequence[list[Any]]) -> list[Any]:
+            q, u, a = ([x[k] if k >= 0 else 0.0 for k in places] for x in one)
+            arguments = [q, u, e.parameters, signals]
+            if function == "linearize" and e.takes_acceleration:
+                arguments.append(a)
+            elif function == "linearize" and e.rows:
+                arguments.append([0.0 if nu is None else nu[i] for i in e.rows])
+            return list(evaluate(f.f, *arguments))
 
-        arguments = [given(q), given(u), e.parameters, signals_at(e.laws, time) if e.laws else ()]
-        if function == "linearize" and e.takes_acceleration:
-            arguments.append(given(a))
-        elif function == "linearize" and e.rows:
-            arguments.append([0.0 if nu is None else nu[i] for i in e.rows])
-        shapes = (
-            {key: (n, n) for key in "MKR"} | {"F": (n,)} | {key: (m,) for key in "EVB"} | {key: (m, n) for key in "JD"}
-        )
-        found = {key: f.zeros((*q.shape[:-1], *shapes[key])) for key in OF_FUNCTION[function]}
-        values = tuple(getattr(e.kernel, function)(f.f, *arguments))
-        for key, place, k in self._places(function):
-            found[key][place] += values[k]
+        lead, states = q.shape[:-1], [x.reshape(-1, q.shape[-1]).tolist() for x in (q, u, a)]
+        results = np.array([values(x) for x in zip(*states, strict=True)], dtype=q.dtype)
+        found = {}
+        for key, shape, rounds in _places(e.kernel, function, tuple(self.own), n, m):
+            entries_of = f.zeros((len(results), int(np.prod(shape))))
+            for numbers, entries in rounds:
+                entries_of[:, entries] += results[:, numbers]
+            found[key] = entries_of.reshape(*lead, *shape)
         return found
-
-    def _places(self, function: str) -> list[tuple[str, tuple[Any, ...], int]]:
-        """Return matrix, entry and number of each result of a function that is asked for."""
-        if function not in self._known:
-            self._known[function], k = [], -1
-            for key, entries in getattr(self.element.kernel, function.upper()).items():
-                for index in entries:
-                    k += 1
-                    first = index[0] if key in "EVBJD" else self.own[index[0]]
-                    place = (first, *(self.own[i] for i in index[1:]))
-                    if key in OF_FUNCTION[function] and min(place) >= 0:
-                        self._known[function].append((key, (..., *place), k))
-        return self._known[function]
 
     @cached_property
     def contained(self) -> tuple[list[int], list[int]]:
@@ -145,6 +137,28 @@ class Local:
             for keys in (("K", "J", "D"), ("R", "M"))
         )
         return sorted(seen), sorted(seen | speeds | {self.own[index[0]] for key, index in entries if key == "F"} - {-1})
+
+
+@lru_cache(maxsize=1000)
+def _places(
+    kernel: Any, function: str, own: tuple[int, ...], n: int, m: int
+) -> list[tuple[str, tuple[int, ...], list[tuple[list[int], list[int]]]]]:
+    """Return by matrix its shape, the numbers of the results of a kernel and those of their entries.
+
+    Results of the same entries come one after another.
+    """
+    shapes = {key: (n, n) for key in "MKR"} | {"F": (n,)} | {key: (m,) for key in "EVB"} | {key: (m, n) for key in "JD"}
+    rounds: dict[str, list[dict[int, int]]] = {key: [] for key in OF_FUNCTION[function]}
+    results = [(key, index) for key, entries in getattr(kernel, function.upper()).items() for index in entries]
+    for k, (key, index) in enumerate(results):
+        place = (index[0] if key in "EVBJD" else own[index[0]], *(own[i] for i in index[1:]))
+        if key in rounds and min(place) >= 0:
+            entry = place[0] if len(place) == 1 else place[0] * n + place[1]
+            into = next((x for x in rounds[key] if entry not in x), None)
+            if into is None:
+                rounds[key].append(into := {})
+            into[entry] = k
+    return [(key, shapes[key], [([*x.values()], [*x]) for x in found]) for key, found in rounds.items()]
 
 
 class Cluster:
@@ -214,9 +228,9 @@ class At:
         self.cluster, self.state, self.f = cluster, state, f
         self.units, self.rate = np.log2(sizes), float(np.log2(rate))
         self.elements: Sequence[Local] = cluster.elements
-        self._runs: dict[tuple[int, str], dict[str, tuple[Array, Array]]] = {}
+        self._runs: dict[tuple[int, str], dict[str, Sized]] = {}
 
-    def run(self, own: Local, function: str, nu: Any = None) -> dict[str, tuple[Array, Array]]:
+    def run(self, own: Local, function: str, nu: Any = None) -> dict[str, Sized]:
         """Return the results of a function of the kernel of an element by name, with the exponents of their sizes."""
         key = id(own), function
         if key not in self._runs:
@@ -271,11 +285,15 @@ class At:
 
     def changes(self, what: What, c: Array | None = None) -> Iterator[Change]:
         """Yield what combinations of fields, or in doubles all of its bodies, do to each of its elements."""
-        known = None if c is None else self.fields(c)
+        known = None if c is None else [[(x, self.f.powers(x)) for x in own] for own in self.fields(c)]
         for own in self.elements:
-            fields = self._each(own.on) if known is None else [known[k] for k in own.on]
-            X, X1, X2 = (np.concatenate([x[i] for x in fields], axis=-2) for i in range(3))
-            yield from self._change(own, what, (X, X1, X2), [x[3] for x in fields])
+            if known is None:
+                fields = [[(x, self.f.powers(x)) for x in block] for block in self._each(own.on)]
+            else:
+                fields = [known[k] for k in own.on]
+            yield from self._change(
+                own, what, [_below([x[i] for x in fields]) for i in range(3)], [x[3] for x in fields]
+            )
 
     def _each(self, on: Sequence[int]) -> list[tuple[Array, ...]]:
         """Return each field of some blocks, in doubles."""
@@ -287,9 +305,9 @@ class At:
             start += size
         return found
 
-    def _change(self, own: Local, what: What, X: Sequence[Array], slopes: Sequence[Array]) -> Iterator[Change]:
+    def _change(self, own: Local, what: What, X: Sequence[Sized], slopes: Sequence[Sized]) -> Iterator[Change]:
         if not own.analytic:
-            found = self._untouched(own, what, X[0], slopes)
+            found = self._untouched(own, what, X[0][0], [x for x, _ in slopes])
         elif own.element.rows:
             J = self.run(own, "dynamics")["J"]
             found = None if what == "work" or (what == "held" and own.of_state) else self._products(own, (J, X[0], 0))
@@ -310,34 +328,31 @@ class At:
         if found is not None:
             yield found
 
-    def _products(self, own: Local, *terms: tuple[tuple[Array, Array], Array, int]) -> Change:
+    def _products(self, own: Local, *terms: tuple[Sized, Sized, int]) -> Change:
         """Return a sum of products of matrices and fields, or their derivatives of an order."""
         total: Any = 0
         size: Any = NONE
         usual: Any = NONE
-        for (A, power), X, order in terms:
+        for (A, power), (X, other), order in terms:
             total = total + self.f.multiplied(A, X)
-            size = np.maximum(size, largest_terms(power, self.f.powers(X)))
+            size = np.maximum(size, largest_terms(power, other))
             each = np.max(power + self.units[own.columns], axis=-1, keepdims=True, initial=NONE)
             usual = np.maximum(usual, each + order * self.rate)
         return Change(own, total, size, usual)
 
-    def _bend(self, own: Local, found: Change, slopes: Sequence[Array]) -> None:
+    def _bend(self, own: Local, found: Change, slopes: Sequence[Sized]) -> None:
         """Add (DX)ᵀ F, which acts on all coordinates of a body."""
         at = self.run(own, "dynamics")
         a = self.state[2][..., own.columns]
         force = at["F"][0] + self.f.multiplied(at["M"][0], a[..., None])[..., 0]
         power, start = self.f.powers(force), 0
-        for slope in slopes:
-            m, k = slope.shape[-2], slope.shape[-1]
+        for slope, size in slopes:
+            *lead, m, _, k = slope.shape
             here = slice(start, start + m)
-            flat = slope.reshape(*slope.shape[:-3], m, m * k)
-            bent, terms = (
-                self.f.multiplied(force[..., None, here], flat),
-                largest_terms(power[..., None, here], self.f.powers(flat)),
-            )
-            found.value[..., here, :] += bent.reshape(*bent.shape[:-2], m, k)
-            found.size[..., here, :] = np.maximum(found.size[..., here, :], terms.reshape(*terms.shape[:-2], m, k))
+            bent = self.f.multiplied(force[..., None, here], slope.reshape(*lead, m, m * k))
+            terms = largest_terms(power[..., None, here], size.reshape(*lead, m, m * k))
+            found.value[..., here, :] += bent.reshape(*lead, m, k)
+            found.size[..., here, :] = np.maximum(found.size[..., here, :], terms.reshape(*lead, m, k))
             start += m
 
     def _untouched(self, own: Local, what: What, X: Array, slopes: Sequence[Array]) -> Change | None:
@@ -366,6 +381,12 @@ class At:
         key = ("E" if own.holonomic else "V") if own.element.rows else "F"
         ahead, back = (own.run("dynamics", (*state, now), BALLS)[key] for now in (time + h, time - h))
         return np.asarray((ahead - back) / (2 * h))
+
+
+def _below(parts: Sequence[Sized]) -> Sized:
+    """Return matrices one below the other."""
+    value, size = (np.concatenate(x, axis=-2) for x in zip(*parts, strict=True))
+    return value, size
 
 
 def _divided(x: Array, b: Block) -> tuple[Array, ...]:
@@ -437,7 +458,8 @@ class Balanced(At):
         whole = Local.__new__(Local)
         whole.columns, whole.on = list(range(len(self.cluster.columns))), list(range(len(self.cluster.blocks)))
         pairs = ((self._sum("linearize", "K"), X, 0), (self._sum("linearize", "R"), X1, 1), (self.M, X2, 2))
-        _, value, size, usual = self._products(whole, *(((A, f.powers(A)), Y, k) for A, Y, k in pairs))
+        terms = (((A, f.powers(A)), (Y, f.powers(Y)), k) for A, Y, k in pairs)
+        _, value, size, usual = self._products(whole, *terms)
         if len(self.J):
             weighted = self.J * self.sizes**2
             pulled = f.solved(f.multiplied(weighted, self.J.T), f.multiplied(weighted, value))

@@ -34,7 +34,7 @@ from mbstab.analysis.algebra.ball_arrays import (
     plain_ball,
     shows,
 )
-from mbstab.analysis.reference.changes import At, Cluster, Local, State, What, Whole, independent
+from mbstab.analysis.reference.changes import At, Cluster, Local, Sized, State, What, Whole, independent
 from mbstab.analysis.reference.element_comparison import ElementComparison
 from mbstab.analysis.reference.fields import ROTATIONS, SIZES, Basis, Block, Field
 from mbstab.analysis.reference.rounded_scene import exact_system
@@ -42,9 +42,6 @@ from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
-
-Sized = tuple[Array, Array]
-"""A matrix, and the exponents of the largest terms of its entries."""
 
 NO_VALUE = (ArithmeticError, ValueError, MbstabError, np.linalg.LinAlgError)
 """Errors of a state at which an element has no value."""
