@@ -222,3 +222,25 @@ def kept_combinations(rows: Array, sizes: Array) -> Array:
             sizes[:, k] = np.maximum(sizes[:, k], sizes[:, pivot] + BALLS.powers(np.array([factor], dtype=object))[0])
             rows[i, k] = as_ball(0)
     return found[:, left]
+
+
+def not_negative(R: Array) -> bool:
+    """Return whether Σ R_ij u_i u_j ≥ 0 for all u, shape (n, n): by elimination, each row in its own unit."""
+    size = np.maximum(BALLS.powers(R), BALLS.powers(R.T))
+    S, units, left = np.where(shows(R + R.T, size), R + R.T, 0), np.diagonal(size), list(range(len(R)))
+
+    def relative(i: int) -> float:
+        value = float(S[i, i])
+        return float(np.log2(value)) - float(units[i]) if value > 0.0 else NONE
+
+    while left:
+        k = max(left, key=relative)
+        if not relative(k) > -TOLERANCES.bits_of_zero:
+            # Rounding is all that may be left, off the diagonal, too.
+            return not np.any(shows(S[np.ix_(left, left)], 0.5 * (units[left][:, None] + units[left])))
+        if not S[k, k] > 0:
+            return False
+        left.remove(k)
+        for i in left:
+            S[i, left] = S[i, left] - S[i, k] / S[k, k] * S[k, left]
+    return True

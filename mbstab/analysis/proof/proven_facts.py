@@ -32,8 +32,8 @@ from mbstab.analysis.proof.characteristic import (
     touch,
     zero_enclosure,
 )
-from mbstab.analysis.proof.element_changes import Finding, tiny
 from mbstab.analysis.proof.fields import ground_turn, short
+from mbstab.analysis.proof.identities import Finding, tiny
 from mbstab.analysis.proof.motion import Field
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.verdict.minimum import frame_rates

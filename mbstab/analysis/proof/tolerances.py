@@ -31,8 +31,6 @@ class Tolerances:
     """An approximate inverse that shortens the steps to a zero by less than this is computed again."""
     digit_factors: Final = (1, 2, 4)
     """Where a verdict is open, it is tried again with these multiples of the digits."""
-    close_states: Final = 2.0**-10
-    """Distance of the close states from the reference, at which elements are compared, relative to the others."""
     trial_speeds: Final = (0.7, -1.3, 2.1)
     """Speeds along a symmetry, in units of its own, at which a scene is tried."""
     fraction_denominator: Final = 10**6

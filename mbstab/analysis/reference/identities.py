@@ -38,7 +38,6 @@ from mbstab.analysis.reference.changes import At, Cluster, Local, Sized, State, 
 from mbstab.analysis.reference.element_comparison import ElementComparison
 from mbstab.analysis.reference.fields import ROTATIONS, SIZES, Basis, Block, Field
 from mbstab.analysis.reference.rounded_scene import exact_system
-from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
@@ -389,6 +388,11 @@ class Identities:
             own.visited.append(found)
         return own.visited[visit]
 
+    def states(self, own: Cluster) -> list[At]:
+        """Return the elements of a cluster at random states in balls, the first of them far from the reference."""
+        with many_bits():
+            return self._visited(own)
+
     def _exactly(self, own: Cluster, seed: int, spread: float, elements: Sequence[Local]) -> list[At]:
         """Return some elements of a cluster at a random state in balls; none where they have no value."""
         for part in TOLERANCES.state_spreads:
@@ -481,14 +485,14 @@ class Identities:
             .T
         )
 
-    def changed(self, c: Array) -> list[str]:
+    def changed(self, c: Array, bits: int = TOLERANCES.bits_of_motion) -> list[str]:
         """Return the entries that are not the same a little later after a motion along a field.
 
-        Coefficients are those of a motion, which is known to rounding.
+        Coefficients are those of a motion, which is known to so many bits.
         """
         found = dict[str, None]()
         with many_bits():
-            fields, step = BALLS.of(c)[:, None], Fraction(1, 2**70) / Fraction(self.rate)
+            fields, step = in_balls(c)[:, None], Fraction(1, 2**70) / Fraction(self.rate)
             for own in self.clusters:
                 pairs = ((at, x) for at in self._visited(own) for x in at.changes("along", fields[own.fields]))
                 for at, x in pairs:
@@ -496,7 +500,7 @@ class Identities:
                     if self.system.scene.timed:
                         later = at.later(x.of, step, len(value))[:, None]
                         value, terms = value + later, np.maximum(terms, BALLS.powers(later))
-                    if np.any(shows(value, terms, TOLERANCES.bits_of_motion)):
+                    if np.any(shows(value, terms, bits)):
                         found[x.of.element.path] = None
         return list(found)
 
@@ -531,20 +535,33 @@ class Identities:
         """Return the field with these coefficients."""
         return Field(self.basis, np.array([float(x) for x in entries]), list(entries))
 
-    def of_generator(self, generator: Generator) -> Array | None:
-        """Return the coefficients of a motion of everything with the ground, and of spins; None if it has none."""
-        found = np.zeros(self.basis.size)
-        turn = float(generator.rate) * generator.axis
-        shifted = generator.velocity - np.cross(turn, generator.point)
+    def of_generator(self, generator: Any) -> Array | None:
+        """Return the coefficients of a motion of everything with the ground, and of spins; None if it has none.
+
+        Parameters
+        ----------
+        generator : Generator
+            In doubles or in balls.
+        """
+
+        def plain(x: Any) -> Any:
+            return x if isinstance(x, (int, float)) else as_ball(x)
+
+        axis, point, shift = ([plain(x) for x in v] for v in (generator.axis, generator.point, generator.velocity))
+        turn = np.array([plain(generator.rate) * x for x in axis], dtype=object)
+        shifted = np.array(shift, dtype=object) - np.cross(turn, np.array(point, dtype=object))
+        found = np.full(self.basis.size, 0, dtype=object)
         for b in (b for b in self.basis.blocks if b.body is not None):
             first, spatial = ROTATIONS[b.kind], b.kind.startswith("spatial")
             found[b.start : b.start + first] = shifted[:first]
             found[b.start + first : b.start + (6 if spatial else 3)] = turn if spatial else turn[2:]
-        for i in np.flatnonzero(generator.spins):
-            own = self.of_shift(int(i))
+        for i, x in enumerate(map(plain, generator.spins)):
+            if x == 0:
+                continue
+            own = self.of_shift(i)
             if own is None:
                 return None
-            found += float(generator.spins[i]) * own.astype(float)
+            found = found + x * own
         return found
 
     def contains(self, entries: Any) -> bool:

@@ -72,7 +72,8 @@ class Invariance(ElementComparison):
         known = np.array([field.c for _, field in named])
         for generator in self.motion.generators:
             own = self.identities.of_generator(generator)
-            if generator.moves and self.steady(generator) and own is not None and not _spanned(own, known):
+            moves = generator.moves and own is not None and not _spanned(own.astype(float), known)
+            if moves and self.steady(generator):
                 return [*named, ("the motion itself", self.along(generator))]
         return named
 
@@ -352,6 +353,7 @@ class Invariance(ElementComparison):
         """Return the field of a steady motion, scaled to a size of one."""
         c = self.identities.of_generator(generator)
         assert c is not None
+        c = c.astype(float)
         exact = [Fraction(x) for x in (c / np.max(np.abs(c))).tolist()]
         return Field(self.identities.basis, c / np.max(np.abs(c)), exact)
 

@@ -17,12 +17,12 @@ are counted by its winding number (`mbstab.analysis.spectrum.winding`).
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from mbstab.analysis.algebra.ball_arrays import BALLS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.sparse_equations import SparseEquations
+from mbstab.analysis.reference.rounded_scene import exact_system
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.spectrum.winding import winding
 from mbstab.analysis.verdict.drag import Drag
@@ -81,8 +81,8 @@ def resting(system: System, q: Array, time: float, n_nonholonomic: int) -> Resti
         return Resting(f"{counted(n_nonholonomic, 'row')} on speeds alone", stored=False)
     damped = gyroscopic = False
     stored, resisting, drag = True, set[str](), Drag(system, q, time)
-    states: dict[bool, list[Any]] = {}
-    for element in system.acting():
+    place = BALLS.of(q).tolist()
+    for element, exact in zip(system.acting(), exact_system(system).acting(), strict=True):
         if element.inertia:
             continue
         if element.stored:
@@ -92,7 +92,7 @@ def resting(system: System, q: Array, time: float, n_nonholonomic: int) -> Resti
             resisting.add(element.path)
         else:
             stored = False
-        found = acts_symmetrically(element, q, time, states)
+        found = acts_symmetrically(exact, place, time)
         if found is None:
             return Resting(f"{element.path} has no symmetric stiffness or may drive the motion", stored=False)
         damped, gyroscopic = damped or found[0], gyroscopic or found[1]

@@ -290,7 +290,8 @@ def _polished_spectrum(start: Start, work: int) -> _Spectrum:
             spaces, J = start.motion.spaces, exact(point.state.J)
             misfit = rank_misfit(start.motion, J * spaces.scale * spaces.row_scale[:, None], system.n_h)
             raise another_rank(start.motion, misfit or stalled.reached) from None
-        rough = sorted({s.imag for s in start.grounds.separated.frequencies() if s.imag > 0.0})
+        turns = () if start.linear.generator is None else start.grounds.separated.frequencies()
+        rough = sorted({s.imag for s in turns if s.imag > 0.0})
         frequencies = [_nearest(point.rates, x) for x in rough]
         deflation = more.deflated(S, frequencies)
         values = more.eigenvalues(deflation.S)

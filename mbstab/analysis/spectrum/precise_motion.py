@@ -28,6 +28,7 @@ from mbstab.analysis.reference.sharpening import family_in, sharpened
 from mbstab.analysis.reference.steady import Family, Generator, centered, declared_family
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.spectrum.eigenvalues import judged
+from mbstab.analysis.spectrum.results import EigenResult
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.neutral import orthonormal
@@ -58,7 +59,6 @@ class Start:
     linear : Linearization
     grounds : Grounds
         The structure, which does not depend on the digits.
-    plain : EigenResult
     balance, at : Balance and State, or None
         The equations of an equilibrium or a steady motion that was solved for, and their solution.
 
@@ -85,7 +85,11 @@ class Start:
             self.motion = reference_motion(system, massless=True)
         self.linear: Linearization = linearize(system, self.motion, frozen)
         self.grounds = Grounds(self.linear, digits)
-        self.plain = judged(self.grounds)
+
+    @cached_property
+    def plain(self) -> EigenResult:
+        """The answer in double precision."""
+        return judged(self.grounds)
 
     @cached_property
     def loose(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Elements that conserve, dissipate or supply energy, by structure.
+"""Elements that conserve, dissipate or supply energy, as identities.
 
 In the frame of a steady motion with the field X(q), the function E − p_X (the energy at rest, where
 X = 0; the integral of Jacobi in a turning frame) is
@@ -9,30 +9,29 @@ X = 0; the integral of Jacobi in a turning frame) is
   relative to X only.
 
 A built-in spring is known to have a potential and a dissipation function. Other forces are
-evaluated at states spread over the scene: a force has a potential if its ∂F/∂q is symmetric and it
-does not depend on speeds; it does no work if F·u = 0; it damps if ∂F/∂u is a constant matrix with a
-positive semidefinite symmetric part. About a rest a written force may also depend on speeds in any
+evaluated in balls at the random states of `mbstab.analysis.reference.identities`: a force has a potential if its
+∂F/∂q is symmetric and it does not depend on speeds; it does no work if F·u = 0; it damps if ∂F/∂u is a constant matrix
+with a positive semidefinite symmetric part. About a rest a written force may also depend on speeds in any
 other way, if its power is not positive near it (`mbstab.analysis.verdict.drag`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
-from mbstab.analysis.algebra.rounded import rounded_arithmetic, value_and_error
-from mbstab.analysis.algebra.sparse import unchanged
-from mbstab.analysis.reference.element_comparison import Digits, State, numbers
-from mbstab.analysis.reference.rounded_scene import rounded_system
-from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.algebra.ball_arrays import BALLS, as_ball, largest_terms, many_bits, not_negative, shows
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.reference.changes import At, Cluster, Local
+from mbstab.analysis.reference.identities import NO_VALUE
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.verdict.drag import Drag
 from mbstab.compiler.placed import Acting
-from mbstab.compiler.system import Array, System
-from mbstab.errors import MbstabError
+from mbstab.compiler.system import Array
 
 Kind = Literal["potential", "powerless", "damping", "drag", "other"]
 
@@ -45,15 +44,14 @@ class Work:
     invariance : Invariance
         Symmetries of the scene.
     generator : Generator or None
-        The steady motion that defines the frame of the energy; None: the ground.
+        The steady motion that defines the frame of the energy, in doubles or in balls; None: the ground.
+    bits : int
+        Bits to which it is known.
     """
 
-    def __init__(self, invariance: Invariance, generator: Generator | None) -> None:
-        self.invariance, self.generator = invariance, generator
+    def __init__(self, invariance: Invariance, generator: Any, bits: int = REFERENCE.bits_of_motion) -> None:
+        self.invariance, self.generator, self.bits = invariance, generator, bits
         self.system, self.motion = invariance.system, invariance.motion
-
-    def _field(self, q: Array) -> Array:
-        return np.zeros_like(q) if self.generator is None else self.generator.field(q)
 
     # --- the energy -------------------------------------------------------------------------------------------------
 
@@ -61,10 +59,16 @@ class Work:
     def kinds(self) -> dict[Kind, list[Acting]]:
         """The forces of the scene by their effect on the energy in the ground frame."""
         found: dict[Kind, list[Acting]] = {"potential": [], "powerless": [], "damping": [], "drag": [], "other": []}
-        for element in self.invariance.elements:
-            if not element.inertia:
+        for element in self.system.acting():
+            if not element.inertia and element.columns:
                 found[self._kind(element)].append(element)
         return found
+
+    @property
+    def asked(self) -> bool:
+        """Whether any of it was found at states, not from the kinds of elements alone."""
+        forces = (x for kind in self.kinds.values() for x in kind)
+        return any(not x.stored for x in forces) or not self._rows_vanish
 
     @property
     def dissipates(self) -> bool:
@@ -89,65 +93,108 @@ class Work:
     @cached_property
     def decreases(self) -> bool:
         """Whether the energy in the co-moving frame never increases."""
-        return self._relative and all(self._turns_along(element) for element in self.kinds["damping"])
+        return self._relative and all(map(self._turns_along, self.kinds["damping"]))
 
     @cached_property
     def decreases_beside_states(self) -> bool:
         """Whether it never increases whatever the rates of first-order states are: their rows take no force."""
-        return self._without_work(self.system.bodily) and all(
-            self._turns_along(element) for element in self.kinds["damping"]
-        )
+        of_states = frozenset(self.system.states[1].tolist())
+        return self._without_work(of_states) and all(map(self._turns_along, self.kinds["damping"]))
 
     @cached_property
     def rows_at_rest(self) -> bool:
         """Whether all constraint rows are homogeneous in the speeds: rest satisfies them everywhere."""
-        return self._homogeneous(np.zeros_like, self.system)
+        return self._homogeneous(False)
 
     @cached_property
     def led_at_rest(self) -> bool:
         """Whether rest satisfies all rows everywhere, whatever the rates of states that only follow are."""
         columns, rows = self.system.states
-        followers = rows[np.isin(columns, self.system.following)]
-        return self._homogeneous(np.zeros_like, self.system, np.delete(np.arange(self.system.n_c), followers))
+        return self._homogeneous(False, frozenset(rows[np.isin(columns, self.system.following)].tolist()))
 
     @cached_property
     def _relative(self) -> bool:
         """Whether undamped forces and rows do no work in the co-moving frame."""
-        return self._without_work(self.system)
+        return self._without_work(frozenset())
 
-    def _without_work(self, system: System) -> bool:
-        """Whether undamped forces and the rows of a system do no work in the co-moving frame."""
+    def _without_work(self, beside: frozenset[int]) -> bool:
+        """Whether undamped forces and the rows, but for some, do no work in the co-moving frame."""
         return (
             not self.kinds["other"]
-            and self._homogeneous(self._field, system)
-            and all(self._no_relative_work(element) for element in self.kinds["powerless"])
+            and self._homogeneous(True, beside)
+            and all(map(self._no_relative_work, self.kinds["powerless"]))
         )
 
-    def _homogeneous(self, field: Any, system: System, rows: Any = slice(None)) -> bool:
-        """Whether the rows of a system, or some of them, hold for u = X(q), and are linear in u − X."""
-        motion = self.motion
-        still = field is np.zeros_like or self.generator is None or not self.generator.moves
-        if still and self.invariance.rows_of_places:
+    # --- states -----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _places(self) -> dict[int, tuple[Cluster, Local]]:
+        """The elements among their bodies, by their identity."""
+        clusters = self.invariance.identities.clusters
+        return {id(own.element): (cluster, own) for cluster in clusters for own in cluster.elements}
+
+    def _at(self, element: Acting) -> Iterator[tuple[At, Local]]:
+        """Yield an element at random states on the rows of its bodies."""
+        cluster, own = self._places[id(element.placed)]
+        for at in self.invariance.identities.states(cluster):
+            yield at, own
+
+    @cached_property
+    def _coefficients(self) -> Array | None:
+        """Those of the field X among the fields of the scene, in balls; None where it has none."""
+        if self.generator is None:
+            return BALLS.zeros((self.invariance.identities.basis.size,))
+        return self.invariance.identities.of_generator(self.generator)
+
+    def _field(self, cluster: Cluster, at: At) -> Array:
+        """Return X at a state, shape (n,)."""
+        c = self._coefficients
+        assert c is not None
+        return np.concatenate([x[0] for x in at.fields(c[cluster.fields][:, None])])[:, 0]
+
+    # --- rows -------------------------------------------------------------------------------------------------------
+
+    @property
+    def _rows_vanish(self) -> bool:
+        """Whether the rows are J(q) u, and rest in the frame is rest."""
+        return not self.system.n_c or (not self._moves and self.invariance.rows_of_places)
+
+    @property
+    def _moves(self) -> bool:
+        """Whether the frame does."""
+        c = self._coefficients if self.generator is not None else None
+        return self.generator is not None and (c is None or bool(np.any(c != 0)))
+
+    def _homogeneous(self, moving: bool, beside: frozenset[int] = frozenset()) -> bool:
+        """Whether the rows, but for some, hold for u = X, or for rest, and are linear in u − X."""
+        if self._rows_vanish or (not moving and self.invariance.rows_of_places):
             return True
-        if not system.n_c or not self.invariance.seen:
-            return self.invariance.seen
-        for state in self.invariance.on_rows:
-            X = field(state.q)
-            fast = max(float(np.max(np.abs(x / motion.sizes))) for x in (X, state.u))
-            fast = max(fast, REFERENCE.resting_speed * self.invariance.rate)
-            try:
-                at, there = (
-                    state.dynamics
-                    if system is self.system and np.array_equal(u, state.u)
-                    else system.dynamics(state.q, u, motion.time)
-                    for u in (X, X + 2.0 * (state.u - X))
+        if moving and self._coefficients is None:
+            return False
+        bits = self.bits if moving else ALGEBRA.bits_of_zero
+        try:
+            with many_bits():
+                return all(
+                    self._holds(own, at, self._field(cluster, at) if moving else 0 * at.state[1], bits)
+                    for cluster in self.invariance.identities.clusters
+                    for own in cluster.elements
+                    if own.element.rows and not beside.issuperset(own.element.rows)
+                    for at in self.invariance.identities.states(cluster) or [None]
                 )
-            except MbstabError:  # rows with the slip of a tyre have no value at rest
-                return False
-            if not np.any(X) and np.any(at.V[rows]):
-                return False  # a row that rest does not satisfy is not rounding
-            allowed = self.invariance.agreed * fast * (abs(at.J) @ motion.sizes)[rows]
-            if np.any(np.abs(at.V[rows]) > allowed) or np.any(np.abs(there.V[rows]) > 2.0 * allowed):
+        except NO_VALUE:  # rows with the slip of a tyre have no value at rest
+            return False
+
+    def _holds(self, own: Local, at: At | None, X: Array, bits: int) -> bool:
+        """Return whether a row holds for speeds X, and is linear in others beside them."""
+        if at is None or not own.analytic:
+            return False
+        q, u, a, time = at.state
+        for speeds in (X, X + 2 * (u - X)):
+            found = own.run("dynamics", (q, speeds, a, time), BALLS)
+            # What vanishes on rows does so to the digits of the state only.
+            least = at.units + at.rate - REFERENCE.bits_of_weak_terms
+            sizes = np.max([BALLS.powers(speeds), BALLS.powers(u), least], axis=0)[own.columns, None]
+            if np.any(shows(found["V"], largest_terms(BALLS.powers(found["J"]), sizes)[:, 0], bits)):
                 return False
         return True
 
@@ -158,229 +205,139 @@ class Work:
         if element.stored:
             return "damping" if element.damped else "potential"
         try:
-            with Digits(element) as f:
-                kind = self._asked(element, f) if element.analytic else "other"
-                return "drag" if kind == "other" and self._resists(element, f) else kind
-        except (ArithmeticError, ValueError):
+            with many_bits():
+                kind = self._asked(element) if element.analytic else "other"
+                return "drag" if kind == "other" and self._resists(element) else kind
+        except NO_VALUE:
             return "other"
 
-    def _resists(self, element: Acting, f: Any) -> bool:
+    def _resists(self, element: Acting) -> bool:
         """Return whether a written force takes energy from all motions near the reference, which is at rest."""
-        motion, generator = self.motion, self.generator
-        if not element.written or np.any(motion.u) or (generator is not None and generator.moves):
-            return False
-        if not np.all(self._drag.resists(element.path)):
+        at_rest = not np.any(self.motion.u) and not self._moves
+        if not (element.written and at_rest and np.all(self._drag.resists(element.path))):
             return False
         known = self._drag.potential(element.path)
-        return self._has_potential(element, f) if known is None else known
+        if known is None:
+            found = [_resting(own, at)["K"] for at, own in self._at(element)]
+            return bool(found) and all(_same(K, K.T) for K in found)
+        return known
 
     @cached_property
     def _drag(self) -> Drag:
         return Drag(self.system, self.motion.q, self.motion.time)
 
-    def _has_potential(self, element: Acting, f: Any) -> bool:
-        """Return whether a force has a potential at rest."""
-        for state in self.invariance.states:
-            q, zero = numbers(state.q, f), numbers(0.0 * state.q, f)
-            if not _symmetric(element.slopes(q, zero, zero, self.motion.time, f)[0], _limit(f)):
-                return False
-        return bool(self.invariance.states)
-
-    def _asked(self, element: Acting, f: Any) -> Kind:
+    def _asked(self, element: Acting) -> Kind:
         """Return the effect of a force on the energy, from its derivatives at some states."""
-        limit = _limit(f)
         kind: Kind = "potential"
-        slopes = []
-        if not self.invariance.states:
+        found = list(self._at(element))
+        if not found:
             return "other"
-        for state in self.invariance.states:
-            q, u = numbers(state.q, f), numbers(state.u, f)
-            zero = numbers(0.0 * state.q, f)
-            K, R = element.slopes(q, u, zero, self.motion.time, f)
-            still, _ = element.slopes(q, zero, zero, self.motion.time, f)
-            if not _symmetric(still, limit):
+        damping: Array | None = None
+        for at, own in found:
+            rest, moving = _resting(own, at), {name: x for name, (x, _) in at.run(own, "linearize").items()}
+            if not _same(rest["K"], rest["K"].T):
                 return "other"
-            if any(x for row in R for x in row):
-                kind = "powerless" if kind == "potential" else kind
-                slopes.append((R, K, still))
-                if kind == "powerless" and not self._powerless(element, q, u, zero, f, limit):
-                    kind = "damping"
-        errors = self._errors(element)
-        if errors is None or (kind == "damping" and not _damps(slopes, limit, errors)):
-            return "other"
-        return kind
-
-    def _errors(self, element: Acting) -> list[list[float]] | None:
-        """Return the error bounds of ∂F/∂u at the reference; None where an entry may be zero by rounding alone."""
-        motion, f = self.motion, rounded_arithmetic()
-        states = motion.q.tolist(), motion.u.tolist(), [0.0] * len(motion.q)
-        _, R = self._rounded[id(element)].slopes(*states, motion.time, f)
-        pairs = [[value_and_error(x) for x in row] for row in R]
-        return None if any(e and not v for row in pairs for v, e in row) else [[e for _, e in row] for row in pairs]
-
-    @cached_property
-    def _rounded(self) -> dict[int, Acting]:
-        """The elements with error bounds of their numbers, by the identity of the plain ones."""
-        return {
-            id(element): other
-            for element, other in zip(self.invariance.elements, rounded_system(self.system).acting(), strict=True)
-        }
-
-    def _powerless(self, element: Acting, q: Any, u: Any, zero: Any, f: Any, limit: float) -> bool:
-        """Return whether the velocity-dependent part of a force does no work: with all speeds, and each one and two."""
-        moving = element.force(q, u, zero, self.motion.time, f)
-        still = element.force(q, zero, zero, self.motion.time, f)
-        work = [(x - y) * u[i] for i, x, y in zip(element.columns, moving, still, strict=True)]
-        if not abs(sum(work)) <= limit * sum(abs(x) for x in work):
-            return False
-        n = len(element.columns)
-        for i in range(n):
-            for j in range(i + 1):
-                # A small part must not be lost beside a large one: derivatives keep it.
-                speeds = [x if k in (element.columns[i], element.columns[j]) else 0 * x for k, x in enumerate(u)]
-                _, R = element.slopes(q, speeds, zero, self.motion.time, f)
-                if R[i][i] or R[j][j] or abs(R[i][j] + R[j][i]) > limit * (abs(R[i][j]) + abs(R[j][i])):
-                    return False
-        return True
+            if not np.any(moving["R"] != 0):
+                continue
+            kind = "powerless" if kind == "potential" else kind
+            if kind == "powerless" and not _works_not(at, own, at.state[1][own.columns], ALGEBRA.bits_of_zero):
+                kind = "damping"
+            if kind == "damping":
+                # Elsewhere, and at other speeds, too.
+                q, u, a, time = at.state
+                other = own.run("linearize", (3 * q / 2, 2 * u, a, time), BALLS)["R"]
+                damping = moving["R"] if damping is None else damping
+                if not (_same(damping, moving["R"]) and _same(damping, other) and _same(rest["K"], moving["K"])):
+                    return "other"
+        return "other" if damping is not None and not not_negative(damping) else kind
 
     def _no_relative_work(self, element: Acting) -> bool:
         """Return whether a force that does no work does none in the co-moving frame either."""
         if self.generator is None:
             return True
-        if not self.invariance.states:
-            return False
-        zero = 0.0 * self.motion.q
-        for state in self.invariance.states:
-            X = self._field(state.q)
-            moving = element.force(state.q, state.u, zero, self.motion.time)
-            still = element.force(state.q, zero, zero, self.motion.time)
-            work = [(x - y) * X[i] for i, x, y in zip(element.columns, moving, still, strict=True)]
-            if abs(sum(work)) > REFERENCE.force_change * sum(abs(x) for x in work):
-                return False
-        return True
+        with many_bits():
+            return self._coefficients is not None and all(
+                _works_not(at, own, self._field(at.cluster, at)[own.columns], self.bits)
+                for at, own in self._at(element)
+            )
 
     def _turns_along(self, element: Acting) -> bool:
         """Return whether a damper depends only on speeds relative to the motion."""
         if self.generator is None:
             return True
-        if not self.invariance.states:
+        if self._coefficients is None:
             return False
-        sizes, zero = self.motion.sizes[list(element.columns)], 0.0 * self.motion.q
-        change = size = 0.0
-        for state in self.invariance.states:
-            X = self._field(state.q)
-            one, other = (
-                np.array(element.force(state.q, u, zero, self.motion.time), dtype=float) * sizes
-                for u in (state.u, state.u + X)
-            )
-            change = max(change, float(np.max(np.abs(one - other))))
-            size = max(size, float(np.max(np.abs(one) + np.abs(other))))
-        return change <= REFERENCE.force_change * size
+        with many_bits():
+            for at, own in self._at(element):
+                R, size = at.run(own, "linearize")["R"]
+                X = self._field(at.cluster, at)[own.columns][:, None]
+                # A large force across must not hide a small one.
+                if np.any(shows(BALLS.multiplied(R, X), largest_terms(size, BALLS.powers(X)), self.bits)):
+                    return False
+        return True
 
     # --- time backwards ---------------------------------------------------------------------------------------------
 
     @cached_property
     def reversible(self) -> bool:
         """Whether the equations are reversible in time: forces are even in the speeds, rows odd."""
-        return self._rows_odd() and all(self._even(e) for e in self.invariance.elements)
-
-    def _rows_odd(self) -> bool:
-        if self.invariance.rows_of_places:
-            return True
-        odd = all(self.invariance.satisfies(state.q, -state.u) for state in self.invariance.on_rows)
-        return odd and self.rows_at_rest
+        return self.rows_at_rest and all(self._even(e) for kind in self.kinds.values() for e in kind)
 
     def _even(self, element: Acting) -> bool:
-        if element.inertia or element.stored:
+        if element.stored:
             return not element.damped
-        if not self.invariance.states or not element.analytic:
+        if not element.analytic:
             return False
-        identity = unchanged(len(self.motion.q))
-        return all(
-            self.invariance.same(element, state, State(state.q, -state.u, state.a), identity, exact=True)
-            for state in self.invariance.states
-        )
+        try:
+            with many_bits():
+                found = [
+                    (at.run(own, "dynamics")["F"][0], own.run("dynamics", (q, -u, a, time), BALLS)["F"])
+                    for at, own in self._at(element)
+                    for q, u, a, time in [at.state]
+                ]
+                return bool(found) and all(_same(*x) for x in found)
+        except NO_VALUE:
+            return False
 
 
-def acts_symmetrically(
-    element: Acting, q: Array, time: float, states: dict[bool, list[Any]]
-) -> tuple[bool, bool] | None:
+def _resting(own: Local, at: At) -> dict[str, Array]:
+    """Return the derivatives of a force at rest, at the same place."""
+    q, u, a, time = at.state
+    return own.run("linearize", (q, 0 * u, 0 * a, time), BALLS)
+
+
+def _works_not(at: At, own: Local, along: Array, bits: int) -> bool:
+    """Return whether the part of a force that depends on speeds does no work along a direction."""
+    q, u, a, time = at.state
+    moving, still = at.run(own, "dynamics")["F"][0], own.run("dynamics", (q, 0 * u, a, time), BALLS)["F"]
+    size = np.max(np.maximum(BALLS.powers(moving), BALLS.powers(still)) + BALLS.powers(along))
+    return not np.any(shows(np.array([(moving - still) @ along]), size, bits))
+
+
+def _same(one: Array, other: Array) -> bool:
+    """Return whether numbers are equal, to their own sizes."""
+    return not np.any(shows(one - other, np.maximum(BALLS.powers(one), BALLS.powers(other))))
+
+
+def acts_symmetrically(element: Acting, q: list[Any], time: float) -> tuple[bool, bool] | None:
     """Return whether a force at rest damps and whether it has gyroscopic terms; None if it is neither, nor stiffness.
 
     Parameters
     ----------
     element : Acting
-    q : ndarray, shape (n_q,)
+        With numbers in balls.
+    q : list of balls, length n_q
     time : float (s)
-    states : dict
-        The coordinates in the arithmetics used so far; empty at first.
     """
     try:
-        with Digits(element) as f:
-            limit = _limit(f)
-            place = states.setdefault(f.name == "mpmath", numbers(q, f) if f.name == "mpmath" else q.tolist())
-            still = [f.number("0")] * len(q)
-            K, R = element.slopes(place, still, still, time, f)
-            if not (_symmetric(K, limit) and _takes(R, limit)):
+        with many_bits():
+            still = [0] * len(q)
+            K, R = (
+                np.array([[as_ball(x) for x in row] for row in A], dtype=object)
+                for A in element.slopes(q, still, still, time, BALLS.f)
+            )
+            if not (_same(K, K.T) and not_negative(R)):
                 return None
-            each = range(len(R))
-            damps = any(R[i][j] + R[j][i] for i in each for j in each)
-            return damps, any(R[i][j] != R[j][i] for i in each for j in range(i))
-    except (ArithmeticError, ValueError):
+            return not _same(R, -R.T), not _same(R, R.T)
+    except NO_VALUE:
         return None
-
-
-def _limit(f: Any) -> float:
-    """Return how closely numbers of an arithmetic agree."""
-    return REFERENCE.comparison_exact if f.name == "mpmath" else REFERENCE.force_change
-
-
-def _symmetric(K: list[list[Any]], limit: float) -> bool:
-    """Return whether a matrix is symmetric, each pair of entries relative to their own size."""
-    n = len(K)
-    total = max((abs(x) for row in K for x in row), default=0)
-    floor = 0 if limit < 1e-20 else 1e-14 * total
-    return all(
-        abs(K[i][j] - K[j][i]) <= limit * (abs(K[i][j]) + abs(K[j][i])) + floor for i in range(n) for j in range(i)
-    )
-
-
-def _damps(slopes: list[tuple[Any, Any, Any]], limit: float, errors: list[list[float]]) -> bool:
-    """Return whether ∂F/∂u is the same matrix at all states, with a positive semidefinite symmetric part."""
-    first = slopes[0][0]
-    for R, K, still in slopes:
-        for one, other in ((R, first), (K, still)):
-            for row, same in zip(one, other, strict=True):
-                if any(abs(x - y) > limit * (abs(x) + abs(y)) for x, y in zip(row, same, strict=True)):
-                    return False
-    return _takes(first, limit, errors)
-
-
-def _takes(R: list[list[Any]], limit: float, errors: list[list[float]] | None = None) -> bool:
-    """Return whether Σ R_ij u_i u_j ≥ 0 for all u: by elimination, each row in its own unit, however small.
-
-    With error bounds of the numbers in R, what is not zero must be positive beyond them.
-    """
-    n = len(R)
-    rounded = [[abs(R[i][j] + R[j][i]) <= limit * (abs(R[i][j]) + abs(R[j][i])) for j in range(n)] for i in range(n)]
-    S = [[0 * R[i][j] if i != j and rounded[i][j] else R[i][j] + R[j][i] for j in range(n)] for i in range(n)]
-    units, known = [S[i][i] for i in range(n)], n * limit
-    left = [i for i in range(n) if any(S[i])]
-    # A zero on the diagonal with a nonzero entry beside it supplies energy in one direction.
-    if any(not units[i] > 0 for i in left):
-        return False
-    spread = 0.0
-    if errors is not None and left:
-        spread = n * max(2.0 * errors[i][j] / float(units[i] * units[j]) ** 0.5 for i in left for j in left)
-    while left:
-        k = max(left, key=lambda i: S[i][i] / units[i])
-        if S[k][k] <= known * units[k]:  # only rounding is left, as must be off the diagonal, too
-            return all(abs(S[i][j]) <= known * (units[i] * units[j]) ** 0.5 for i in left for j in left)
-        if not S[k][k] > spread * units[k]:
-            return False
-        left.remove(k)
-        for i in left:
-            factor = S[i][k] / S[k][k]
-            for j in left:
-                S[i][j] = S[i][j] - factor * S[k][j]
-    return True
