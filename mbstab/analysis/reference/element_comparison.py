@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares
+from mbstab.analysis.algebra.ball_arrays import BALLS, as_ball, many_bits, shows
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.algebra.sparse import is_sparse, largest, own_part, put, row_norms, rows_of, scaled
 from mbstab.analysis.algebra.tolerances import EPS
@@ -22,7 +23,6 @@ from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import MbstabError
 from mbstab.mechanics.catalogue import ROWS
-from mbstab.model.arithmetic import FLOAT, mpmath_arithmetic
 from mbstab.model.dependencies import expressions_in
 from mbstab.records import dataclass
 
@@ -286,12 +286,12 @@ class ElementComparison:
             signs = T.diagonal()[columns]
             if not exact or not np.array_equal(own_part(T, columns), np.diag(np.sign(signs))):
                 return self._same_to_rounding(element, here, there, T)
-            with Digits(element, exact=True) as f:
+            with many_bits():
                 first, second = (
-                    element.force(numbers(x.q, f), numbers(x.u, f), numbers(x.a, f), time, f) for x in (here, there)
+                    np.array([as_ball(y) for y in element.force(*(BALLS.of(y).tolist() for y in z), time, BALLS.f)])
+                    for z in ((here.q, here.u, here.a), (there.q, there.u, there.a))
                 )
-                pairs = zip(first, second, signs.tolist(), strict=True)
-                return all(abs(x - sign * y) <= TOLERANCES.comparison_exact * (abs(x) + abs(y)) for x, y, sign in pairs)
+                return not np.any(shows(first - signs * second, BALLS.powers(first)))
         reached, rows = rows_of(T, columns)  # the element has no force on others
         F, moved = put(self._force(element, here), columns, reached, len(self.motion.q)), self._force(element, there)
         after: Array = moved @ rows
@@ -398,29 +398,3 @@ def _on_grid(x: Array, sizes: Array) -> Array:
     grid = 2.0 ** (np.floor(np.log2(sizes)) - TOLERANCES.state_bits)
     result: Array = np.round(x / grid) * grid
     return result
-
-
-class Digits:
-    """The arithmetic in which an element is evaluated: many digits for expressions, floats for the others."""
-
-    def __init__(self, element: Acting, exact: bool = True) -> None:
-        self.exact = exact and element.written
-
-    def __enter__(self) -> Any:
-        if not self.exact:
-            return FLOAT
-        from mpmath import mp
-
-        self.before, mp.dps = mp.dps, TOLERANCES.comparison_digits
-        return mpmath_arithmetic()
-
-    def __exit__(self, *_: object) -> None:
-        if self.exact:
-            from mpmath import mp
-
-            mp.dps = self.before
-
-
-def numbers(x: Array, f: Any) -> list[Any]:
-    """Return floats as exact numbers of an arithmetic."""
-    return [f.number(value) for value in x.tolist()]

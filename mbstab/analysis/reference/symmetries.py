@@ -17,16 +17,16 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import least_squares
-from mbstab.analysis.algebra.ball_arrays import many_bits
+from mbstab.analysis.algebra.ball_arrays import BALLS, NONE, largest_terms, many_bits, shows
 from mbstab.analysis.algebra.sparse import bordered, largest, row_norms, scaled
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.analysis.reference.element_comparison import Digits, ElementComparison, State, numbers, with_errors
+from mbstab.analysis.reference.changes import At, Local
+from mbstab.analysis.reference.element_comparison import ElementComparison, State, with_errors
 from mbstab.analysis.reference.fields import DRIFTS, ROTATIONS, SIZES, SPINS, Block, Field, Symmetry
 from mbstab.analysis.reference.identities import Identities, echelon
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator, axis_text, through
 from mbstab.analysis.reference.tolerances import TOLERANCES
-from mbstab.compiler.placed import Acting
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 from mbstab.model.schema import is_state
@@ -189,64 +189,27 @@ class Invariance(ElementComparison):
 
     def _total(self, field: Field) -> bool:
         """Return whether the total force along a shift is the rate of a linear function that no symmetry changes."""
-        found = [self._rates(element, field) for element in self.elements]
-        if any(rates is None for rates in found):
-            return False
-        limit = (
-            TOLERANCES.force_change
-            if any(not e.written and rates for e, rates in zip(self.elements, found, strict=True))
-            else TOLERANCES.comparison_exact
-        )
-        from mpmath import mp
-
-        with mp.workdps(TOLERANCES.comparison_digits):
+        shift, n = field.shift, self.system.n_q
+        assert shift is not None
+        rates, sizes = BALLS.zeros((n,)), np.full(n, NONE)
+        with many_bits():
+            for cluster in self.identities.clusters:
+                columns = np.array(cluster.columns, dtype=int)
+                for at in self.identities.states(cluster)[:1]:
+                    for own in (x for x in at.elements if not x.element.rows):
+                        places = columns[own.columns]
+                        found = _rate(own, at, BALLS.of(shift[places])) if np.any(shift[places]) else None
+                        if found is not None and found[0] is None:
+                            return False
+                        if found is not None:
+                            rates[places] = rates[places] + found[0]
+                            sizes[places] = np.maximum(sizes[places], found[1])
             for item in self.symmetries:
-                terms = [
-                    rate * float(item.direction[i])
-                    for element, rates in zip(self.elements, found, strict=True)
-                    for i, rate in zip(element.columns, rates or (), strict=False)
-                ]
-                if abs(sum(terms)) > limit * sum(abs(x) for x in terms):
+                along = BALLS.of(item.direction)
+                size = np.max(sizes + BALLS.powers(along), initial=NONE)
+                if np.any(shows(np.array([rates @ along]), size)):
                     return False
         return True
-
-    def _rates(self, element: Acting, field: Field) -> list[Any] | None:
-        """Return c if the force of an element along a shift is c·u, with nothing for its inertia; None if it is not."""
-        direction = field.shift
-        assert direction is not None
-        if not any(direction[i] for i in element.columns):
-            return []
-        if element.inertia:
-            return [] if self._unmoved(element, direction) else None
-        if not element.analytic:
-            return None
-        found: list[tuple[Any, Any]] = []
-        for state in self.states:
-            with Digits(element) as f:
-                limit = TOLERANCES.comparison_exact if f.name == "mpmath" else TOLERANCES.force_change
-                weights = [f.number(repr(float(direction[i]))) for i in element.columns]
-                q, u, zero = numbers(state.q, f), numbers(state.u, f), numbers(0.0 * state.q, f)
-                K, R = element.slopes(q, u, zero, self.motion.time, f)
-                still = element.force(q, zero, zero, self.motion.time, f)
-                pushes = [_weighted(weights, still), *(_weighted(weights, column) for column in zip(*K, strict=True))]
-                if any(abs(total) > limit * size for total, size in pushes):
-                    return None
-                rates = [_weighted(weights, column) for column in zip(*R, strict=True)]
-                changes = zip(rates, found or rates, strict=True)
-                if any(abs(one[0] - other[0]) > limit * (one[1] + other[1]) for one, other in changes):
-                    return None
-                found = rates
-        return [rate for rate, _ in found]
-
-    def _unmoved(self, element: Acting, direction: Array) -> bool:
-        """Return whether a shift does not change the forces of inertia."""
-        Y = direction[list(element.columns)]
-        for state in self.states:
-            K = np.abs(np.array(self._slopes(element, state)[0], dtype=float) @ Y)
-            size = np.abs(np.array(self._slopes(element, state)[0], dtype=float)) @ np.abs(Y)
-            if np.any(TOLERANCES.force_change * size < K):
-                return False
-        return bool(self.states)
 
     def moves_on(self, field: Field) -> bool:
         """Return whether a scene may move along a group at any speed: no force deflects it then."""
@@ -484,7 +447,19 @@ def _spanned(x: Array, rows: Array) -> bool:
     return float(np.linalg.norm(left)) <= 10.0 * TOLERANCES.coefficient_zero * float(np.linalg.norm(x))
 
 
-def _weighted(weights: list[Any], column: Any) -> tuple[Any, Any]:
-    """Return a weighted sum and the sum of the sizes of its terms."""
-    terms = [w * x for w, x in zip(weights, column, strict=True)]
-    return sum(terms), sum(abs(x) for x in terms)
+def _rate(own: Local, at: At, Y: Array) -> tuple[Array | None, Any]:
+    """Return c, if the force of an element along a shift is c·u with nothing for its inertia, and sizes of terms."""
+    q, u, a, time = at.state
+    if not own.analytic:
+        return None, NONE
+    (K, size), (R, terms) = (at.run(own, "linearize")[key] for key in "KR")
+    unit = BALLS.powers(Y)
+    if own.element.takes_acceleration:
+        moved = shows(BALLS.multiplied(K, Y[:, None]), largest_terms(size, unit[:, None]))
+        return (None if np.any(moved) else 0 * u[own.columns]), NONE
+    along, c, most = Y @ K, Y @ R, np.max(terms + unit[:, None], axis=0)
+    F = own.run("dynamics", (q, 0 * u, a, time), BALLS)["F"]
+    other = Y @ own.run("linearize", (3 * q / 2, 2 * u, a, time), BALLS)["R"]
+    constant = not np.any(shows(c - other, most)) and not np.any(shows(along, np.max(size + unit[:, None], axis=0)))
+    still = not np.any(shows(np.array([Y @ F]), np.max(BALLS.powers(F) + unit)))
+    return (c if constant and still else None), most

@@ -244,10 +244,6 @@ class Tolerances:
     """… or this fraction of all its forces: that is the rounding of components mixed by a rotation."""
     roundings_of_comparison: Final = 8.0
     """Numbers computed in a comparison may be wrong by this many roundings of their terms."""
-    comparison_digits: Final = 40
-    """Expressions are compared with this many digits …"""
-    comparison_exact: Final = 1e-32
-    """… and are equal if they agree to this."""
     row_residual: Final = 1e-12
     """Constraint rows hold to this at the states that are compared, relative to the sizes in the scene."""
     shift_felt: Final = 1e-6

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbstab.analysis.reference.element_comparison import Digits, numbers
+from mbstab.analysis.algebra.ball_arrays import BALLS, many_bits
+from mbstab.analysis.reference.identities import NO_VALUE
 from mbstab.analysis.verdict.exact_sums import Structure as Exact
 from mbstab.analysis.verdict.exact_sums import Sum
 from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.neutral import Structure
+from mbstab.analysis.verdict.work import same
 from mbstab.analysis.verdict.written import with_state
 from mbstab.model.expressions import ExpressionError
 
@@ -62,20 +64,20 @@ def _linear(x: Sum) -> bool:
 
 
 def _same_slopes(structure: Structure) -> bool:
-    """Return whether all elements have the same derivatives at states spread over the scene."""
-    invariance = structure.invariance
-    if not invariance.states:
-        return False
+    """Return whether all elements have the same derivatives at other states."""
+    identities = structure.invariance.identities
     try:
-        for element in invariance.elements:
-            with Digits(element) as f:
-                found = []
-                for state in invariance.states:
-                    q, u, a = (numbers(x, f) for x in (state.q, state.u, state.a))
-                    found.append(element.slopes(q, u, a, invariance.motion.time, f))
-                if not element.analytic or any(other != found[0] for other in found[1:]):
+        with many_bits():
+            for cluster in identities.clusters:
+                ats = identities.states(cluster)[:1]
+                for at, own in ((at, own) for at in ats for own in cluster.elements if not own.element.rows):
+                    q, u, a, time = at.state
+                    other = own.run("linearize", (3 * q / 2, 2 * u, a, time), BALLS) if own.analytic else {}
+                    if not all(x in other and same(at.run(own, "linearize")[x][0], other[x]) for x in "KR"):
+                        return False
+                if not ats:
                     return False
-    except (ArithmeticError, ValueError):
+    except NO_VALUE:
         return False
     return True
 

@@ -219,7 +219,7 @@ class Work:
         known = self._drag.potential(element.path)
         if known is None:
             found = [_resting(own, at)["K"] for at, own in self._at(element)]
-            return bool(found) and all(_same(K, K.T) for K in found)
+            return bool(found) and all(same(K, K.T) for K in found)
         return known
 
     @cached_property
@@ -235,7 +235,7 @@ class Work:
         damping: Array | None = None
         for at, own in found:
             rest, moving = _resting(own, at), {name: x for name, (x, _) in at.run(own, "linearize").items()}
-            if not _same(rest["K"], rest["K"].T):
+            if not same(rest["K"], rest["K"].T):
                 return "other"
             if not np.any(moving["R"] != 0):
                 continue
@@ -247,7 +247,7 @@ class Work:
                 q, u, a, time = at.state
                 other = own.run("linearize", (3 * q / 2, 2 * u, a, time), BALLS)["R"]
                 damping = moving["R"] if damping is None else damping
-                if not (_same(damping, moving["R"]) and _same(damping, other) and _same(rest["K"], moving["K"])):
+                if not (same(damping, moving["R"]) and same(damping, other) and same(rest["K"], moving["K"])):
                     return "other"
         return "other" if damping is not None and not not_negative(damping) else kind
 
@@ -295,7 +295,7 @@ class Work:
                     for at, own in self._at(element)
                     for q, u, a, time in [at.state]
                 ]
-                return bool(found) and all(_same(*x) for x in found)
+                return bool(found) and all(same(*x) for x in found)
         except NO_VALUE:
             return False
 
@@ -314,7 +314,7 @@ def _works_not(at: At, own: Local, along: Array, bits: int) -> bool:
     return not np.any(shows(np.array([(moving - still) @ along]), size, bits))
 
 
-def _same(one: Array, other: Array) -> bool:
+def same(one: Array, other: Array) -> bool:
     """Return whether numbers are equal, to their own sizes."""
     return not np.any(shows(one - other, np.maximum(BALLS.powers(one), BALLS.powers(other))))
 
@@ -336,8 +336,8 @@ def acts_symmetrically(element: Acting, q: list[Any], time: float) -> tuple[bool
                 np.array([[as_ball(x) for x in row] for row in A], dtype=object)
                 for A in element.slopes(q, still, still, time, BALLS.f)
             )
-            if not (_same(K, K.T) and not_negative(R)):
+            if not (same(K, K.T) and not_negative(R)):
                 return None
-            return not _same(R, -R.T), not _same(R, R.T)
+            return not same(R, -R.T), not same(R, R.T)
     except NO_VALUE:
         return None
