@@ -119,7 +119,7 @@ class Invariance(ElementComparison):
         items = self.symmetries
         if not items:
             return []
-        idle = self.identities.idle([item.of for item in items])
+        idle = self._idle
         alone = [k for k in range(len(items)) if _spanned(np.eye(len(items))[k], idle.T)]
         found, single = [items[k] for k in alone], np.eye(len(items))[alone]
         for c in echelon(idle, np.ones(len(items)), np.zeros(len(items), dtype=bool)).T:
@@ -137,7 +137,15 @@ class Invariance(ElementComparison):
 
     def conserves(self, field: Field) -> bool:
         """Return whether the momentum along a symmetry is constant along every motion."""
+        known = [k for k, item in enumerate(self.symmetries) if item.of is field]
+        if known:
+            return _spanned(np.eye(len(self.symmetries))[known[0]], self._idle.T)
         return bool(self.identities.idle([field]).shape[1])
+
+    @cached_property
+    def _idle(self) -> Array:
+        """The combinations of symmetries along which no force and no row does work, as columns."""
+        return self.identities.idle([item.of for item in self.symmetries])
 
     def carries(self, field: Field) -> bool:
         """Return whether a group maps all motions to motions."""
