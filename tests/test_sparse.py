@@ -14,7 +14,7 @@ from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.algebra.rounded_arrays import RoundedArray, RoundedNumbers
 from mbstab.analysis.algebra.sparse import in_sparse
-from mbstab.analysis.algebra.sparse_rank import last_rows, least_singular_value, sparse_null_space, sparse_rank
+from mbstab.analysis.algebra.sparse_rank import last_rows, sparse_null_space, sparse_rank
 from mbstab.analysis.bounds.sparse_bounds import _Discs, _general
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.linear.roundings import roundings
@@ -124,17 +124,6 @@ def test_small_singular_values_are_found(size):
     found, known = sparse_rank(csr_array(J)), rank_of(J)
     assert found.rank == known.rank == 31
     assert found.smallest_kept == pytest.approx(known.smallest_kept, rel=1e-3)
-
-
-@pytest.mark.parametrize("least", [0.5, 1e-3, 1e-9, 0.0])
-def test_the_least_singular_value_of_a_square_matrix(least):
-    from scipy.sparse import csc_array
-
-    rng = np.random.default_rng(8)
-    left, right = (np.linalg.qr(rng.standard_normal((30, 30)))[0] for _ in range(2))
-    A = left @ np.diag([*np.linspace(1.0, 2.0, 29), least]) @ right
-    assert least_singular_value(csc_array(A)) == pytest.approx(np.linalg.svd(A)[1][-1], rel=1e-6, abs=1e-15)
-    assert least_singular_value(csc_array(np.diag([1.0, 2.0, 0.0]))) == 0.0
 
 
 def test_null_space_of_columns():

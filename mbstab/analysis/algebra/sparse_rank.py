@@ -172,22 +172,6 @@ def smallest_singular_values(
         count = min(2 * count, c)
 
 
-def least_singular_value(A: Any) -> float:
-    """Return the least singular value of a square sparse matrix in compressed columns, 0 if it is singular."""
-    from scipy.sparse.linalg import splu
-
-    try:
-        factors = splu(A)
-    except RuntimeError:
-        return 0.0
-    Y = np.random.default_rng(5).standard_normal((A.shape[0], min(TOLERANCES.singular_values_at_once, A.shape[0])))
-    for _ in range(TOLERANCES.rank_iterations):
-        Y = factors.solve(factors.solve(np.linalg.qr(Y)[0]), "T")
-        if not np.isfinite(Y).all():
-            return 0.0
-    return float(np.min(np.linalg.svd(A.T @ np.linalg.qr(Y)[0], compute_uv=False)))
-
-
 def _null_space(rows: Rows, count: int) -> Array:
     """Return an orthonormal basis of the null space of rows."""
     X = np.random.default_rng(7).standard_normal((rows.n, count))

@@ -171,7 +171,7 @@ class Cluster:
         self.place = {i: k for k, i in enumerate(self.columns)}
         self.fields = [k for b in self.blocks for k in b.fields]
         self.elements, self.rows = list[Local](), list[Local]()
-        self.rough, self.visited = list[At](), list[list[At]]()
+        self.rough, self.beside, self.visited = list[At](), list[At](), list[list[At]]()
 
     @cached_property
     def exact_blocks(self) -> list[Block]:

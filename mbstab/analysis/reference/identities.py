@@ -393,6 +393,15 @@ class Identities:
         with many_bits():
             return self._visited(own)
 
+    def beside(self, own: Cluster) -> list[At]:
+        """Return a cluster at random states in motion in balls, which need not satisfy its rows."""
+        if not own.beside:
+            with many_bits():
+                for x in (x for x in self.near.states if np.any(x.u)):
+                    q, u, a = (BALLS.of(y[own.columns]) for y in (x.q, x.u, x.a))
+                    own.beside.append(self._at(own, (q, u, a, as_ball(self.motion.time)), BALLS))
+        return own.beside
+
     def _exactly(self, own: Cluster, seed: int, spread: float, elements: Sequence[Local]) -> list[At]:
         """Return some elements of a cluster at a random state in balls; none where they have no value."""
         for part in TOLERANCES.state_spreads:

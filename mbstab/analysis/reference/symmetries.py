@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import least_squares
-from mbstab.analysis.algebra.ball_arrays import BALLS, NONE, largest_terms, many_bits, shows
-from mbstab.analysis.algebra.sparse import bordered, largest, row_norms, scaled
+from mbstab.analysis.algebra.ball_arrays import BALLS, NONE, many_bits, shows
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.changes import At, Local
 from mbstab.analysis.reference.element_comparison import ElementComparison, State, with_errors
@@ -50,11 +49,17 @@ class Invariance(ElementComparison):
         The reference.
     together : bool
         Whether the sum of all forces is tested, as far as the rows do not balance it, not each element by itself.
+
+    Attributes
+    ----------
+    isolated : bool
+        Whether it is known by other means that no symmetry moves the reference.
     """
 
     def __init__(self, system: System, motion: Motion, together: bool = False) -> None:
         super().__init__(system, motion)
         self.together = together
+        self.isolated = False
 
     # --- symmetries -------------------------------------------------------------------------------------------------
 
@@ -203,15 +208,15 @@ class Invariance(ElementComparison):
         with many_bits():
             for cluster in self.identities.clusters:
                 columns = np.array(cluster.columns, dtype=int)
-                for at in self.identities.states(cluster)[:1]:
-                    for own in (x for x in at.elements if not x.element.rows):
-                        places = columns[own.columns]
-                        found = _rate(own, at, BALLS.of(shift[places])) if np.any(shift[places]) else None
-                        if found is not None and found[0] is None:
-                            return False
-                        if found is not None:
-                            rates[places] = rates[places] + found[0]
-                            sizes[places] = np.maximum(sizes[places], found[1])
+                for own in (x for x in cluster.elements if not x.element.rows):
+                    places = columns[own.columns]
+                    if not np.any(shift[places]):
+                        continue
+                    found = _rate(own, self.identities.beside(cluster), BALLS.of(shift[places]))
+                    if found is None:
+                        return False
+                    rates[places] = rates[places] + found[0]
+                    sizes[places] = np.maximum(sizes[places], found[1])
             for item in self.symmetries:
                 along = BALLS.of(item.direction)
                 size = np.max(sizes + BALLS.powers(along), initial=NONE)
@@ -280,31 +285,6 @@ class Invariance(ElementComparison):
             if np.all(np.abs(step) <= EPS * np.abs(q[states])):
                 break
         return q
-
-    @property
-    def _kept_rows(self) -> list[int]:
-        redundant = {id(item.row) for item in self.motion.redundant}
-        return [i for i, row in enumerate(self.system.rows) if id(row) not in redundant]
-
-    @cached_property
-    def isolated(self) -> bool:
-        """Whether the reference rests where there is no other rest beside it, to first order."""
-        motion, system, sizes = self.motion, self.system, self.motion.sizes
-        if not motion.at_rest or motion.massless is not None or system.n_n or system.scene.timed:
-            return False
-        K = scaled(self.slopes_there[0], sizes, sizes)
-        strongest = largest(K)
-        if not strongest:
-            return False
-        J = scaled(motion.dynamics.J, sizes)
-        J = scaled(J, np.ones(system.n_q), 1.0 / row_norms(J))[self._kept_rows]
-        K = K * (1.0 / strongest)
-        if not system.sparse:
-            whole = np.block([[K, J.T], [J, np.zeros((len(J), len(J)))]])
-            return float(np.min(np.linalg.svd(whole, compute_uv=False))) > TOLERANCES.shift_felt
-        from mbstab.analysis.algebra.sparse_rank import least_singular_value
-
-        return least_singular_value(bordered(K, J)) > TOLERANCES.shift_felt
 
     # --- one group --------------------------------------------------------------------------------------------------
 
@@ -455,19 +435,21 @@ def _spanned(x: Array, rows: Array) -> bool:
     return float(np.linalg.norm(left)) <= 10.0 * TOLERANCES.coefficient_zero * float(np.linalg.norm(x))
 
 
-def _rate(own: Local, at: At, Y: Array) -> tuple[Array | None, Any]:
-    """Return c, if the force of an element along a shift is c·u with nothing for its inertia, and sizes of terms."""
-    q, u, a, time = at.state
+def _rate(own: Local, ats: Sequence[At], Y: Array) -> tuple[Array, Array] | None:
+    """Return c, if the force of an element along a shift is c·u and its inertia is the same, and sizes of terms."""
+    unit, found = BALLS.powers(Y), list[tuple[Array, Array]]()
     if not own.analytic:
-        return None, NONE
-    (K, size), (R, terms) = (at.run(own, "linearize")[key] for key in "KR")
-    unit = BALLS.powers(Y)
-    if own.element.takes_acceleration:
-        moved = shows(BALLS.multiplied(K, Y[:, None]), largest_terms(size, unit[:, None]))
-        return (None if np.any(moved) else 0 * u[own.columns]), NONE
-    along, c, most = Y @ K, Y @ R, np.max(terms + unit[:, None], axis=0)
-    F = own.run("dynamics", (q, 0 * u, a, time), BALLS)["F"]
-    other = Y @ own.run("linearize", (3 * q / 2, 2 * u, a, time), BALLS)["R"]
-    constant = not np.any(shows(c - other, most)) and not np.any(shows(along, np.max(size + unit[:, None], axis=0)))
-    still = not np.any(shows(np.array([Y @ F]), np.max(BALLS.powers(F) + unit)))
-    return (c if constant and still else None), most
+        return None
+    for at in ats:
+        (K, size), (R, terms) = (at.run(own, "linearize")[key] for key in "KR")
+        inertia = own.element.takes_acceleration
+        along = K @ Y if inertia else Y @ K
+        if np.any(shows(along, np.max(size + unit if inertia else size + unit[:, None], axis=1 if inertia else 0))):
+            return None
+        q, u, a, time = at.state
+        F = own.run("dynamics", (q, 0 * u, a, time), BALLS)["F"]
+        if not inertia and np.any(shows(np.array([Y @ F]), np.max(BALLS.powers(F) + unit))):
+            return None
+        found.append((0 * Y, np.full(len(Y), NONE)) if inertia else (Y @ R, np.max(terms + unit[:, None], axis=0)))
+    changes = (shows(c - found[0][0], most) for c, most in found)
+    return found[0] if found and not any(np.any(x) for x in changes) else None

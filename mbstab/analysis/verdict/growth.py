@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbstab.analysis.algebra.ball_arrays import BALLS, many_bits
+from mbstab.analysis.algebra.ball_arrays import many_bits
 from mbstab.analysis.reference.identities import NO_VALUE
 from mbstab.analysis.verdict.exact_sums import Structure as Exact
 from mbstab.analysis.verdict.exact_sums import Sum
@@ -69,14 +69,15 @@ def _same_slopes(structure: Structure) -> bool:
     try:
         with many_bits():
             for cluster in identities.clusters:
-                ats = identities.states(cluster)[:1]
-                for at, own in ((at, own) for at in ats for own in cluster.elements if not own.element.rows):
-                    q, u, a, time = at.state
-                    other = own.run("linearize", (3 * q / 2, 2 * u, a, time), BALLS) if own.analytic else {}
-                    if not all(x in other and same(at.run(own, "linearize")[x][0], other[x]) for x in "KR"):
+                first, *others = identities.beside(cluster) or [None]
+                for own in (x for x in cluster.elements if not x.element.rows):
+                    if first is None or not own.analytic:
                         return False
-                if not ats:
-                    return False
+                    pairs = (
+                        (first.run(own, "linearize")[x][0], y.run(own, "linearize")[x][0]) for y in others for x in "KR"
+                    )
+                    if not all(same(*x) for x in pairs):
+                        return False
     except NO_VALUE:
         return False
     return True

@@ -9,7 +9,7 @@ X = 0; the integral of Jacobi in a turning frame) is
   relative to X only.
 
 A built-in spring is known to have a potential and a dissipation function. Other forces are
-evaluated in balls at the random states of `mbstab.analysis.reference.identities`: a force has a potential if its
+evaluated in balls at random states (`mbstab.analysis.reference.identities`): a force has a potential if its
 ∂F/∂q is symmetric and it does not depend on speeds; it does no work if F·u = 0; it damps if ∂F/∂u is a constant matrix
 with a positive semidefinite symmetric part. About a rest a written force may also depend on speeds in any
 other way, if its power is not positive near it (`mbstab.analysis.verdict.drag`).
@@ -134,9 +134,9 @@ class Work:
         return {id(own.element): (cluster, own) for cluster in clusters for own in cluster.elements}
 
     def _at(self, element: Acting) -> Iterator[tuple[At, Local]]:
-        """Yield an element at random states on the rows of its bodies."""
+        """Yield an element at random states."""
         cluster, own = self._places[id(element.placed)]
-        for at in self.invariance.identities.states(cluster):
+        for at in self.invariance.identities.beside(cluster):
             yield at, own
 
     @cached_property
@@ -243,11 +243,8 @@ class Work:
             if kind == "powerless" and not _works_not(at, own, at.state[1][own.columns], ALGEBRA.bits_of_zero):
                 kind = "damping"
             if kind == "damping":
-                # Elsewhere, and at other speeds, too.
-                q, u, a, time = at.state
-                other = own.run("linearize", (3 * q / 2, 2 * u, a, time), BALLS)["R"]
                 damping = moving["R"] if damping is None else damping
-                if not (same(damping, moving["R"]) and same(damping, other) and same(rest["K"], moving["K"])):
+                if not (same(damping, moving["R"]) and same(rest["K"], moving["K"])):
                     return "other"
         return "other" if damping is not None and not not_negative(damping) else kind
 
