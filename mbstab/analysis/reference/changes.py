@@ -426,10 +426,10 @@ class Balanced(At):
         matrix, right = f.zeros((n + len(kept), n + len(kept))), f.zeros((n + len(kept), 1))
         matrix[:n, :n], matrix[n:, :n], matrix[:n, n:] = M, self.J, self.J.T
         right[:n, 0], right[n:, 0] = -F, [-B[k] for k in kept]
-        x = f.solved(matrix, right)[:, 0]
+        solved = f.solved(matrix, right)[:, 0]
         numbers = [i for own in rows for i in own.element.rows]
-        self.nu = dict.fromkeys(numbers, 0.0) | {numbers[k]: y for k, y in zip(kept, x[n:], strict=True)}
-        self.M, self.state = M, (q, u, f.settled(x[:n]), time)
+        self.nu = dict.fromkeys(numbers, 0.0) | {numbers[k]: y for k, y in zip(kept, solved[n:], strict=True)}
+        self.M, self.state = M, (q, u, f.settled(solved[:n]), time)
 
     def know(self, slopes: dict[int, Array]) -> None:
         """Take nothing as known: rows are asked for more."""

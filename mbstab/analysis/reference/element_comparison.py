@@ -287,10 +287,9 @@ class ElementComparison:
             if not exact or not np.array_equal(own_part(T, columns), np.diag(np.sign(signs))):
                 return self._same_to_rounding(element, here, there, T)
             with many_bits():
-                first, second = (
-                    np.array([as_ball(y) for y in element.force(*(BALLS.of(y).tolist() for y in z), time, BALLS.f)])
-                    for z in ((here.q, here.u, here.a), (there.q, there.u, there.a))
-                )
+                states = ([BALLS.of(y).tolist() for y in (x.q, x.u, x.a)] for x in (here, there))
+                forces = (element.force(q, u, a, time, BALLS.f) for q, u, a in states)
+                first, second = (np.array([as_ball(y) for y in force]) for force in forces)
                 return not np.any(shows(first - signs * second, BALLS.powers(first)))
         reached, rows = rows_of(T, columns)  # the element has no force on others
         F, moved = put(self._force(element, here), columns, reached, len(self.motion.q)), self._force(element, there)

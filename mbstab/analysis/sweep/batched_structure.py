@@ -96,6 +96,9 @@ class Known:
         n_eta = len(grounds.S) - structure.space.n_xi
         self.rests = n_eta < structure.space.n_xi and "position at rest" in plain.neutral.family
         self.momenta = tuple(x for x in structure.invariance.integrals if structure._commutes(x)) if self.kept else ()
+        # That forces sum to the rate of a function that no symmetry changes may hold for these numbers alone.
+        chance = len(self.momenta) > len(structure.invariance.momenta)
+        self.vanishing = VERDICT.roundings_of_directions * EPS if chance else VERDICT.independent_direction
         self.speed = bool(self.kept and self.moving and structure.work.conserved_at_rest)
         motion = grounds.motion
         parts = [(x.direction, x.rate) for x in self.momenta] + ([(motion.u, motion.a)] if self.speed else [])
@@ -291,7 +294,7 @@ class Known:
             if rank:
                 good &= s[:, rank - 1] > VERDICT.independent_direction
             if rank < s.shape[-1]:
-                good &= s[:, rank] <= VERDICT.independent_direction
+                good &= s[:, rank] <= self.vanishing
             rows = right[:, rank:] @ rows
         return transposed(orthonormal(transposed(rows), count, good))
 

@@ -18,7 +18,7 @@ other way, if its power is not positive near it (`mbstab.analysis.verdict.drag`)
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -172,22 +172,23 @@ class Work:
         if moving and self._coefficients is None:
             return False
         bits = self.bits if moving else ALGEBRA.bits_of_zero
+        identities = self.invariance.identities
+        pairs = ((cluster, own) for cluster in identities.clusters for own in cluster.elements if own.element.rows)
         try:
             with many_bits():
-                return all(
-                    self._holds(own, at, self._field(cluster, at) if moving else 0 * at.state[1], bits)
-                    for cluster in self.invariance.identities.clusters
-                    for own in cluster.elements
-                    if own.element.rows and not beside.issuperset(own.element.rows)
-                    for at in self.invariance.identities.states(cluster) or [None]
-                )
+                for cluster, own in pairs:
+                    if beside.issuperset(own.element.rows):
+                        continue
+                    states = identities.states(cluster) if own.analytic else []
+                    fields = (self._field(cluster, at) if moving else 0 * at.state[1] for at in states)
+                    if not states or not all(map(partial(self._holds, own, bits), states, fields)):
+                        return False
         except NO_VALUE:  # rows with the slip of a tyre have no value at rest
             return False
+        return True
 
-    def _holds(self, own: Local, at: At | None, X: Array, bits: int) -> bool:
+    def _holds(self, own: Local, bits: int, at: At, X: Array) -> bool:
         """Return whether a row holds for speeds X, and is linear in others beside them."""
-        if at is None or not own.analytic:
-            return False
         q, u, a, time = at.state
         for speeds in (X, X + 2 * (u - X)):
             found = own.run("dynamics", (q, speeds, a, time), BALLS)
