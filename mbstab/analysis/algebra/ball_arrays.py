@@ -187,7 +187,7 @@ def largest_terms(A: Array, B: Array) -> Array:
     return np.asarray(np.max(A[..., :, :, None] + B[..., None, :, :], axis=-2, initial=NONE))
 
 
-def shows(value: Array, size: Array, bits: int = TOLERANCES.bits_of_zero) -> Flags:
+def shows(value: Array, size: Any, bits: int = TOLERANCES.bits_of_zero) -> Flags:
     """Return which entries are not zero beside the sizes of their terms, to so many bits."""
     with np.errstate(invalid="ignore"):
         result: Flags = np.nan_to_num(_least_powers(value) - size, nan=NONE) > -bits

@@ -114,7 +114,12 @@ class Local:
                 arguments.append(a)
             elif function == "linearize" and e.rows:
                 arguments.append([0.0 if nu is None else nu[i] for i in e.rows])
-            return list(evaluate(f.f, *arguments))
+            try:
+                return list(evaluate(f.f, *arguments))
+            except (ArithmeticError, ValueError):
+                if f.exact:
+                    raise
+                return [np.nan] * sum(map(len, getattr(e.kernel, function.upper()).values()))
 
         lead, states = q.shape[:-1], [x.reshape(-1, q.shape[-1]).tolist() for x in (q, u, a)]
         results = np.array([values(x) for x in zip(*states, strict=True)], dtype=q.dtype)

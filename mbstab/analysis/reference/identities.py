@@ -200,10 +200,10 @@ class Identities:
             else:
                 if rows:
                     raise ArithmeticError("no state on the rows")
-        at = self._at(own, (q, u, a, time), BALLS)
+        there = self._at(own, (q, u, a, time), BALLS)
         if not own.still:
-            at.know({key: x["J"] for key, x in found.items()})
-        return at
+            there.know({key: x["J"] for key, x in found.items()})
+        return there
 
     # --- the space of fields ----------------------------------------------------------------------------------------
 
@@ -222,10 +222,9 @@ class Identities:
 
     def _conditions(self, own: Cluster, count: int) -> list[tuple[list[int], Array]]:
         """Return what elements demand of the fields of their bodies, relative to their scale, as orthonormal rows."""
-        spreads = TOLERANCES.state_spreads[1:]
-        for known in (self._known, *(partial(self._states, 2, count, spread) for spread in spreads)):
+        for spread in (None, *TOLERANCES.state_spreads[1:]):
             with np.errstate(all="ignore"), suppress(*NO_VALUE):
-                states = known() if isinstance(known, partial) else known
+                states = self._known if spread is None else self._states(2, count, spread)
                 if len(states) > 1 and (found := self._demands(own, states)):
                     return found
         return [(list(range(len(own.fields))), np.eye(len(own.fields)))]

@@ -69,14 +69,12 @@ def _same_slopes(structure: Structure) -> bool:
     try:
         with many_bits():
             for cluster in identities.clusters:
-                first, *others = identities.beside(cluster) or [None]
+                states = identities.beside(cluster)
                 for own in (x for x in cluster.elements if not x.element.rows):
-                    if first is None or not own.analytic:
+                    if not states or not own.analytic:
                         return False
-                    pairs = (
-                        (first.run(own, "linearize")[x][0], y.run(own, "linearize")[x][0]) for y in others for x in "KR"
-                    )
-                    if not all(same(*x) for x in pairs):
+                    first, *others = (at.run(own, "linearize") for at in states)
+                    if not all(same(first[key][0], x[key][0]) for x in others for key in "KR"):
                         return False
     except NO_VALUE:
         return False
