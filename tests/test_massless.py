@@ -547,6 +547,13 @@ def test_the_critical_damping_of_a_maxwell_element_is_found():
     assert [x.value for x in found.critical] == pytest.approx([0.5], abs=1e-12)
 
 
+def test_a_maxwell_element_at_its_critical_damping_slides_at_any_speed():
+    """At d = c the dampers cancel: m u − c (x − y) is constant, two zeros; the third root is c/m − k/d = −7.5."""
+    found = line([1.0, 0.0], [(0, 1, 4.0, 0.0), (1, -1, 0.0, "d"), (0, -1, 0.0, -0.5)], parameters="d: 0.5").eig()
+    assert (found.verdict, found.counts.neutral) == ("asymptotically stable up to symmetry", 2)
+    assert [e.value for e in found.eigenvalues if e.kind != "neutral"] == pytest.approx([-7.5], rel=1e-12)
+
+
 def test_a_stiff_spring_without_mass_leaves_the_bounds_of_the_others():
     """A spring of 34240 N/m beside one of 1 mN/m; a determinant with 120 digits gave the expected values."""
     elements = [(1, 0, "0.4824", "0.01587"), (2, 1, "0", "16.67"), (3, 2, "34240", "0"), (0, 1, "0.0003154", "0")]
