@@ -291,7 +291,8 @@ class Invariance(ElementComparison):
     def steady(self, generator: Generator) -> bool:
         """Return whether a steady motion follows a symmetry, as far as the rows let it differ from one."""
         identities, sizes = self.identities, self.motion.sizes
-        if identities.of_generator(generator) is not None and self.carries(self.along(generator)):
+        c = identities.of_generator(generator)
+        if c is not None and (not np.any(c != 0) or self.carries(self.along(generator))):
             return True
         fields = [identities.field(c) for c in identities.space.T]
         own = np.concatenate([generator.field(x.q) / sizes for x in self.on_rows])
