@@ -43,7 +43,8 @@ def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[
     if frozen or not motion.generators:
         candidates: tuple[Generator | None, ...] = (None,)
     else:
-        candidates = motion.generators
+        # Coefficients may be constant along motions that are not steady; those that the forces keep come first.
+        candidates = tuple(sorted(motion.generators, key=lambda x: not _is_kept(system, motion, x)))
     best: tuple[float, Generator | None, Matrices] | None = None
     for generator in candidates:
         matrices = matrices_in(system, motion, generator)
@@ -78,6 +79,17 @@ def require_steady(system: System, motion: Motion, generator: Generator) -> None
     """
     for _ in _followed(system, motion, matrices_in(system, motion, generator), generator):
         pass
+
+
+def _is_kept(system: System, motion: Motion, generator: Generator) -> bool:
+    """Whether the accelerations at the reference are those of a steady motion."""
+    return balanced(system, motion, _unkept(motion, generator.acceleration(motion.q)))
+
+
+def _unkept(motion: Motion, steady: Array) -> Array:
+    """Return the scaled forces that other accelerations than those of a motion would need."""
+    result: Array = (motion.dynamics.M @ (motion.a - steady)) * motion.spaces.scale
+    return result
 
 
 def _variation(
@@ -121,7 +133,7 @@ def _followed(
         if left := _left_rows(system, motion, state, u):
             raise ConstraintError(f"the steady motion leaves {', '.join(left)}")
         later = _motion_at(motion, system, q, u, time, state)
-        excess = (later.dynamics.M @ (later.a - generator.acceleration(q))) * motion.spaces.scale
+        excess = _unkept(later, generator.acceleration(q))
         if not balanced(system, later, excess):
             worst = system.names[int(np.argmax(np.abs(excess)))]
             raise ConstraintError(f"the forces do not keep {worst} on the steady motion")
@@ -158,7 +170,7 @@ def _continuing(system: System, motion: Motion, matrices: Matrices) -> Iterator[
 def _moved(system: System, motion: Motion) -> Iterator[Motion]:
     """Yield the motion some way along its speeds: after a noticeable rotation, and after a noticeable shift."""
     u, a = motion.u, motion.a
-    if balanced(system, motion, (motion.dynamics.M @ a) * motion.spaces.scale):
+    if balanced(system, motion, _unkept(motion, 0.0 * a)):
         a = 0.0 * a  # steady: rounding must not add up
     lengths = _lengths(system)
     for kind in (~lengths, lengths):

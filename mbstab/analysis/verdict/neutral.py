@@ -359,8 +359,8 @@ class Structure:
         names: list[str] = []
         left = [(name, x, np.linalg.norm(x) or 1.0) for name, x in candidates]
         for differential in basis.T:
-            names.append(min((-abs(x @ differential) / length, name) for name, x, length in left)[1])
-            left = [x for x in left if x[0] != names[-1]]
+            weights = [(-abs(x @ differential) / length, name) for name, x, length in left]
+            names.append(left.pop(weights.index(min(weights)))[0])
         if self.linear.system.sparse:
             names.sort(key=[name for name, _ in candidates].index)  # for many equal ones any basis is as good
         return basis.T, names
