@@ -129,6 +129,9 @@ class Exact:
     def __abs__(self) -> Any:
         return Exact(abs(self.v))
 
+    def __bool__(self) -> bool:
+        return bool(self.v)
+
     def __float__(self) -> float:
         return float(real(self))
 

@@ -13,7 +13,8 @@ from mbstab.analysis.algebra.augmented import least_multipliers
 from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.proof.krawczyk import independent_rows
-from mbstab.analysis.proof.motion import Field, Rough, State, steady_state
+from mbstab.analysis.proof.motion import Rough, State, steady_state
+from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array, System
 
 
@@ -27,7 +28,7 @@ class Known(Protocol):
     time: Ball
     left_out: list[int]
 
-    def generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> Field:
+    def generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> Generator:
         """Return the field of the steady motion for coefficients that are not given."""
 
     def free_rates(self) -> list[float]:
@@ -152,12 +153,12 @@ class Equations:
     def _by_coefficients(self, at: State) -> tuple[Matrix, Matrix]:
         """Return the derivatives of X and of DX X by the free coefficients: X is linear in them."""
         columns, growths = [], []
-        none, none_slope, _ = self.known.generator(at.q, [ball(0)] * len(self.free)).at(at.q)
+        none = steady_state(self.known.generator(at.q, [ball(0)] * len(self.free)), at.q)
         for k in range(len(self.free)):
             unit = [ball(float(j == k)) for j in range(len(self.free))]
-            one, one_slope, _ = self.known.generator(at.q, unit).at(at.q)
-            X = [x - y for x, y in zip(one, none, strict=True)]
-            D = [[x - y for x, y in zip(*rows, strict=True)] for rows in zip(one_slope, none_slope, strict=True)]
+            one = steady_state(self.known.generator(at.q, unit), at.q)
+            X = [x - y for x, y in zip(one.u, none.u, strict=True)]
+            D = [[x - y for x, y in zip(*rows, strict=True)] for rows in zip(one.slope, none.slope, strict=True)]
             through, own = ball_matrices.apply(at.slope, X), ball_matrices.apply(D, at.u)
             columns.append(X)
             growths.append([x + y for x, y in zip(through, own, strict=True)])

@@ -24,7 +24,8 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.identities import Identities
-from mbstab.analysis.proof.motion import Field
+from mbstab.analysis.proof.motion import generator_in_balls, steady_state
+from mbstab.analysis.reference.steady import Generator
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
@@ -261,17 +262,15 @@ class Proof(Reference):
         (own,) = ball_matrices.times([speeds], r.Z) if r.moving else ([],)
         return [x - y + z for x, y, z in zip(forces, frame, through, strict=True)] + own
 
-    def seen_from(self, step: Field, rate: Ball) -> Proof:
+    def seen_from(self, step: Generator, rate: Ball) -> Proof:
         """Return the same in a frame that also rotates at a rate, by a turn that does not move the reference."""
         own = self.state.field
         spins = [x + rate * y for x, y in zip(own.spins, step.spins, strict=True)]
-        field = Field(self.system, step.axis, step.point, own.rate + rate, own.velocity, spins)
-        _, slope, growth = field.at(self.state.q)
+        field = generator_in_balls(self.system, step.axis, step.point, own.rate + rate, own.velocity, spins)
+        seen = steady_state(field, self.state.q)
         other = copy(self)
         vars(other).pop("reduced", None)
-        other.state = self.state._replace(
-            slope=slope, second=ball_matrices.plus(ball_matrices.times(slope, slope), growth), field=field
-        )
+        other.state = self.state._replace(slope=seen.slope, second=seen.second, field=field)
         return other
 
     def dynamic_rows(self) -> Matrix:

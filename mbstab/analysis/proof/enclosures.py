@@ -19,7 +19,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.proof.balance import Equations, forces
 from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
-from mbstab.analysis.proof.motion import Field, Rough, State
+from mbstab.analysis.proof.motion import Rough, State, generator_in_balls, steady_state
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
@@ -212,7 +212,7 @@ class Reference:
             self.conditions.append(f"these rows repeat others: {names}")
         self.left_out = left_out
 
-    def generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> Field:
+    def generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> Generator:
         """Return the field of the steady motion; `c` are the coefficients that are not given."""
         scene, n = self.system.scene, self.system.n_q
         generator, names = self.rough.linear.generator, self.system.names
@@ -229,16 +229,16 @@ class Reference:
                 velocity = [speed * x for x in ball_matrices.vector([*steady.direction, 0])[:3]]
             for i in self._spinning():
                 spins[i] = unknown.pop(0)
-            return Field(self.system, axis, point, rate, velocity, spins)
+            return generator_in_balls(self.system, axis, point, rate, velocity, spins)
         if generator is not None and generator.turns:
             return self._turning(q, generator)
         if generator is None:
             raise NotProvable("no frame is known in which the motion stands still")
         for i, name in enumerate(names):
             spins[i] = ball(scene.rates.get(name, 0))
-        return Field(self.system, axis, zero, rate, velocity, spins)
+        return generator_in_balls(self.system, axis, zero, rate, velocity, spins)
 
-    def _turning(self, q: Sequence[Ball], generator: Generator) -> Field:
+    def _turning(self, q: Sequence[Ball], generator: Generator) -> Generator:
         """Return the turn whose field, with spins of its own, gives the rates of the file, scaled by the largest."""
         names, scene, motion = self.system.names, self.system.scene, self.rough.motion
         zero, known = [ball(0)] * 3, [*generator.axis.tolist(), *generator.point.tolist()]
@@ -248,10 +248,12 @@ class Reference:
             )
         axis, point = ([ball(Fraction(str(x))) for x in part] for part in (known[:3], known[3:]))
         still, spinning = [ball(0)] * self.system.n_q, set(self._spinning())
-        Y = Field(self.system, axis, point, ball(1), zero, still).at(q)[0]
+        Y = generator_in_balls(self.system, axis, point, ball(1), zero, still).field(np.array(q, dtype=object))
         rates = {i: ball(scene.rates[name]) for i, name in enumerate(names) if name in scene.rates}
         if not spinning <= set(rates):
-            own = Field(self.system, axis, zero, ball(0), zero, [rates.get(i, x) for i, x in enumerate(still)])
+            own = generator_in_balls(
+                self.system, axis, zero, ball(0), zero, [rates.get(i, x) for i, x in enumerate(still)]
+            )
             rates = dict(enumerate(self._with_rates(list(q), own).spins))
         given = [i for i in rates if i not in spinning and not zero_inside(Y[i])]
         if not given:
@@ -261,8 +263,8 @@ class Reference:
         k = max(given, key=lambda i: abs(float(motion.u[i])) / motion.sizes[i])
         rate = rates[k] / Y[k]
         spins = [rates[i] - rate * Y[i] if i in spinning else x for i, x in enumerate(still)]
-        field = Field(self.system, axis, point, rate, zero, spins)
-        u = field.at(q)[0]
+        field = generator_in_balls(self.system, axis, point, rate, zero, spins)
+        u = field.field(np.array(q, dtype=object))
         self._vanish(
             [u[i] - x for i, x in rates.items() if i not in spinning],
             f"the reference satisfies the motion ({generator})",
@@ -303,10 +305,8 @@ class Reference:
         field_ = self.generator(q)
         if scene.steady is None and field_.rate.is_zero():
             field_ = self._with_rates(q, field_)
-        u, slope, growth = field_.at(q)
-        second = ball_matrices.plus(ball_matrices.times(slope, slope), growth)
-        a = ball_matrices.apply(slope, u)
-        return State(q, u, a, self._multipliers(q, u, a), slope, second, field_)
+        state = steady_state(field_, q)
+        return state._replace(nu=self._multipliers(q, state.u, state.a))
 
     def dynamics(
         self, q: Sequence[Ball], u: Sequence[Ball]
@@ -363,7 +363,7 @@ class Reference:
         if any(self.taken.values()):
             self.assumed.append(f"what the constraints leave open is taken as found ({', '.join(self.taken)})")
 
-    def _with_rates(self, q: list[Ball], field_: Field) -> Field:
+    def _with_rates(self, q: list[Ball], field_: Generator) -> Generator:
         """Return the field with rates that the file leaves out, from the velocity rows."""
         scene, names = self.system.scene, self.system.names
         missing = [i for i, name in enumerate(names) if name not in scene.rates]
@@ -381,7 +381,7 @@ class Reference:
             columns = [i for i in missing if f"rate of {names[i]}" in earlier.unknowns]
 
         def put(x: Sequence[Ball]) -> list[Ball]:
-            rates = field_.spins[:]
+            rates = [*field_.spins]
             for i, value in zip(columns, x, strict=True):
                 rates[i] = value
             return rates
@@ -396,7 +396,7 @@ class Reference:
         start, labels = [ball(float(u[i])) for i in columns], [f"rate of {names[i]}" for i in columns]
         found = self._solve(residual, jacobian, start, "the rates", labels, chosen)
         self.driven |= {self.rows[k] for k in chosen}
-        return Field(self.system, field_.axis, field_.point, field_.rate, field_.velocity, put(found))
+        return generator_in_balls(self.system, field_.axis, field_.point, field_.rate, field_.velocity, put(found))
 
     def _multipliers(self, q: list[Ball], u: list[Ball], a: list[Ball]) -> list[Ball]:
         """Return ν from as many equations of motion as there are rows; the others are checked."""

@@ -9,10 +9,9 @@ from typing import Any
 from mbstab.analysis.algebra import ball_matrices, balls
 from mbstab.analysis.algebra.balls import Ball, ball
 from mbstab.analysis.proof.enclosures import Reference
-from mbstab.analysis.proof.motion import Field
+from mbstab.analysis.proof.motion import generator_in_balls
 from mbstab.analysis.proof.tolerances import TOLERANCES
-from mbstab.analysis.reference.fields import Basis, columns_of
-from mbstab.analysis.reference.fields import Field as Group
+from mbstab.analysis.reference.fields import Basis, Field, columns_of
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array
 from mbstab.mechanics.catalogue import GROUND
@@ -27,7 +26,7 @@ def along_direction(Y: Map, q: Sequence[Ball], v: Sequence[Ball]) -> list[Jet]:
     return [Jet.of(x) for x in Y([Jet(x, y, ball(0)) for x, y in zip(q, v, strict=True)])]
 
 
-def combined(group: Group, reference: Reference) -> Map:
+def combined(group: Field, reference: Reference) -> Map:
     """Return a combination of rigid motions of bodies and shifts of states."""
     f, system = jet_arithmetic(balls.ball_arithmetic()), reference.system
 
@@ -49,41 +48,14 @@ def combined(group: Group, reference: Reference) -> Map:
     return field
 
 
-def turned(turn: Field, q: Sequence[Jet]) -> list[Jet]:
-    """Return the field of a turn, a translation and spins at coordinates that are jets."""
-    system, d = turn.system, turn.system.scene.dimension
-    f, found = jet_arithmetic(balls.ball_arithmetic()), [Jet.of(x) for x in turn.spins]
-    w = [Jet.of(turn.rate * x) for x in turn.axis]
-    for body, part in zip(system.scene.bodies, system.body_slices, strict=True):
-        s = part.start
-        out = [q[s + k] - Jet.of(turn.point[k]) for k in range(d)] + [Jet.of(ball(0))] * (3 - d)
-        across = [w[1] * out[2] - w[2] * out[1], w[2] * out[0] - w[0] * out[2], w[0] * out[1] - w[1] * out[0]]
-        for k in range(d):
-            found[s + k] = found[s + k] + across[k] + Jet.of(turn.velocity[k])
-        if not body.orientation or turn.rate.is_zero():
-            continue
-        if d == 2:
-            found[s + 2] = found[s + 2] + w[2]
-            continue
-        base = [ball(x) for x in body.base]
-        w1, w2, w3 = (
-            Jet.of(sum((base[3 * i + k] * turn.rate * turn.axis[i] for i in range(3)), ball(0))) for k in range(3)
-        )
-        c1, s1 = f.cos(q[s + 3]), f.sin(q[s + 3])
-        x, y = c1 * w2 + s1 * w3, c1 * w3 - s1 * w2
-        for k, change in enumerate((w1 - f.tan(q[s + 4]) * y, x, y / f.cos(q[s + 4]))):
-            found[s + 3 + k] = found[s + 3 + k] + change
-    return found
-
-
-def ground_turn(generator: Generator, reference: Reference) -> Field:
+def ground_turn(generator: Generator, reference: Reference) -> Generator:
     """Return a rotation of the ground at 1 rad/s, about an axis and a point of the file if it names them."""
     system, zero = reference.system, [ball(0)] * 3
     axis = next((x for x in _axes(reference) if _same(x, generator.axis)), None)
     axis = axis or [short(x) for x in generator.axis.tolist()]
     point = next((x for x in _points(reference, axis) if _same(x, generator.point)), None)
     point = point or [short(x) for x in generator.point.tolist()]
-    return Field(system, axis, point, ball(1), zero, [ball(0)] * system.n_q)
+    return generator_in_balls(system, axis, point, ball(1), zero, [ball(0)] * system.n_q)
 
 
 def _axes(reference: Reference) -> Iterable[list[Ball]]:

@@ -18,7 +18,7 @@ from mbstab.analysis.algebra import ball_matrices, balls
 from mbstab.analysis.algebra.balls import Ball, Matrix, ball, zero_inside
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.enclosures import Reference
-from mbstab.analysis.proof.fields import Map, along_direction, combined, short, turned
+from mbstab.analysis.proof.fields import Map, along_direction, combined, short
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.verdict.drag import Drag
@@ -26,6 +26,7 @@ from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.work import Work
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError
+from mbstab.model.jets import Jet
 
 Finding = Literal["structural", "enclosed", "open", "refuted"]
 """``open``: not verified; ``refuted``: proven to be wrong."""
@@ -57,7 +58,7 @@ class Identities:
     def _field(self, item: Symmetry, reference: Reference) -> Map:
         """Return Y(q) of a symmetry for jets of balls, or of the motion itself."""
         if item.name == "the motion itself":
-            return lambda q: turned(reference.state.field, q)
+            return lambda q: list(map(Jet.of, reference.state.field.field(np.array(q, dtype=object))))
         return combined(item.of, reference)
 
     def disturbance(self, item: Symmetry, reference: Reference) -> tuple[list[Ball], list[Ball]]:

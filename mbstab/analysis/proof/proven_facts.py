@@ -34,8 +34,9 @@ from mbstab.analysis.proof.characteristic import (
 )
 from mbstab.analysis.proof.fields import ground_turn, short
 from mbstab.analysis.proof.identities import Finding, tiny
-from mbstab.analysis.proof.motion import Field
+from mbstab.analysis.proof.motion import generator_in_balls
 from mbstab.analysis.reference.fields import Symmetry
+from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.verdict.minimum import frame_rates
 from mbstab.analysis.verdict.rule import (
     STABLE,
@@ -389,7 +390,7 @@ class Case:
                 return True
         return False
 
-    def _idle(self) -> Iterator[tuple[Symmetry, Field]]:
+    def _idle(self) -> Iterator[tuple[Symmetry, Generator]]:
         """Yield rotations of the ground that do not move the reference, with the spins that compensate them."""
         still, own = np.zeros(self.proof.system.n_q), self.proof.state.field
         spins = [x for x in self.momenta if x.of.shift is not None and np.sum(x.of.shift != 0.0) == 1]
@@ -406,7 +407,7 @@ class Case:
                 if not own.rate.is_zero() and any(not (x - y).is_zero() for x, y in pairs):
                     continue
                 zero, undone = [ball(0)] * 3, [-y for y in Y]
-                yield item, Field(self.proof.system, turn.axis, turn.point, ball(1), zero, undone)
+                yield item, generator_in_balls(self.proof.system, turn.axis, turn.point, ball(1), zero, undone)
 
     def _second_variation(self) -> Matrix:
         """Return H in the coordinates of S."""
