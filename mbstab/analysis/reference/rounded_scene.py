@@ -73,12 +73,14 @@ def exact_system(system: System) -> System:
 
         with uncollected(), many_bits():
             f, values, scene = ball_arithmetic(), dict[str, Any](), system.scene
+            known = _parameters(scene.model, scene.parameters)
             for name, parameter in scene.model.parameters.items():
-                given = float(scene.parameters[name])
+                given, error = value_and_error(known[name])
                 values[name] = ball(Fraction(repr(given)))
                 with suppress(ExpressionError, ArithmeticError, ValueError):
                     found = parameter.expression.evaluate(values, f) * ball_factor(parameter.unit)
-                    if abs(float(found) - given) <= 8.0 * UNIT * abs(given):
+                    # What cancels in doubles may leave nothing of a value there.
+                    if abs(float(found) - given) <= error + 8.0 * UNIT * abs(given):
                         values[name] = found
             found = evaluate(scene.model, values, f, checked=True)
             if scene.turned:  # the charts are those of the doubles
