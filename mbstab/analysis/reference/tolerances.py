@@ -246,8 +246,6 @@ class Tolerances:
     """Numbers computed in a comparison may be wrong by this many roundings of their terms."""
     row_residual: Final = 1e-12
     """Constraint rows hold to this at the states that are compared, relative to the sizes in the scene."""
-    shift_felt: Final = 1e-6
-    """Where forces and rows change by more in every direction, relative to the strongest, no other rest is near."""
     field_felt: Final = 1e-9
     """A field that moves the reference by less, relative to the sizes in the scene, does not move it."""
     repeated_row_misfit: Final = 30.0
