@@ -190,12 +190,13 @@ class Work:
     def _holds(self, own: Local, bits: int, at: At, X: Array) -> bool:
         """Return whether a row holds for speeds X, and is linear in others beside them."""
         q, u, a, time = at.state
-        for speeds in (X, X + 2 * (u - X)):
+        own_rates = own.run("dynamics", (q, u, a, time), BALLS)["V"]  # in scenes of rows of places not quite zero
+        for speeds, rates in (X, 0 * own_rates), (X + 2 * (u - X), 2 * own_rates):
             found = own.run("dynamics", (q, speeds, a, time), BALLS)
             # What vanishes on rows does so to the digits of the state only.
             least = at.units + at.rate - REFERENCE.bits_of_weak_terms
             sizes = np.max([BALLS.powers(speeds), BALLS.powers(u), least], axis=0)[own.columns, None]
-            if np.any(shows(found["V"], largest_terms(BALLS.powers(found["J"]), sizes)[:, 0], bits)):
+            if np.any(shows(found["V"] - rates, largest_terms(BALLS.powers(found["J"]), sizes)[:, 0], bits)):
                 return False
         return True
 
