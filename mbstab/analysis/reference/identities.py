@@ -410,10 +410,14 @@ class Identities:
                     if seed == 3 and spread == TOLERANCES.exact_spreads[0] and part == TOLERANCES.state_spreads[0]
                     else []
                 )
-                for state in first or self._states(seed, 1, spread * part):
-                    at = self._closed(own, state)
+                states = first or self._states(seed, 1, spread * part)
+                if self.together:  # in a sum, terms of fast motions hide weak forces
+                    states = [*states, *((q, 0.0 * u, 0.0 * a, time) for q, u, a, time in states)]
+                found = [self._closed(own, state) for state in states]
+                for at in found:
                     at.evaluate(elements)
-                    return [at]
+                if found:
+                    return found
         return []
 
     def _along(self, own: Cluster, at: At, c: Array, what: What) -> Sized:
@@ -515,8 +519,12 @@ class Identities:
     def of_shift(self, *coordinates: int) -> Array | None:
         """Return the exact coefficients of the field that shifts coordinates alike; None if there is none."""
         found = np.full(self.basis.size, 0, dtype=object)
+        try:
+            blocks = self.exact_blocks
+        except NO_VALUE:  # a scene that has no values with these digits, such as cos(1e200)
+            return None
         for i in coordinates:
-            b = self.exact_blocks[self.basis.of_coordinate[i]]
+            b = blocks[self.basis.of_coordinate[i]]
             k = i - b.part.start
             if k < ROTATIONS.get(b.kind, 1):
                 found[b.start + k] = 1
