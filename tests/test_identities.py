@@ -217,3 +217,10 @@ constraints: {ay: {holonomic: a.y}, by: {holonomic: b.y}}
 forces: {s: {type: expression, on: {b.x: "-cos(a.x)*b.x - rate(b.x)"}}}
 reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}}
 """).eig().verdict in (UNDECIDED, UNSTABLE)
+
+
+@pytest.mark.parametrize("omega", [3.0, 5.2])
+def test_random_states_at_which_rows_become_dependent_are_left_out(omega):
+    """The governor turns steadily at any rate; a random state may close onto a singular position of its arms."""
+    found = mbstab.load("governor.yaml").eig(omega=omega)
+    assert (found.verdict, found.counts.neutral) == (ASYMPTOTIC_UP_TO, 1)

@@ -176,7 +176,7 @@ class Identities:
         time, sizes, found = as_ball(state[3]), self.motion.sizes[own.columns], dict[int, dict[str, Array]]()
         for level in ("E",) if own.still else ("E", "V"):
             rows = [x for x in own.rows if x.holonomic or level == "V"]
-            asked = rows
+            asked, ranks = rows, set[int]()
             for _ in range(TOLERANCES.newton_steps_onto_rows if rows else 0):
                 for x in asked:
                     found[id(x)] = x.run("dynamics", (q, 0 * u if level == "E" else u, a, time), BALLS)
@@ -186,6 +186,9 @@ class Identities:
                     J[len(left) : len(left) + len(x.element.rows), x.columns] = at["J"]
                     left = np.concatenate([left, at[level] if x in asked else 0 * at[level]])
                 kept = independent(middle(J) * sizes)
+                ranks.add(len(kept))
+                if len(ranks) > 1:
+                    raise ArithmeticError("rows become dependent at this state")
                 J = J[kept]
                 weighted = J * sizes**2
                 pulled = BALLS.solved(BALLS.multiplied(weighted, J.T), left[kept][:, None])

@@ -296,7 +296,7 @@ class Tolerances:
     """Beside inertias that differ by more, forces of fast motions hide weak ones in sums of 220 bits."""
     searched_together: Final = 60
     """Elements of scenes with no more coordinates than this are tested at states of the whole scene."""
-    half_of_digits: Final = 1e-30
+    half_of_digits: Final = 1e-33
     """A step of Newton's method with many digits that is smaller than this, relatively, is the last."""
     row_dependence: Final = 1e-9
     """Rows of unit length are dependent on others beside which less is left of them."""
