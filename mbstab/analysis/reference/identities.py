@@ -170,13 +170,22 @@ class Identities:
             found.append((q, u, a, time))
         return found
 
+    def _rank(self, own: Cluster, rows: Sequence[Local]) -> int:
+        """Return the number of independent rows at the reference."""
+        motion, J = self.motion, [np.zeros((0, len(own.columns)))]
+        at = tuple(x[own.columns] for x in (motion.q, motion.u, motion.a))
+        for x in rows:
+            J.append(np.zeros((len(x.element.rows), len(own.columns))))
+            J[-1][:, x.columns] = x.run("dynamics", (*at, motion.time), DOUBLES)["J"]
+        return len(independent(np.nan_to_num(np.concatenate(J)) * motion.sizes[own.columns]))
+
     def _closed(self, own: Cluster, state: State) -> At:
         """Return a cluster in balls at a state near one in doubles at which its rows hold, by Newton's method."""
         q, u, a = (BALLS.of(x[own.columns]) for x in state[:3])
         time, sizes, found = as_ball(state[3]), self.motion.sizes[own.columns], dict[int, dict[str, Array]]()
         for level in ("E",) if own.still else ("E", "V"):
             rows = [x for x in own.rows if x.holonomic or level == "V"]
-            asked, ranks = rows, set[int]()
+            asked, rank = rows, self._rank(own, rows)
             for _ in range(TOLERANCES.newton_steps_onto_rows if rows else 0):
                 for x in asked:
                     found[id(x)] = x.run("dynamics", (q, 0 * u if level == "E" else u, a, time), BALLS)
@@ -186,8 +195,7 @@ class Identities:
                     J[len(left) : len(left) + len(x.element.rows), x.columns] = at["J"]
                     left = np.concatenate([left, at[level] if x in asked else 0 * at[level]])
                 kept = independent(middle(J) * sizes)
-                ranks.add(len(kept))
-                if len(ranks) > 1:
+                if len(kept) < rank:
                     raise ArithmeticError("rows become dependent at this state")
                 J = J[kept]
                 weighted = J * sizes**2
