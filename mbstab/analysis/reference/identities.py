@@ -173,10 +173,10 @@ class Identities:
     def _rank(self, own: Cluster, rows: Sequence[Local]) -> int:
         """Return the number of independent rows at the reference."""
         motion, J = self.motion, [np.zeros((0, len(own.columns)))]
-        at = tuple(x[own.columns] for x in (motion.q, motion.u, motion.a))
+        q, u, a = (x[own.columns] for x in (motion.q, motion.u, motion.a))
         for x in rows:
             J.append(np.zeros((len(x.element.rows), len(own.columns))))
-            J[-1][:, x.columns] = x.run("dynamics", (*at, motion.time), DOUBLES)["J"]
+            J[-1][:, x.columns] = x.run("dynamics", (q, u, a, motion.time), DOUBLES)["J"]
         return len(independent(np.nan_to_num(np.concatenate(J)) * motion.sizes[own.columns]))
 
     def _closed(self, own: Cluster, state: State) -> At:
