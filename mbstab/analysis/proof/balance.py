@@ -13,8 +13,7 @@ from mbstab.analysis.algebra.augmented import least_multipliers
 from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.proof.krawczyk import independent_rows
-from mbstab.analysis.proof.motion import Rough, State, steady_state
-from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.proof.motion import BallGenerator, Rough, State, steady_state
 from mbstab.compiler.system import Array, System
 
 
@@ -28,7 +27,7 @@ class Known(Protocol):
     time: Ball
     left_out: list[int]
 
-    def generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> Generator:
+    def generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> BallGenerator:
         """Return the field of the steady motion for coefficients that are not given."""
 
     def free_rates(self) -> list[float]:

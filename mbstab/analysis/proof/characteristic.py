@@ -24,8 +24,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.identities import Identities
-from mbstab.analysis.proof.motion import generator_in_balls, steady_state
-from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls, steady_state
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
@@ -262,7 +261,7 @@ class Proof(Reference):
         (own,) = ball_matrices.times([speeds], r.Z) if r.moving else ([],)
         return [x - y + z for x, y, z in zip(forces, frame, through, strict=True)] + own
 
-    def seen_from(self, step: Generator, rate: Ball) -> Proof:
+    def seen_from(self, step: BallGenerator, rate: Ball) -> Proof:
         """Return the same in a frame that also rotates at a rate, by a turn that does not move the reference."""
         own = self.state.field
         spins = [x + rate * y for x, y in zip(own.spins, step.spins, strict=True)]

@@ -19,7 +19,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.proof.balance import Equations, forces
 from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
-from mbstab.analysis.proof.motion import Rough, State, generator_in_balls, steady_state
+from mbstab.analysis.proof.motion import BallGenerator, Rough, State, generator_in_balls, steady_state
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
@@ -212,7 +212,7 @@ class Reference:
             self.conditions.append(f"these rows repeat others: {names}")
         self.left_out = left_out
 
-    def generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> Generator:
+    def generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> BallGenerator:
         """Return the field of the steady motion; `c` are the coefficients that are not given."""
         scene, n = self.system.scene, self.system.n_q
         generator, names = self.rough.linear.generator, self.system.names
@@ -238,7 +238,7 @@ class Reference:
             spins[i] = ball(scene.rates.get(name, 0))
         return generator_in_balls(self.system, axis, zero, rate, velocity, spins)
 
-    def _turning(self, q: Sequence[Ball], generator: Generator) -> Generator:
+    def _turning(self, q: Sequence[Ball], generator: Generator) -> BallGenerator:
         """Return the turn whose field, with spins of its own, gives the rates of the file, scaled by the largest."""
         names, scene, motion = self.system.names, self.system.scene, self.rough.motion
         zero, known = [ball(0)] * 3, [*generator.axis.tolist(), *generator.point.tolist()]
@@ -363,7 +363,7 @@ class Reference:
         if any(self.taken.values()):
             self.assumed.append(f"what the constraints leave open is taken as found ({', '.join(self.taken)})")
 
-    def _with_rates(self, q: list[Ball], field_: Generator) -> Generator:
+    def _with_rates(self, q: list[Ball], field_: BallGenerator) -> BallGenerator:
         """Return the field with rates that the file leaves out, from the velocity rows."""
         scene, names = self.system.scene, self.system.names
         missing = [i for i, name in enumerate(names) if name not in scene.rates]

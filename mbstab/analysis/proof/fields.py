@@ -9,7 +9,7 @@ from typing import Any
 from mbstab.analysis.algebra import ball_matrices, balls
 from mbstab.analysis.algebra.balls import Ball, ball
 from mbstab.analysis.proof.enclosures import Reference
-from mbstab.analysis.proof.motion import generator_in_balls
+from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import Basis, Field, columns_of
 from mbstab.analysis.reference.steady import Generator
@@ -48,7 +48,7 @@ def combined(group: Field, reference: Reference) -> Map:
     return field
 
 
-def ground_turn(generator: Generator, reference: Reference) -> Generator:
+def ground_turn(generator: Generator, reference: Reference) -> BallGenerator:
     """Return a rotation of the ground at 1 rad/s, about an axis and a point of the file if it names them."""
     system, zero = reference.system, [ball(0)] * 3
     axis = next((x for x in _axes(reference) if _same(x, generator.axis)), None)

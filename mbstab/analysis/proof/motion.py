@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,17 +14,21 @@ from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import System
 
+BallGenerator = Any
+"""`mbstab.analysis.reference.steady.Generator` whose arrays hold balls."""
+
 
 def generator_in_balls(
     system: System,
-    axis: Sequence[Ball],
-    point: Sequence[Ball],
+    axis: Any,
+    point: Any,
     rate: Ball,
-    velocity: Sequence[Ball],
-    spins: Sequence[Ball],
-) -> Generator:
+    velocity: Any,
+    spins: Any,
+) -> BallGenerator:
     """Return the generator of a steady motion in balls."""
-    axis, point, velocity, spins = (np.array([*x], dtype=object) for x in (axis, point, velocity, spins))
+    vectors = (np.array([*x], dtype=object) for x in (axis, point, velocity, spins))
+    axis, point, velocity, spins = vectors
     return Generator(system, axis, point, rate, velocity, spins)
 
 
@@ -37,7 +41,7 @@ class State(NamedTuple):
     nu: list[Ball]
     slope: Matrix
     second: Matrix
-    field: Generator
+    field: BallGenerator
 
 
 class Rough(NamedTuple):
@@ -48,7 +52,7 @@ class Rough(NamedTuple):
     linear: Linearization
 
 
-def steady_state(field: Generator, q: Sequence[Ball], nu: Sequence[Ball] = ()) -> State:
+def steady_state(field: BallGenerator, q: Sequence[Ball], nu: Sequence[Ball] = ()) -> State:
     """Return the motion that follows a field, given its multipliers."""
     at = np.array([*q], dtype=object)
     u, (slope, second) = ball_matrices.vector(field.field(at)), map(ball_matrices.matrix, field.frame(at))

@@ -34,9 +34,8 @@ from mbstab.analysis.proof.characteristic import (
 )
 from mbstab.analysis.proof.fields import ground_turn, short
 from mbstab.analysis.proof.identities import Finding, tiny
-from mbstab.analysis.proof.motion import generator_in_balls
+from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls
 from mbstab.analysis.reference.fields import Symmetry
-from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.verdict.minimum import frame_rates
 from mbstab.analysis.verdict.rule import (
     STABLE,
@@ -390,7 +389,7 @@ class Case:
                 return True
         return False
 
-    def _idle(self) -> Iterator[tuple[Symmetry, Generator]]:
+    def _idle(self) -> Iterator[tuple[Symmetry, BallGenerator]]:
         """Yield rotations of the ground that do not move the reference, with the spins that compensate them."""
         still, own = np.zeros(self.proof.system.n_q), self.proof.state.field
         spins = [x for x in self.momenta if x.of.shift is not None and np.sum(x.of.shift != 0.0) == 1]

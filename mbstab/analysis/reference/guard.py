@@ -44,7 +44,8 @@ def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[
         candidates: tuple[Generator | None, ...] = (None,)
     else:
         # Coefficients may be constant along motions that are not steady; those that the forces keep come first.
-        candidates = tuple(sorted(motion.generators, key=lambda x: not _is_kept(system, motion, x)))
+        kept_first = sorted(motion.generators, key=lambda x: not _is_kept(system, motion, x))
+        candidates = tuple(kept_first)
     best: tuple[float, Generator | None, Matrices] | None = None
     for generator in candidates:
         matrices = matrices_in(system, motion, generator)
