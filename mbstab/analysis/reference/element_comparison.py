@@ -89,6 +89,17 @@ class ElementComparison:
         return max(sizes) or self._surface_rate or 1.0
 
     @cached_property
+    def rate_of_states(self) -> float:
+        """The rate of random states: beside far faster motions than that of the slowest force no digits show it."""
+        scale = self.motion.spaces.scale
+        if self.system.sparse:
+            return self.rate
+        K, R = (np.max(np.abs(scaled(x, scale, scale)), axis=1) for x in self.slopes_there)
+        rates = np.maximum(np.sqrt(K), R)
+        slowest = float(np.min(rates[rates > 0.0], initial=self.rate))
+        return min(self.rate, TOLERANCES.rate_beside_slowest * slowest)
+
+    @cached_property
     def slopes_there(self) -> tuple[Any, Any]:
         """K = ∂F/∂q and R = ∂F/∂u at the reference."""
         motion = self.motion

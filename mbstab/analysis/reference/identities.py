@@ -59,7 +59,7 @@ class Identities:
 
     def __init__(self, near: ElementComparison, together: bool = False) -> None:
         self.near, self.together = near, together
-        self.system, self.motion, self.rate = near.system, near.motion, near.rate
+        self.system, self.motion, self.rate = near.system, near.motion, near.rate_of_states
         self.basis = Basis(self.system)
         self._found: dict[tuple[int, float], list[State]] = {}
 

@@ -292,8 +292,8 @@ class Tolerances:
     a function may be flat to all digits but near the reference."""
     bits_of_weak_terms: Final = 90
     """At states on rows terms are seen that are smaller by these bits than those of other fields in the same row."""
-    inertias_summed: Final = 1e24
-    """Beside inertias that differ by more, forces of fast motions hide weak ones in sums of 220 bits."""
+    rate_beside_slowest: Final = 1e12
+    """Random states move at most so many times as fast as the slowest force does: at 1e27 forces do not show."""
     searched_together: Final = 60
     """Elements of scenes with no more coordinates than this are tested at states of the whole scene."""
     half_of_digits: Final = 1e-33

@@ -102,9 +102,6 @@ class Grounds:
         large = system.sparse or system.n_q > REFERENCE.searched_together
         if large or not separated.A.size or self.linear.massless is not None:
             return structure, separated
-        inertias = np.diagonal(self.linear.M) * self.motion.sizes**2
-        if np.max(inertias) > REFERENCE.inertias_summed * np.min(inertias):
-            return structure, separated
         limit = TOLERANCES.family_singular_value * max(float(np.linalg.norm(self.S, 2)), self._elementwise.rate)
         if float(np.linalg.svd(separated.A, compute_uv=False)[-1]) > limit:
             return structure, separated
