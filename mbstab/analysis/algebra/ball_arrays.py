@@ -141,11 +141,11 @@ DOUBLES, BALLS = Doubles(), Balls()
 
 
 @contextlib.contextmanager
-def many_bits() -> Iterator[None]:
-    """Compute with the bits of identities inside the context."""
+def many_bits(bits: int = TOLERANCES.bits_of_identities) -> Iterator[None]:
+    """Compute with the bits of identities, or with others, inside the context."""
     from flint import ctx
 
-    before, ctx.prec = ctx.prec, TOLERANCES.bits_of_identities
+    before, ctx.prec = ctx.prec, bits
     try:
         yield
     finally:

@@ -530,12 +530,8 @@ class Identities:
     def of_shift(self, *coordinates: int) -> Array | None:
         """Return the exact coefficients of the field that shifts coordinates alike; None if there is none."""
         found = np.full(self.basis.size, 0, dtype=object)
-        try:
-            blocks = self.exact_blocks
-        except NO_VALUE:  # a scene that has no values with these digits, such as cos(1e200)
-            return None
         for i in coordinates:
-            b = blocks[self.basis.of_coordinate[i]]
+            b = self.exact_blocks[self.basis.of_coordinate[i]]
             k = i - b.part.start
             if k < ROTATIONS.get(b.kind, 1):
                 found[b.start + k] = 1

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.rounded import UNIT, Rounded, WithErrors, rounded_arithmetic, value_and_error
+from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 from mbstab.model.exact_values import exact_parameters
@@ -71,7 +72,7 @@ def exact_system(system: System) -> System:
         from mbstab.analysis.algebra.balls import ball, ball_arithmetic
         from mbstab.analysis.algebra.balls import exact_factor as ball_factor
 
-        with uncollected(), many_bits():
+        with uncollected(), many_bits(TOLERANCES.bits_of_scene):
             f, values, scene = ball_arithmetic(), dict[str, Any](), system.scene
             known = _parameters(scene.model, scene.parameters)
             for name, parameter in scene.model.parameters.items():

@@ -292,6 +292,8 @@ class Tolerances:
     a function may be flat to all digits but near the reference."""
     bits_of_weak_terms: Final = 90
     """At states on rows terms are seen that are smaller by these bits than those of other fields in the same row."""
+    bits_of_scene: Final = 1280
+    """Bits with which the entries of a file are evaluated: cos(1e300) needs a thousand of its argument."""
     rate_beside_slowest: Final = 1e12
     """Random states move at most so many times as fast as the slowest force does: at 1e27 forces do not show."""
     searched_together: Final = 60
