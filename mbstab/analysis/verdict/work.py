@@ -172,12 +172,14 @@ class Work:
         if moving and self._coefficients is None:
             return False
         bits = self.bits if moving else ALGEBRA.bits_of_zero
-        identities = self.invariance.identities
+        identities, scene = self.invariance.identities, self.system.scene
         pairs = ((cluster, own) for cluster in identities.clusters for own in cluster.elements if own.element.rows)
         try:
             with many_bits():
                 for cluster, own in pairs:
-                    if beside.issuperset(own.element.rows):
+                    # The rate of a function of coordinates alone is J(q) u.
+                    at_rest = not moving and own.holonomic and not (scene.timed or scene.balances)
+                    if at_rest or beside.issuperset(own.element.rows):
                         continue
                     states = identities.states(cluster) if own.analytic else []
                     fields = (self._field(cluster, at) if moving else 0 * at.state[1] for at in states)
