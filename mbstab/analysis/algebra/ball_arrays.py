@@ -207,9 +207,10 @@ def kept_combinations(rows: Array, sizes: Array) -> Array:
     """
     d = rows.shape[1]
     found, left, rows, sizes = BALLS.of(np.eye(d)), list(range(d)), rows.copy(), sizes.copy()
+    powers = _least_powers(rows)
     while left and len(rows):
         with np.errstate(invalid="ignore"):
-            relative = np.nan_to_num(_least_powers(rows[:, left]) - sizes[:, left], nan=NONE)
+            relative = np.nan_to_num(powers[:, left] - sizes[:, left], nan=NONE)
         i, j = np.unravel_index(int(np.argmax(relative)), relative.shape)
         if not relative[i, j] > -TOLERANCES.bits_of_zero:
             break
@@ -221,6 +222,7 @@ def kept_combinations(rows: Array, sizes: Array) -> Array:
             found[:, k] = BALLS.settled(found[:, k] - factor * found[:, pivot])
             sizes[:, k] = np.maximum(sizes[:, k], sizes[:, pivot] + BALLS.powers(np.array([factor], dtype=object))[0])
             rows[i, k] = as_ball(0)
+            powers[:, k] = _least_powers(rows[:, k])
     return found[:, left]
 
 

@@ -697,16 +697,18 @@ def reduced(space: Array, scale: Array, lengths: Flags) -> tuple[Array, list[int
     Rotations are its pivots before translations: the place of an axis is a decimal, its inverse mostly not.
     """
     A, weight, pivots = space.copy(), np.where(lengths, 1e-3, 1.0) / scale, list[int]()
+    weighted = np.abs(middle(A)) * weight[:, None]
     for k in range(A.shape[1]):
-        sizes = np.abs(middle(A[:, k:])) * weight[:, None]
-        pivot, best = map(int, np.unravel_index(int(np.argmax(sizes)), sizes.shape))
-        A[:, [k, k + best]] = A[:, [k + best, k]]
+        pivot, best = map(int, np.unravel_index(int(np.argmax(weighted[:, k:])), weighted[:, k:].shape))
+        for x in (A, weighted):
+            x[:, [k, k + best]] = x[:, [k + best, k]]
         A[:, k] = A[:, k] / A[pivot, k]
         A[pivot, k] = 1
-        for j in range(A.shape[1]):
-            if j != k and A[pivot, j] != 0:
+        for j in np.flatnonzero(A[pivot] != 0):
+            if j != k:
                 A[:, j] = BALLS.settled(A[:, j] - A[pivot, j] * A[:, k])
                 A[pivot, j] = 0
+                weighted[:, j] = np.abs(middle(A[:, j])) * weight
         pivots.append(pivot)
     sizes = BALLS.powers(A)
     tiny = sizes <= np.max(sizes, axis=0, initial=NONE) - TOLERANCES.bits_of_coefficients
