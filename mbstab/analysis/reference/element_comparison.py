@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares
+from mbstab.analysis.algebra.arrays import Flags, RandomNumbers, least_squares
 from mbstab.analysis.algebra.ball_arrays import BALLS, as_ball, many_bits, shows
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
 from mbstab.analysis.algebra.sparse import is_sparse, largest, own_part, put, row_norms, rows_of, scaled
@@ -78,26 +78,27 @@ class ElementComparison:
     @cached_property
     def rate(self) -> float:
         """A characteristic rate of the scene (1/s)."""
-        motion, scale = self.motion, self.motion.spaces.scale
+        return self._rate_of(np.ones(len(self.motion.q), dtype=bool))
+
+    @cached_property
+    def rate_of_states(self) -> float:
+        """The same without inertias so small that forces on others do not show beside those of their fast motions."""
+        if self.system.sparse:
+            return self.rate
+        inertias = np.diagonal(self.motion.dynamics.M) * self.motion.sizes**2
+        heavy = inertias >= TOLERANCES.inertia_of_states * np.max(inertias, initial=0.0)
+        return self.rate if np.all(heavy | (inertias <= 0.0)) else self._rate_of(heavy)
+
+    def _rate_of(self, coordinates: Flags) -> float:
+        motion = self.motion
         K, R = self.slopes_there
         # States may be in any unit.
-        scale = scale.copy()
+        scale = np.where(coordinates, motion.spaces.scale, 0.0)
         scale[self.system.states[0]] = 0.0
         K, R = (largest(scaled(x, scale, scale)) for x in (K, R))
         sizes = float(np.max(np.abs(motion.u) / motion.sizes)), K**0.5, R
         # Where nothing acts and nothing moves, moving surfaces give the only rate.
         return max(sizes) or self._surface_rate or 1.0
-
-    @cached_property
-    def rate_of_states(self) -> float:
-        """The rate of random states: beside far faster motions than that of the slowest force no digits show it."""
-        scale = self.motion.spaces.scale
-        if self.system.sparse:
-            return self.rate
-        K, R = (np.max(np.abs(scaled(x, scale, scale)), axis=1) for x in self.slopes_there)
-        rates = np.maximum(np.sqrt(K), R)
-        slowest = float(np.min(rates[rates > 0.0], initial=self.rate))
-        return min(self.rate, TOLERANCES.rate_beside_slowest * slowest)
 
     @cached_property
     def slopes_there(self) -> tuple[Any, Any]:

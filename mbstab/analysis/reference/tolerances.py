@@ -294,8 +294,8 @@ class Tolerances:
     """At states on rows terms are seen that are smaller by these bits than those of other fields in the same row."""
     bits_of_scene: Final = 1280
     """Bits with which the entries of a file are evaluated: cos(1e300) needs a thousand of its argument."""
-    rate_beside_slowest: Final = 1e12
-    """Random states move at most so many times as fast as the slowest force does: at 1e27 forces do not show."""
+    inertia_of_states: Final = 1e-20
+    """Motions of inertias below this part of the largest do not set the rate of random states."""
     searched_together: Final = 60
     """Elements of scenes with no more coordinates than this are tested at states of the whole scene."""
     half_of_digits: Final = 1e-33
