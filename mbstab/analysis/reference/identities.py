@@ -421,13 +421,15 @@ class Identities:
                     if seed == 3 and spread == TOLERANCES.exact_spreads[0] and part == TOLERANCES.state_spreads[0]
                     else []
                 )
-                states = first or self._states(seed, 1, spread * part)
-                if self.together:  # in a sum, terms of fast motions hide weak forces
-                    states = [*states, *((q, 0.0 * u, 0.0 * a, time) for q, u, a, time in states)]
-                found = [self._closed(own, state) for state in states]
-                for at in found:
-                    at.evaluate(elements)
-                if found:
+                for state in first or self._states(seed, 1, spread * part):
+                    found = [self._closed(own, state)]
+                    found[0].evaluate(elements)
+                    if self.together:  # in a sum, terms of fast motions hide weak forces
+                        q, u, a, time = state
+                        with suppress(*NO_VALUE):  # a tyre has no slip at rest
+                            rest = self._closed(own, (q, 0.0 * u, 0.0 * a, time))
+                            rest.evaluate(elements)
+                            found.append(rest)
                     return found
         return []
 

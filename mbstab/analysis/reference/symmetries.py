@@ -88,18 +88,19 @@ class Invariance(ElementComparison):
         motion, found = self.motion, list[Symmetry]()
         if self.isolated:
             return found
-        room = np.zeros((2 * len(motion.q) + 1, 2 * len(motion.q)))
+        basis = np.zeros((2 * len(motion.q) + 1, 2 * len(motion.q)))
         for name, field in self.fields:
             direction, rate = field.field(motion.q), field.slope(motion.q) @ motion.u
             vector = self.disturbance(direction, rate)
             length = float(np.linalg.norm(vector))
             if length < TOLERANCES.field_felt:
                 continue
-            count = len(found)
-            room[count] = vector / length
-            # A field that shares no entry with earlier ones is independent of them, as with many free bodies.
-            apart = not np.any(room[:count] @ room[count])
-            if apart or np.linalg.svd(room[: count + 1], compute_uv=False)[-1] > TOLERANCES.independent_fields:
+            known, left = basis[: len(found)], vector / length
+            for _ in range(2):  # twice is enough (Parlett 1998, section 6.9)
+                left = left - known.T @ (known @ left)
+            rest = float(np.linalg.norm(left))
+            if rest > TOLERANCES.independent_fields:
+                basis[len(found)] = left / rest
                 found.append(Symmetry(name, direction, rate, field))
         return found
 
