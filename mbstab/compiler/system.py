@@ -187,10 +187,6 @@ class System:
         elements = [element for element in self._elements if chosen(element)]
         return self if len(elements) == len(self._elements) else self._with(elements)
 
-    def containing(self, columns: frozenset[int]) -> System:
-        """Return a system with only those elements with rows that contain some coordinates."""
-        return self._with([e for e in self._elements if e.rows and not columns.isdisjoint(e.columns)])
-
     @property
     def closing(self) -> System:
         """A system with only inertia and holonomic rows: what closes a mechanism has a value without its speeds."""

@@ -151,19 +151,6 @@ def nothing(n: int) -> Any:
     return csr_array((n, n))
 
 
-def with_block(A: Any, part: slice, block: Array) -> Any:
-    """Return a square matrix with one diagonal block replaced."""
-    if not is_sparse(A):
-        A = A.copy()
-        A[part, part] = block
-        return A
-    places = np.arange(part.start, part.stop)
-    i, j = (x.ravel() for x in np.meshgrid(places, places, indexing="ij"))
-    changed = A.tolil()
-    changed[i, j] = block.ravel()
-    return changed.tocsr()
-
-
 def own_part(A: Any, places: Any) -> Array:
     """Return the principal submatrix of a square matrix at some places, as an array."""
     if isinstance(places, slice):

@@ -72,12 +72,6 @@ class Generator:
         """Whether anything moves; if not, X is zero everywhere."""
         return self.turns or bool(np.any(self.velocity)) or bool(np.any(self.spins))
 
-    def turns_as(self, other: Generator) -> bool:
-        """Whether both are rotations about the same line and nothing else, at whatever rates."""
-        apart = np.cross(self.axis, self.point - other.point)
-        plain = not any(np.any(x) for one in (self, other) for x in (one.velocity, one.spins))
-        return plain and self.turns and other.turns and np.array_equal(self.axis, other.axis) and not np.any(apart)
-
     @property
     def starts(self) -> bool:
         """Whether the ground does not rotate, but its rate has a slope: it would with another value of a parameter."""

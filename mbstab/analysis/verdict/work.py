@@ -192,8 +192,9 @@ class Work:
     def _holds(self, own: Local, bits: int, at: At, X: Array) -> bool:
         """Return whether a row holds for speeds X, and is linear in others beside them."""
         q, u, a, time = at.state
-        own_rates = own.run("dynamics", (q, u, a, time), BALLS)["V"]  # in scenes of rows of places not quite zero
-        for speeds, rates in (X, 0 * own_rates), (X + 2 * (u - X), 2 * own_rates):
+        # Zero where the speeds of the state satisfy the row; those of states that satisfy rows on places only need not.
+        known = own.run("dynamics", at.state, BALLS)["V"]
+        for speeds, rates in (X, 0 * known), (X + 2 * (u - X), 2 * known):
             found = own.run("dynamics", (q, speeds, a, time), BALLS)
             # What vanishes on rows does so to the digits of the state only.
             least = at.units + at.rate - REFERENCE.bits_of_weak_terms
