@@ -11,9 +11,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.ball_arrays import (
     BALLS,
-    DOUBLES,
     NONE,
     Doubles,
     as_ball,
@@ -255,14 +255,6 @@ class At:
         """Take ∂V/∂u of rows as known, by the identity of their elements."""
         self._runs |= {(key, "dynamics"): {"J": (J, self.f.powers(J))} for key, J in slopes.items()}
 
-    def in_doubles(self, what: What) -> Iterator[Change]:
-        """Yield what all fields do at the same state, in doubles."""
-        q, u, a = (middle(x) for x in self.state[:3])
-        at = self.cluster.at((q, u, a, float(self.state[3])), DOUBLES, np.exp2(self.units), 2.0**self.rate)
-        if at.__class__ is At:
-            at.elements = self.elements
-        return at.changes(what)
-
     @cached_property
     def values(self) -> list[Any]:
         """The fields of each block: X, X', X'' and DX, one below the other."""
@@ -476,15 +468,17 @@ class Balanced(At):
         yield Change(whole, value, size, usual)
 
 
-def independent(J: Array) -> list[int]:
-    """Return the numbers of independent rows."""
+def independent(J: Array, first: Flags | None = None) -> list[int]:
+    """Return the numbers of independent rows, as many as there are of those that come first, if some do."""
     left, kept = J / np.maximum(np.linalg.norm(J, axis=1), 1e-300)[:, None], list[int]()
-    while len(kept) < len(J):
-        lengths = np.linalg.norm(left, axis=1)
-        k = int(np.argmax(lengths))
-        if not lengths[k] > TOLERANCES.row_dependence:
-            break
-        kept.append(k)
-        unit = left[k] / lengths[k]
-        left = left - np.outer(left @ unit, unit)
+    groups = [np.arange(len(J))] if first is None else [np.flatnonzero(first), np.flatnonzero(~first)]
+    for group in groups:
+        while len(kept) < len(J) and len(group):
+            lengths = np.linalg.norm(left[group], axis=1)
+            k = int(group[np.argmax(lengths)])
+            if not np.max(lengths) > TOLERANCES.row_dependence:
+                break
+            kept.append(k)
+            unit = left[k] / np.linalg.norm(left[k])
+            left = left - np.outer(left @ unit, unit)
     return sorted(kept)

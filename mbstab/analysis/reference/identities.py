@@ -271,8 +271,7 @@ class Identities:
         if not found.shape[1]:
             return found
         simple = self._simple(found)
-        others = echelon(found, self.scale, self.basis.lengths, simple)[:, simple.shape[1] :]
-        others = others[:, self._further(simple, others)]
+        others = self._further(simple, found)
         with many_bits():
             exact = in_balls(np.hstack([simple.astype(int).astype(object), others]))
             rough = [k for k, c in enumerate(others.T, simple.shape[1]) if any(isinstance(x, float) for x in c)]
@@ -280,28 +279,39 @@ class Identities:
                 exact[:, moving] = self._refined(exact[:, moving], np.array(exact == 1))
             return self._kept(np.delete(exact, [k for k in rough if k not in moving], axis=1))
 
-    def _further(self, simple: Array, others: Array) -> list[int]:
-        """Return the numbers of fields that are on the rows no combinations of simple ones and of those before."""
-        if not others.shape[1]:
-            return []
+    def _further(self, simple: Array, space: Array) -> Array:
+        """Return the fields of a space besides simple ones, in echelon form; what is equal on the rows counts as one.
 
-        def images(c: Array) -> Array:
-            found = [np.zeros((1, c.shape[1]))]
-            for own in self._searched:
-                sizes = self.motion.sizes[own.columns]
-                for at in own.rough:
-                    X = np.concatenate([x[0] for x in at.fields(c[own.fields])], axis=-2) / sizes[:, None]
-                    found.append(X.reshape(int(np.prod(X.shape[:-1])), c.shape[1]))
-            return np.concatenate(found)
-
-        kept, known, new = list[int](), images(simple), images(others.astype(float))
+        Of equal fields that one is taken that turns the fewest bodies with the ground.
+        """
+        number = space.shape[1] - simple.shape[1]
+        if not number:
+            return np.zeros((len(space), 0), dtype=object)
+        scale, weight = self.scale, np.where(self.basis.lengths, 1e-3, 1.0)
+        S, Q = simple / scale[:, None], space / scale[:, None]
+        S = np.linalg.qr(S)[0] if S.shape[1] else S
+        # Those that vanish at pivots of the simple ones are none of their combinations.
+        fixed = pivots_of(S, weight)
+        Q = Q - S @ np.linalg.solve(S[fixed], Q[fixed]) if fixed else Q
+        Q = np.linalg.svd(Q, full_matrices=False)[0][:, :number]
+        known, new = self._images(S), self._images(Q)
         room = np.linalg.qr(known)[0] if known.shape[1] else known
-        for k, x in enumerate(new.T):
-            left = x - room @ (room.T @ x)
-            if np.linalg.norm(left) > TOLERANCES.independent_fields * np.linalg.norm(x):
-                kept.append(k)
-                room = np.column_stack([room, left / np.linalg.norm(left)])
-        return kept
+        _, s, right = np.linalg.svd(np.linalg.qr(new - room @ (room.T @ new), mode="r"))
+        rank = int(np.sum(s > TOLERANCES.independent_fields))
+        found, equal = Q @ right[:rank].T, Q @ right[rank:].T
+        if taken := pivots_of(equal, np.where(self.basis.still, 0.5, 1.0) * weight):
+            found = found - equal @ np.linalg.solve(equal[taken], found[taken])
+        return echelon(found * scale[:, None], scale, weight)
+
+    def _images(self, c: Array) -> Array:
+        """Return what fields, given relative to their scale, do to the coordinates at states on the rows."""
+        found, c = [np.zeros((1, c.shape[1]))], c * self.scale[:, None]
+        for own in self._searched:
+            sizes = self.motion.sizes[own.columns]
+            for at in own.rough:
+                X = np.concatenate([x[0] for x in at.fields(c[own.fields])], axis=-2) / sizes[:, None]
+                found.append(X.reshape(int(np.prod(X.shape[:-1])), c.shape[1]))
+        return np.concatenate(found)
 
     def _moves(self, c: Array) -> bool:
         """Return whether a field moves the reference."""
@@ -313,24 +323,24 @@ class Identities:
     def _refined(self, space: Array, pivots: Array) -> Array:
         """Return fields that doubles propose with all digits, by Newton's method; others do not converge."""
         free = np.flatnonzero(~np.any(pivots & (np.sum(pivots, axis=1, keepdims=True) == 1), axis=1))
-        parts, rough = list[tuple[Cluster, At, Array]](), [np.zeros((0, self.basis.size))]
+        parts, slopes = list[tuple[Cluster, At, Array]](), [np.zeros((0, self.basis.size))]
         for own in self._searched:
+            every = BALLS.of(np.diag(self.scale[own.fields]))
             for visit in range(TOLERANCES.states_beyond + len(own.fields) // own.least):
                 for at in self._visited(own, visit):
-                    changes, most = list(at.in_doubles("along")), list[Array]()
-                    for x in changes:
-                        most.append(np.max(x.size + np.log2(self.scale[own.fields][own.fields_of(x.of)]), axis=1))
-                    largest = max(float(np.max(x, initial=NONE)) for x in most)
-                    units = list[Array]()
-                    for x, size in zip(changes, most, strict=True):
-                        # What a row cancels by itself is rounding of the state.
-                        felt = size > largest - TOLERANCES.bits_of_weak_terms
-                        units.append(np.where(felt, np.exp2(-np.where(felt, size, 0.0)), 0.0)[:, None])
-                        rows = np.zeros((len(size), self.basis.size))
-                        rows[:, [own.fields[k] for k in own.fields_of(x.of)]] = x.value * units[-1]
-                        rough.append(rows)
-                    parts.append((own, at, BALLS.of(np.concatenate(units))))
-        inverse = np.linalg.pinv((np.concatenate(rough) * self.scale)[:, free], rcond=TOLERANCES.proposed_change)
+                    value, size = self._along(own, at, every, "along")
+                    most = np.max(size, axis=1, initial=NONE)
+                    # What a row or a kernel cancels by itself is rounding of the state.
+                    felt = most > np.max(most, initial=NONE) - TOLERANCES.bits_of_weak_terms
+                    units = BALLS.of(np.where(felt, np.exp2(-np.where(felt, most, 0.0)), 0.0)[:, None])
+                    slopes.append(np.zeros((len(value), self.basis.size)))
+                    slopes[-1][:, own.fields] = middle(value * units)
+                    parts.append((own, at, units))
+        # What the rows leave open stays as proposed: a step along it would be rounding that no step takes away.
+        matrix = np.concatenate(slopes)[:, free]
+        solved = independent(matrix.T, np.any(space[free] != 0, axis=1))
+        inverse = np.linalg.pinv(matrix[:, solved], rcond=TOLERANCES.proposed_change)
+        free = free[solved]
         for _ in range(TOLERANCES.steps_of_refinement):
             left = np.concatenate([self._along(own, at, space[own.fields], "along")[0] * x for own, at, x in parts])
             power = float(np.max(BALLS.powers(left), initial=NONE))
@@ -666,31 +676,43 @@ def null_space(parts: Sequence[tuple[list[int], Array]], size: int) -> Array:
     return found
 
 
-def echelon(space: Array, scale: Array, lengths: Flags, simple: Array | None = None) -> Array:
+def echelon(space: Array, scale: Array, weight: Array) -> Array:
     """Return the reduced echelon form of a space of columns, with fractions where these are short, as objects.
 
-    Rotations are its pivots before translations: the place of an axis is a decimal, its inverse mostly not.
+    It depends on the space alone, not on the columns that are given.
 
     Parameters
     ----------
-    simple : ndarray, shape (size, number), optional
-        Independent columns of the space that come first: the others must not mix with them.
+    space : ndarray, shape (size, number)
+        Independent columns.
+    scale : ndarray, shape (size,)
+        Sizes of the entries.
+    weight : ndarray, shape (size,)
+        Those with the largest are preferred as pivots.
     """
-    first = np.zeros((len(scale), 0)) if simple is None else simple
-    A = (np.hstack([first, space]) / scale[:, None]).T.copy()
-    weight, pivots = np.where(lengths, 1e-3, 1.0), list[int]()
-    for k in range(space.shape[1]):
-        choice = A[k : k + 1] if k < first.shape[1] else A[k:]
-        best, pivot = map(int, np.unravel_index(int(np.argmax(np.abs(choice) * weight)), choice.shape))
-        A[[k, k + best]] = A[[k + best, k]]
-        A[k] /= A[k, pivot]
-        others = np.flatnonzero(A[:, pivot])
-        others = others[others != k]
-        A[others] -= A[others, pivot, None] * A[k]
-        A[others, pivot] = 0.0
-        pivots.append(pivot)
-    found = A[: space.shape[1]].T * scale[:, None] / scale[pivots]
-    return np.asarray(np.frompyfunc(short, 1, 1)(found), dtype=object) if found.size else found.astype(object)
+    if not space.shape[1]:
+        return space.astype(object)
+    Q = np.linalg.qr(space / scale[:, None])[0]
+    pivots = pivots_of(Q, weight)
+    found = Q @ np.linalg.inv(Q[pivots]) * scale[:, None] / scale[pivots]
+    return np.asarray(np.frompyfunc(short, 1, 1)(found), dtype=object)
+
+
+def pivots_of(Q: Array, weight: Array) -> list[int]:
+    """Return as many rows of orthonormal columns as there are columns, that are independent.
+
+    The first of the largest is taken, then the columns that vanish there are left: by its length relative to these,
+    which depends on the space alone.
+    """
+    found = list[int]()
+    while Q.shape[1]:
+        sizes = np.linalg.norm(Q, axis=1) * weight
+        k = int(np.argmax(sizes >= (1.0 - TOLERANCES.proposed_change) * np.max(sizes)))
+        found.append(k)
+        mirror = Q[k].copy()
+        mirror[0] += np.copysign(np.linalg.norm(mirror), mirror[0])
+        Q = (Q - np.outer(Q @ mirror, mirror * (2.0 / (mirror @ mirror))))[:, 1:]
+    return found
 
 
 def reduced(space: Array, scale: Array, lengths: Flags) -> tuple[Array, list[int]]:

@@ -128,7 +128,7 @@ class Invariance(ElementComparison):
         idle = self._idle
         alone = [k for k in range(len(items)) if _spanned(np.eye(len(items))[k], idle.T)]
         found, single = [items[k] for k in alone], np.eye(len(items))[alone]
-        for c in echelon(idle, np.ones(len(items)), np.zeros(len(items), dtype=bool)).T:
+        for c in echelon(idle, np.ones(len(items)), np.ones(len(items))).T:
             if _spanned(np.array(c, dtype=float), single):
                 continue
             chosen = [(x, item) for x, item in zip(c, items, strict=True) if x]
@@ -172,7 +172,7 @@ class Invariance(ElementComparison):
         still, found = np.zeros(self.system.n_q), list(known)
         basis = [item.direction for item in known]
         sizes = self.motion.sizes
-        for entries in echelon(self._balanced_shifts(), sizes, np.zeros(len(sizes), dtype=bool)).T:
+        for entries in echelon(self._balanced_shifts(), sizes, np.ones(len(sizes))).T:
             field = self.identities.shift(entries)
             if field is None:
                 continue
