@@ -489,8 +489,9 @@ class Identities:
         """Return for each field whether nothing shows along it, of what is asked."""
         if not fields:
             return []
+        good = ~self._seen(fields, what)
         with many_bits():
-            space, good = self._columns(fields), np.ones(len(fields), dtype=bool)
+            space = self._columns(fields)
             for own in self.clusters:
                 on = np.flatnonzero(good & np.any(space[own.fields] != 0, axis=0))
                 if not len(on):
@@ -500,6 +501,17 @@ class Identities:
                 for at in visited:
                     good[on] &= ~np.any(shows(*self._along(own, at, space[own.fields][:, on], what)), axis=0)
         return good.tolist()
+
+    def _seen(self, fields: Sequence[Field], what: What) -> Flags:
+        """Return for each field whether doubles show something along it: then no balls are asked."""
+        c, found = np.array([x.c for x in fields]).T, np.zeros(len(fields), dtype=bool)
+        _ = self._proposed  # has the states
+        for own in self.clusters:
+            for x in (x for at in own.rough for x in at.changes(what, c[own.fields])):
+                most = np.exp2(np.maximum(x.size, x.usual))
+                seen = np.abs(x.value) > TOLERANCES.proposed_change * most
+                found |= np.any(seen.reshape(-1, len(fields)), axis=0)
+        return found
 
     def worth(self, field: Field) -> Literal["structural", "enclosed"]:
         """Return what an identity of a field of the space rests on: structural if no element contains what it moves."""

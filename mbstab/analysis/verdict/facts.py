@@ -234,8 +234,18 @@ class Grounds:
         advice = "; ".join(x for x in (spun(self.system, self.motion.u), self._advice(standing)) if x)
         return (
             f"frozen-time: not a stability verdict; the coefficients of the linearized equations change {size} along "
-            f"the motion{least}{self._accelerating(standing)}; {advice}"
+            f"the motion{least}{self._broken()}{self._accelerating(standing)}; {advice}"
         )
+
+    def _broken(self) -> str:
+        """Name the entries that keep the motion from being steady: the fewest of those that it could be."""
+        found = [x for g in self.motion.generators if (x := self.invariance.broken(g)) != ["the motion"]]
+        names = min(found, key=len, default=[])
+        if not names:
+            return ""
+        more = f" and {len(names) - 3} more" if len(names) > 4 else ""
+        listed = ", ".join(names[: 3 if more else 4]) + more
+        return f", where {listed} {'is' if len(names) == 1 else 'are'} not the same all along it"
 
     def _accelerating(self, generator: Generator) -> str:
         """Name the coordinate that leaves a steady motion most: forces out of balance are the usual reason.
