@@ -298,8 +298,9 @@ class Tolerances:
     """Motions of inertias below this part of the largest do not set the rate of random states."""
     searched_together: Final = 60
     """Elements of scenes with no more coordinates than this are tested at states of the whole scene."""
-    half_of_digits: Final = 1e-33
-    """A step of Newton's method with many digits that is smaller than this, relatively, is the last."""
+    half_of_digits: Final = 1e-30
+    """A step of Newton's method with many digits that is smaller than this, relatively, is the last: it leaves its
+    square."""
     row_dependence: Final = 1e-9
     """Rows of unit length are dependent on others beside which less is left of them."""
     steps_of_refinement: Final = 7
