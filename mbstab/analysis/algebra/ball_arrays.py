@@ -98,6 +98,10 @@ class Balls(Doubles):
     def of(self, x: Array) -> Array:  # noqa: D102
         return np.asarray(np.frompyfunc(_types()[0], 1, 1)(np.asarray(x, dtype=float)))
 
+    def within(self, x: Array, error: Array) -> Array:
+        """Return the balls about doubles with given errors."""
+        return np.asarray(np.frompyfunc(_types()[0], 2, 1)(x, error))
+
     def settled(self, x: Array) -> Array:  # noqa: D102
         return np.asarray(np.frompyfunc(lambda y: as_ball(y).mid(), 1, 1)(x))
 

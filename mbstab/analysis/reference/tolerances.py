@@ -238,10 +238,6 @@ class Tolerances:
     """At so many points of a range the sign of the determinant is looked at."""
 
     # Symmetries: whether elements are carried into themselves
-    force_change: Final = 1e-11
-    """An element is invariant if each of its forces changes by no more than this fraction of its size …"""
-    force_change_rounding: Final = 1e-14
-    """… or this fraction of all its forces: that is the rounding of components mixed by a rotation."""
     roundings_of_comparison: Final = 8.0
     """Numbers computed in a comparison may be wrong by this many roundings of their terms."""
     row_residual: Final = 1e-12
