@@ -34,7 +34,7 @@ from mbstab.analysis.algebra.ball_arrays import (
     plain_ball,
     shows,
 )
-from mbstab.analysis.reference.changes import At, Cluster, Local, Sized, State, What, Whole, independent
+from mbstab.analysis.reference.changes import At, Cluster, Local, Results, Sized, State, What, Whole, independent
 from mbstab.analysis.reference.element_comparison import ElementComparison
 from mbstab.analysis.reference.fields import ROTATIONS, SIZES, Basis, Block, Field
 from mbstab.analysis.reference.rounded_scene import exact_system
@@ -53,15 +53,16 @@ class Identities:
     ----------
     near : ElementComparison
         The scene and its reference, near which states lie.
-    together : bool
-        Whether only the sum of all forces must stay the same, as far as rows do not balance it.
+    alone : Identities, optional
+        Those of each element by itself: then only the sum of all forces must stay the same, as far as rows do not
+        balance it.
     """
 
-    def __init__(self, near: ElementComparison, together: bool = False) -> None:
-        self.near, self.together = near, together
+    def __init__(self, near: ElementComparison, alone: Identities | None = None) -> None:
+        self.near, self.alone, self.together = near, alone, alone is not None
         self.system, self.motion, self.rate = near.system, near.motion, near.rate_of_states
         self.basis = Basis(self.system)
-        self._found: dict[tuple[int, float], list[State]] = {}
+        self._found: dict[tuple[int, int, float], list[State]] = {} if alone is None else alone._found
 
     @cached_property
     def _exact(self) -> System:
@@ -87,6 +88,8 @@ class Identities:
     @cached_property
     def clusters(self) -> list[Cluster]:
         """The elements by the bodies and states that they contain, with all rows on these; of small scenes, all."""
+        if self.alone is not None:
+            return self.alone.clusters
         blocks, every = self.basis.blocks, tuple(range(len(self.basis.blocks)))
         together = not self.system.sparse and self.system.n_q <= TOLERANCES.searched_together
         found, touching = dict[tuple[int, ...], Cluster](), dict[int, list[tuple[tuple[int, ...], Local]]]()
@@ -139,6 +142,8 @@ class Identities:
     @cached_property
     def _known(self) -> list[State]:
         """The states on rows at which other questions about a scene are asked, with random accelerations."""
+        if self.alone is not None:
+            return self.alone._known
         if self.system.scene.timed or not self.system.n_c:
             return []
         sizes, rng, time = self.motion.sizes, RandomNumbers(2), self.motion.time
@@ -148,9 +153,10 @@ class Identities:
 
     def _states(self, seed: int, count: int, spread: float) -> list[State]:
         """Return random states near the reference that satisfy all rows, in doubles: fewer where none are found."""
-        if (seed, spread) not in self._found:
-            self._found[seed, spread] = self._searched_states(RandomNumbers(seed), count, spread)
-        return self._found[seed, spread]
+        key = seed, count, spread
+        if key not in self._found:
+            self._found[key] = self._searched_states(RandomNumbers(seed), count, spread)
+        return self._found[key]
 
     def _searched_states(self, rng: RandomNumbers, count: int, spread: float) -> list[State]:
         motion, sizes, found = self.motion, self.motion.sizes, list[State]()
@@ -170,50 +176,50 @@ class Identities:
             found.append((q, u, a, time))
         return found
 
-    def _rank(self, own: Cluster, rows: Sequence[Local]) -> int:
-        """Return the number of independent rows at the reference."""
-        motion, J = self.motion, [np.zeros((0, len(own.columns)))]
-        q, u, a = (x[own.columns] for x in (motion.q, motion.u, motion.a))
-        for x in rows:
-            J.append(np.zeros((len(x.element.rows), len(own.columns))))
-            J[-1][:, x.columns] = x.run("dynamics", (q, u, a, motion.time), DOUBLES)["J"]
-        return len(independent(np.nan_to_num(np.concatenate(J)) * motion.sizes[own.columns]))
+    def _ranks(self, own: Cluster) -> tuple[int, int]:
+        """Return the number of independent rows on positions at the reference, and that of all."""
+        if own.ranks is None:
+            motion, at = self.motion, own.columns
+            state = motion.q[at], motion.u[at], motion.a[at], motion.time
+            J = own.stacked({id(x): x.run("dynamics", state, DOUBLES) for x in own.closing}, "J", DOUBLES)
+            J = np.nan_to_num(J) * motion.sizes[at]
+            own.ranks = own.ranked(independent(J, own.holonomic))
+        return own.ranks
 
     def _closed(self, own: Cluster, state: State) -> At:
         """Return a cluster in balls at a state near one in doubles at which its rows hold, by Newton's method."""
         q, u, a = (BALLS.of(x[own.columns]) for x in state[:3])
-        time, sizes, found = as_ball(state[3]), self.motion.sizes[own.columns], dict[int, dict[str, Array]]()
-        for level in ("E",) if own.still else ("E", "V"):
-            rows = [x for x in own.rows if x.holonomic or level == "V"]
-            asked, rank = rows, self._rank(own, rows)
-            for _ in range(TOLERANCES.newton_steps_onto_rows if rows else 0):
-                for x in asked:
-                    found[id(x)] = x.run("dynamics", (q, 0 * u if level == "E" else u, a, time), BALLS)
-                left, J = BALLS.zeros((0,)), BALLS.zeros((sum(len(x.element.rows) for x in rows), len(sizes)))
-                for x in rows:
-                    at = found[id(x)]
-                    J[len(left) : len(left) + len(x.element.rows), x.columns] = at["J"]
-                    left = np.concatenate([left, at[level] if x in asked else 0 * at[level]])
-                kept = independent(middle(J) * sizes)
-                if len(kept) < rank:
+        time, sizes, found, asked = as_ball(state[3]), self.motion.sizes[own.columns], dict[int, Results](), own.closing
+        further = [x for x in asked if not x.holonomic]
+        kept, half = list[int](), TOLERANCES.half_of_digits
+        # The last steps of coordinates and of speeds: each step doubles the digits.
+        far, fast = np.inf if np.any(own.holonomic) else 0.0, np.inf
+        for visit in range(TOLERANCES.newton_steps_onto_rows if asked else 0):
+            found |= {id(x): x.run("dynamics", (q, u, a, time), BALLS) for x in asked}
+            J = own.stacked(found, "J", BALLS)
+            if not visit:
+                rough = middle(J) * sizes
+                kept = independent(rough, own.holonomic)
+                if own.ranked(kept) < self._ranks(own):
                     raise ArithmeticError("rows become dependent at this state")
-                J = J[kept]
-                weighted = J * sizes**2
-                pulled = BALLS.solved(BALLS.multiplied(weighted, J.T), left[kept][:, None])
-                step = BALLS.multiplied(weighted.T, pulled)[:, 0]
-                q, u = (BALLS.settled(q - step), u) if level == "E" else (q, BALLS.settled(u - step))
-                if level == "V":
-                    asked = [x for x in rows if not x.holonomic]  # the others are linear in the speeds
-                # Each step doubles the digits.
-                far = float(np.max(np.abs(middle(step)) / sizes)) / (1.0 if level == "E" else self.rate)
-                if far < TOLERANCES.half_of_digits or not asked:
-                    break
-            else:
-                if rows:
-                    raise ArithmeticError("no state on the rows")
+            left, on = np.stack([own.stacked(found, key, BALLS)[kept] for key in "EV"], axis=-1), own.holonomic[kept]
+            left[~on, 0] = 0
+            if asked is not own.closing:
+                left[on] = 0  # these hold, and are linear in the speeds
+            steps = BALLS.shortest(J[kept], sizes, left)
+            reach = np.max(np.abs(middle(steps)) / sizes[:, None], axis=0).tolist()
+            settled = far < half or reach[0] < half**2
+            if not settled:
+                q, far = BALLS.settled(q - steps[:, 0]), reach[0]
+            u, before, fast = BALLS.settled(u - steps[:, 1]), fast, reach[1] / self.rate
+            if settled and (not further or before < half or fast < half**2):
+                break
+            asked = further if settled else asked
+        else:
+            if asked:
+                raise ArithmeticError("no state on the rows")
         there = self._at(own, (q, u, a, time), BALLS)
-        if not own.still:
-            there.know({key: x["J"] for key, x in found.items()})
+        there.know(found)
         return there
 
     # --- the space of fields ----------------------------------------------------------------------------------------

@@ -47,8 +47,8 @@ class Invariance(ElementComparison):
     system : System
     motion : Motion
         The reference.
-    together : bool
-        Whether the sum of all forces is tested, as far as the rows do not balance it, not each element by itself.
+    alone : Invariance, optional
+        That of each element by itself: then the sum of all forces is tested, as far as the rows do not balance it.
 
     Attributes
     ----------
@@ -56,9 +56,9 @@ class Invariance(ElementComparison):
         Whether it is known by other means that no symmetry moves the reference.
     """
 
-    def __init__(self, system: System, motion: Motion, together: bool = False) -> None:
+    def __init__(self, system: System, motion: Motion, alone: Invariance | None = None) -> None:
         super().__init__(system, motion)
-        self.together = together
+        self._alone = alone
         self.isolated = False
 
     # --- symmetries -------------------------------------------------------------------------------------------------
@@ -66,7 +66,7 @@ class Invariance(ElementComparison):
     @cached_property
     def identities(self) -> Identities:
         """What the elements of the scene do along fields."""
-        return Identities(self, self.together)
+        return Identities(self) if self._alone is None else Identities(self._alone, self._alone.identities)
 
     @cached_property
     def fields(self) -> list[tuple[str, Field]]:
@@ -443,7 +443,7 @@ def _rate(own: Local, ats: Sequence[At], Y: Array) -> tuple[Array, Array] | None
     if not own.analytic:
         return None
     for at in ats:
-        (K, size), (R, terms) = (at.run(own, "linearize")[key] for key in "KR")
+        (K, size), (R, terms) = (at.entry(own, key) for key in "KR")
         inertia = own.element.takes_acceleration
         along = K @ Y if inertia else Y @ K
         if np.any(shows(along, np.max(size + unit if inertia else size + unit[:, None], axis=1 if inertia else 0))):
