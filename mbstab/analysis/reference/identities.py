@@ -506,7 +506,8 @@ class Identities:
                 good[on] &= bool(visited)
                 for at in visited:
                     good[on] &= ~np.any(shows(*self._along(own, at, space[own.fields][:, on], what)), axis=0)
-        return good.tolist()
+        result: list[bool] = good.tolist()
+        return result
 
     def _seen(self, fields: Sequence[Field], what: What) -> Flags:
         """Return for each field whether doubles show something along it: then no balls are asked."""
