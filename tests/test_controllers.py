@@ -556,3 +556,24 @@ def test_angles_in_space_go_on_over_turns_in_a_simulation():
     exact = np.radians(200.0) + 200.0 / omega * np.sin(omega * found.times)
     assert np.max(np.abs(found.q[:, found.names.index("arm.psi")] - exact)) <= 1e-5
     assert not found.warnings
+
+
+def test_an_integral_that_only_rounding_moves_is_at_rest():
+    # The coordinates that the rail leaves are solved for: their product in the travel is some 1e-65 m.
+    model = mbstab.loads("""\
+mbstab: 1
+gravity: [0, -9.81]
+bodies:
+  cart: {type: planar, mass: 3, inertia: 1}
+  a: {type: planar, mass: 0.5, shape: {type: rod, length: 0.6}, points: {top: [0, 0.3], end: [0, -0.3]}}
+  b: {type: planar, mass: 0.3, shape: {type: rod, length: 0.4}, points: {top: [0, 0.2]}}
+joints:
+  rail: {type: prismatic, between: [ground, cart], axis: x}
+  j1: {type: revolute, between: [cart, a.top]}
+  j2: {type: revolute, between: [a.end, b.top]}
+forces:
+  m: {type: pid, joint: rail, of: displacement(rail), P: 200, I: 30, D: 80}
+reference: {coordinates: {cart: {x: 0}, a: {theta: 0}, b: {theta: 0}}}
+""")
+    assert not np.any(model.motion().u)
+    assert model.eig().verdict == "asymptotically stable"

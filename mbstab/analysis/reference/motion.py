@@ -259,7 +259,14 @@ class Finder:
         return u, state
 
     def _rounding(self, q: Array, u: Array) -> Array:
-        return state_rounding(self.system, q, u, self.scene.time)
+        """Return what rounding makes of the rates of states; of coordinates that are solved for, that of the scene."""
+        system, time = self.system, self.scene.time
+        found, rows = state_rounding(system, q, u, time), system.states[1]
+        solved = np.isin(system.names, self.solved)
+        if len(rows) and np.any(solved):
+            V_q = dense(system.linearize_rows(q, u, 0.0 * u, time)[0])[rows]
+            found[rows] += TOLERANCES.coordinate_rounding * (np.abs(V_q) @ (self.sizes * solved))
+        return found
 
     def _check_rates(self, q: Array, u: Array, state: Dynamics, steady: Generator | None = None) -> None:
         """Refuse rates that do not satisfy the constraints; `steady` is the motion that they follow from."""
