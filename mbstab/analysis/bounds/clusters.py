@@ -468,7 +468,7 @@ class Clusters:
             return
         index = [self.groups[g][0] for g in rough]
         x, w, lam, mu = judge.full(self.V[:, index], self.rows[index], s[index])
-        known = judge.spread(x, w, lam, mu, s[index])
+        known = judge.spread(x, w, lam, mu)
         beside = bool(judge.T.shape[1] or len(judge.L))
         hopeful = [
             k for k, g in enumerate(rough)

@@ -31,7 +31,6 @@ import math
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.bounds.backward_errors import BackwardErrors
 from mbstab.analysis.bounds.clusters import Clusters
@@ -201,6 +200,8 @@ def _key(s: complex) -> tuple[float, float]:
 
 def _of_others(judge: _Eigenvectors, values: Complex, vectors: Complex) -> Placed:
     """Return bounds for values of another method: their distances from the default ones plus the bounds of these."""
+    from mbstab.analysis.algebra.matching import assigned
+
     found = judge.found()
     own = found.placed()
     T = judge.T

@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.sparse import in_parts
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.bounds.discs import Disc, Group, Placed, bounds_in, meeting, relative
 from mbstab.analysis.bounds.grouping import row_scaled_inverse, united
 from mbstab.analysis.bounds.tolerances import TOLERANCES
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
-from mbstab.analysis.linear.sparse_pencil import Block, Pairs, Residuals, SparsePencil, blocks_of, in_parts
+from mbstab.analysis.linear.sparse_pencil import Block, Pairs, Residuals, SparsePencil, blocks_of
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -317,12 +318,12 @@ class _Discs:
         values, of = self._all
         index = np.concatenate([np.arange(len(self.s)), np.flatnonzero(self.s.imag > 0.0)])
         radii, centres = radius[index], values.copy()
-        discs = self._told(values, centres, radii, of)
+        discs = self._told(values, centres, radii)
         bounds = bounds_in(discs, values)
         condition = relative(bounds / EPS, values)
         return Placed(values + 0.0, discs, bounds, condition, self.backward[of], self.found.x, column=of)
 
-    def _told(self, values: Complex, centres: Complex, radii: Array, of: Any) -> list[Disc]:
+    def _told(self, values: Complex, centres: Complex, radii: Array) -> list[Disc]:
         """Return discs, one for eigenvalues that cannot be separated; inserts the values of clusters."""
         partner = partners_of(values, len(self.s))
         known: dict[Key, list[Disc]] = {}

@@ -299,7 +299,7 @@ def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
     """
     r = A.shape[-1]
     if r == 1:
-        return _sides(values, np.broadcast_to(error[:, None], values.shape), np.zeros((len(A), 1, 1)), mirrored)
+        return _sides(values, np.broadcast_to(error[:, None], values.shape), mirrored)
     gaps = np.abs(values[:, :, None] - values[:, None, :])
     each = np.arange(r)
     gaps[:, each, each] = np.inf
@@ -309,7 +309,7 @@ def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
         condition = (1.0 + departure[:, None] / ((r - 1) * nearest**2)) ** (0.5 * (r - 1))
         radii = 2.0 * condition * error[:, None]
     valid = TOLERANCES.bounds_apart * r * np.max(radii, axis=1) < np.min(nearest, axis=1)
-    sides = _sides(values, radii, gaps, mirrored)
+    sides = _sides(values, radii, mirrored)
     sides[~valid] = OPEN
     return sides
 
@@ -358,7 +358,7 @@ def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, 
     centres = np.where(real, centres.real, centres)
     gaps = np.abs(centres[:, :, None] - centres[:, None, :])
     gaps[:, each, each] = np.inf
-    found = _sides(centres, radii, gaps, mirrored)
+    found = _sides(centres, radii, mirrored)
     # Where discs overlap, their eigenvalues have a side only if all discs lie on the same side.
     meet = gaps <= radii[:, :, None] + radii[:, None, :]
     found[(found == AXIS) & np.any(meet, axis=2)] = OPEN
@@ -409,7 +409,7 @@ def _inverse(W: Complex) -> Complex:
         return found
 
 
-def _sides(values: Complex, radii: Array, gaps: Array, mirrored: bool) -> Sides:
+def _sides(values: Complex, radii: Array, mirrored: bool) -> Sides:
     """Return the sides of discs; those that overlap the mirror image of no other one are held on the axis."""
     wide = TOLERANCES.bounds_from_axis * radii
     sides = np.where(values.real > wide, RIGHT, np.where(values.real < -wide, LEFT, OPEN)).astype(np.int8)
