@@ -23,6 +23,7 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.bounds.eigenpairs import eigenpairs
 from mbstab.analysis.sweep.batched_structure import Known, Separation
 from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.tolerances import TOLERANCES
@@ -232,35 +233,7 @@ def pinned(values: Complex, sides: Sides, sizes: Array, number: int) -> Complex:
 
 def eigenvalues(A: Array) -> Complex:
     """Return the eigenvalues of matrices, shape (points, r, r); slow ones beside fast ones from the inverse."""
-    values = np.linalg.eigvals(A).astype(complex)
-    size = np.abs(values)
-    stiff = np.flatnonzero(np.min(size, axis=1) < TOLERANCES.slow_eigenvalue * np.max(size, axis=1))
-    if len(stiff):
-        try:
-            inverse = np.linalg.inv(A[stiff])
-        except np.linalg.LinAlgError:  # zero is an eigenvalue: the inverse does not exist
-            return values
-        found = np.linalg.eigvals(inverse).astype(complex)
-        # Where two zeros form a chain, the inverse is far larger than its eigenvalues, and their sum is lost in it.
-        normal = np.linalg.norm(inverse, axis=(1, 2)) <= TOLERANCES.inverse_departure * np.max(np.abs(found), axis=1)
-        values[stiff[normal]] = _parted(values[stiff[normal]], found[normal])
-    return values
-
-
-def _parted(values: Complex, inverse: Complex) -> Complex:
-    """Return fast eigenvalues from those of matrices, slow ones from those of their inverses, shape (points, r)."""
-    each = np.arange(values.shape[1])
-    values = np.take_along_axis(values, np.argsort(-np.abs(values), axis=1, kind="stable"), axis=1)
-    inverse = np.take_along_axis(inverse, np.argsort(-np.abs(inverse), axis=1, kind="stable"), axis=1)
-    rates = np.abs(values)
-    with np.errstate(all="ignore"):
-        fast = 1 + np.argmax(rates[:, :-1] / np.maximum(rates[:, 1:], EPS * rates[:, :1]), axis=1)[:, None]
-        slow = 1.0 / np.take_along_axis(inverse, np.maximum(each - fast, 0), axis=1)
-    found = np.where(each < fast, values, slow)
-    # A pair must not be divided.
-    pairs = np.abs(np.sum(found.imag, axis=1)) <= 1e-9 * rates[:, 0]
-    pairs &= np.sum(found.imag > 0.0, axis=1) == np.sum(found.imag < 0.0, axis=1)
-    return np.where((pairs & np.isfinite(found).all(axis=1))[:, None], found, values)
+    return eigenpairs(A, TOLERANCES.slow_eigenvalue, False, TOLERANCES.inverse_departure)[0]
 
 
 def located(A: Array, error: Array, mirrored: bool) -> tuple[Complex, Sides]:

@@ -360,7 +360,7 @@ class Structure:
         left = [(name, x, np.linalg.norm(x) or 1.0) for name, x in candidates]
         for differential in basis.T:
             # Of equal ones the first: rounding names nothing.
-            weights = [-round(float(abs(x @ differential)) / length, 9) for _, x, length in left]
+            weights = [-round(float(abs(x @ differential) / length), 9) for _, x, length in left]
             names.append(left.pop(weights.index(min(weights)))[0])
         if self.linear.system.sparse:
             names.sort(key=[name for name, _ in candidates].index)  # for many equal ones any basis is as good
