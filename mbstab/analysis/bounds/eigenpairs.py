@@ -26,7 +26,7 @@ def eigenpairs(A: Array, slow: float, vectors: bool = True, departure: float = n
     stiff = np.flatnonzero(np.min(size, axis=1) < slow * np.max(size, axis=1))
     if len(stiff):
         try:
-            inverse = np.linalg.inv(A[stiff])
+            inverse = np.asarray(np.linalg.inv(A[stiff]), dtype=float)
         except np.linalg.LinAlgError:  # zero is an eigenvalue: the inverse does not exist
             return values, V
         found, W = _solved(inverse, vectors)

@@ -37,8 +37,8 @@ class Cancellation:
 
     def largest(self, other: Cancellation | None) -> Cancellation:
         """Return one sample with the largest values of all samples, here and elsewhere."""
-        pairs = (self.terms, other and other.terms), (self.data, other and other.data)
-        return Cancellation(*(own.largest(theirs) for own, theirs in pairs))
+        terms, data = (None, None) if other is None else (other.terms, other.data)
+        return Cancellation(self.terms.largest(terms), self.data.largest(data))
 
 
 def sampled(
