@@ -6,6 +6,7 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+from chains import spinning_chain
 from click.testing import CliRunner
 from scipy.interpolate import PchipInterpolator
 
@@ -486,3 +487,10 @@ forces:
             one = model.eig(q=q)
             assert word == one.verdict
             assert np.sort_complex(branches) == pytest.approx(np.sort_complex([e.value for e in one.eigenvalues]))
+
+
+def test_what_a_zero_belongs_to_has_the_same_name_at_all_speeds():
+    # The energy and the momentum of the spin tell the same motions apart; rounding chose between their names.
+    model = mbstab.loads(spinning_chain(1, damping=0))
+    found = {model.eig(Omega=speed).neutral_directions for speed in (10, 30, 70, 100, 183.26, 250, 333, 471)}
+    assert found == {("s1.phi", "s1.psi", "motion of s1", "speed of s1.psi")}

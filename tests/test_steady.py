@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from chains import spinning_chain
 from scipy.optimize import linear_sum_assignment
 
 import mbstab
@@ -202,6 +203,11 @@ def test_spins_about_axes_of_symmetry_are_told_from_the_turn():
     other = Generator(system, axis, np.zeros(3), 2.0, np.zeros(3), np.roll(spins, -6))
     _, _, found = found_in(text, lambda system, q: other.field(q))
     assert not any(x.turns and np.any(x.spins) for x in found)
+
+
+def test_bodies_that_spin_about_one_axis_give_one_turn():
+    motion = mbstab.loads(spinning_chain(4)).linearize().motion
+    assert list(map(str, motion.generators[1:])) == ["rotation about z at 100 rad/s"]
 
 
 def test_speeds_that_follow_no_turn_are_left_alone():

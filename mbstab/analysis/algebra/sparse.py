@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from functools import lru_cache
 from typing import Any
@@ -139,3 +140,16 @@ def nothing(n: int) -> Any:
     from scipy.sparse import csr_array
 
     return csr_array((n, n))
+
+
+def product(A: Any, x: Any) -> Any:
+    """Return A x of a real matrix and real or complex columns."""
+    return in_parts(lambda b: A @ b, x)
+
+
+def in_parts(function: Callable[[Array], Array], x: Any) -> Any:
+    """Return a real linear function of real or complex columns: the parts of complex ones side by side."""
+    if not np.iscomplexobj(x):
+        return function(x)
+    x = np.ascontiguousarray(x)
+    return np.ascontiguousarray(function(x.view(float))).view(complex)

@@ -269,7 +269,7 @@ class BackwardErrors:
         slope = slope + np.sum(mu * (self.m.J[self.n_h :] @ x.pos).T, axis=1)
         return x, w.y / slope[:, None], lam / slope[:, None], mu / slope[:, None]
 
-    def spread(self, x: Motions, y: Complex, lam: Complex, mu: Complex, s: Complex) -> Array:
+    def spread(self, x: Motions, y: Complex, lam: Complex, mu: Complex) -> Array:
         """Return the bound of the error of eigenvalues from the errors of the data alone, to first order."""
         m, (pos, vel, acc, nu) = self.errors, (np.abs(part) for part in x)
         forces = m.M @ acc + m.R @ vel + m.K @ pos + m.J.T @ nu

@@ -11,7 +11,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex, at_block, least_squares
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.bounds.backward_errors import BackwardErrors, Motions, Weights
-from mbstab.analysis.bounds.discs import Disc, Group, Placed, relative
+from mbstab.analysis.bounds.discs import Disc, Group, Placed, bounds_in, meeting, relative
 from mbstab.analysis.bounds.grouping import below, coupled, dependent, partners, row_scaled_inverse, united
 from mbstab.analysis.bounds.tolerances import TOLERANCES
 from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
@@ -290,7 +290,7 @@ class Clusters:
         if not pairs:
             pairs = self._radii()
         if not pairs:
-            pairs = self._overlapping()
+            pairs = meeting(self.centres, self.radii)
         if not pairs:
             return None
         groups = united(self.groups, pairs, self.mirror)
@@ -425,13 +425,6 @@ class Clusters:
                 low = middle
         return high * (1.0 + 4.0 * EPS) + 2.0 * EPS * abs(centre), None
 
-    def _overlapping(self) -> list[tuple[int, int]]:
-        """Return pairs of groups whose discs overlap."""
-        apart = np.abs(self.centres[:, None] - self.centres)
-        meet = ~(apart > self.radii[:, None] + self.radii)
-        meet &= np.isfinite(self.radii)[:, None] & np.isfinite(self.radii)
-        return [(int(g), int(h)) for g, h in zip(*np.nonzero(np.triu(meet, 1)), strict=True)]
-
     def clear(self) -> bool:
         """Return whether all eigenvalues are separated from each other and from zero."""
         return len(self.groups) == len(self.W) and bool(np.all(self.radii < np.abs(self.s)))
@@ -475,7 +468,7 @@ class Clusters:
             return
         index = [self.groups[g][0] for g in rough]
         x, w, lam, mu = judge.full(self.V[:, index], self.rows[index], s[index])
-        known = judge.spread(x, w, lam, mu, s[index])
+        known = judge.spread(x, w, lam, mu)
         beside = bool(judge.T.shape[1] or len(judge.L))
         hopeful = [
             k for k, g in enumerate(rough)
@@ -532,16 +525,12 @@ class Clusters:
         """Return values, discs and bounds."""
         self.refine()
         self._relabel()
-        values = self.s
-        discs, bounds = [], np.full(len(values), np.inf)
-        for g, members in enumerate(self.groups):
-            radius = float(self.radii[g])
-            if not math.isfinite(radius):
-                radius = math.inf
-            discs.append(Disc(complex(self.centres[g]), radius, tuple(members)))
-            bounds[members] = radius + np.abs(values[members] - self.centres[g])
-        bounds[~np.isfinite(bounds)] = np.inf
-        values = values + 0.0  # no −0
+        radii = np.where(np.isfinite(self.radii), self.radii, np.inf).tolist()
+        discs = [
+            Disc(complex(centre), radius, tuple(members))
+            for centre, radius, members in zip(self.centres, radii, self.groups, strict=True)
+        ]
+        values, bounds = self.s + 0.0, bounds_in(discs, self.s)  # no −0
         turn = self._own_vectors()
         V, x = self.V @ turn, Motions(*(part @ turn for part in self.x))
         return Placed(

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Index
+from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -52,6 +56,28 @@ class Placed:
     vectors: Complex
     neutral: tuple[int, ...] = ()
     column: Index | None = None
+
+
+def bounds_in(discs: Sequence[Disc], values: Complex) -> Array:
+    """Return how far each eigenvalue can be from its value, by the discs; inf: nothing is known."""
+    bounds = np.full(len(values), np.inf)
+    for disc in discs:
+        members = list(disc.members)
+        bounds[members] = disc.radius + np.abs(values[members] - disc.centre)
+    return np.where(np.isfinite(bounds), bounds, np.inf)
+
+
+def meeting(centres: Any, radii: Any) -> list[tuple[int, int]]:
+    """Return pairs of discs that overlap, the smaller number first; discs without a radius are left out."""
+    known = np.flatnonzero(np.isfinite(radii))
+    centres, radii = np.asarray(centres)[known], np.asarray(radii)[known]
+    found: list[tuple[int, int]] = []
+    for start in range(0, len(known), ALGEBRA.columns_at_once):
+        rows = slice(start, start + ALGEBRA.columns_at_once)
+        meet = ~(np.abs(centres[rows, None] - centres[start:]) > radii[rows, None] + radii[start:])
+        for i, j in zip(*np.nonzero(np.triu(meet, 1)), strict=True):
+            found.append((int(known[start + i]), int(known[start + j])))
+    return found
 
 
 def relative(error: Array, values: Complex) -> Array:

@@ -31,11 +31,11 @@ import math
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.bounds.backward_errors import BackwardErrors
 from mbstab.analysis.bounds.clusters import Clusters
 from mbstab.analysis.bounds.discs import Disc, Group, Placed, relative
+from mbstab.analysis.bounds.eigenpairs import eigenpairs
 from mbstab.analysis.bounds.grouping import dependent, partners
 from mbstab.analysis.bounds.tolerances import TOLERANCES
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
@@ -96,12 +96,6 @@ def enclosures_of(
 class _Eigenvectors(BackwardErrors):
     """Eigenvectors of A, lifted to the unreduced equations, with their residuals there."""
 
-    # --- from vectors of A to motions and forces --------------------------------------------------------------------
-
-    # --- what is reported -------------------------------------------------------------------------------------------
-
-    # --- vectors of A -----------------------------------------------------------------------------------------------
-
     def found(self) -> Clusters:
         """Return the eigenvalues in groups that can be separated; nothing is known of them where that fails."""
         n = len(self.A)
@@ -118,7 +112,7 @@ class _Eigenvectors(BackwardErrors):
         return Clusters(self, unknown, unknown, [[i] for i in range(n)], list(range(n)))
 
     def _found(self) -> Clusters:
-        values, W = _eig(self.A)
+        values, W = (x[0] for x in eigenpairs(self.A[None], TOLERANCES.slow_eigenvalue))
         partner = partners(values)
         found = self._joined(W, np.diag(values), [[i] for i in range(len(values))], partner)
         if found.clear():
@@ -161,46 +155,13 @@ class _Eigenvectors(BackwardErrors):
         return found
 
 
-def _eig(A: Array) -> tuple[Complex, Complex]:
-    """Return eigenvalues and vectors; slow ones that are lost beside fast ones are taken from the inverse."""
-    values, vectors = (x.astype(complex) for x in np.linalg.eig(A))
-    size = np.abs(values)
-    order = np.argsort(-size)
-    if size[order[-1]] > TOLERANCES.slow_eigenvalue * size[order[0]]:
-        return values, vectors
-    try:
-        inverse, others = (x.astype(complex) for x in np.linalg.eig(np.linalg.inv(A)))
-    except np.linalg.LinAlgError:
-        return values, vectors
-    slow = np.argsort(-np.abs(inverse))
-    if not np.isfinite(others).all() or inverse[slow[-1]] == 0.0:
-        return values, vectors
-    # The spectrum is divided at its widest gap.
-    rates = size[order]
-    fast = 1 + int(np.argmax(rates[:-1] / np.maximum(rates[1:], EPS * rates[0])))
-    fast_ones, slow_ones = order[:fast], slow[: len(A) - fast]
-    together = np.concatenate([values[fast_ones], 1.0 / inverse[slow_ones]])
-    if not _paired(together):
-        return values, vectors
-    return together, np.hstack([vectors[:, fast_ones], others[:, slow_ones]])
-
-
-def _paired(values: Complex) -> bool:
-    """Return whether all complex eigenvalues have their conjugates."""
-    return sorted(values[values.imag > 0.0].tolist(), key=_key) == sorted(
-        values[values.imag < 0.0].conj().tolist(), key=_key
-    )
-
-
-def _key(s: complex) -> tuple[float, float]:
-    return s.real, s.imag
-
-
 # --- eigenvalues of other methods -----------------------------------------------------------------------------------
 
 
 def _of_others(judge: _Eigenvectors, values: Complex, vectors: Complex) -> Placed:
     """Return bounds for values of another method: their distances from the default ones plus the bounds of these."""
+    from mbstab.analysis.algebra.matching import assigned
+
     found = judge.found()
     own = found.placed()
     T = judge.T

@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.sparse import in_parts
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
-from mbstab.analysis.bounds.discs import Disc, Group, Placed, relative
+from mbstab.analysis.bounds.discs import Disc, Group, Placed, bounds_in, meeting, relative
 from mbstab.analysis.bounds.grouping import row_scaled_inverse, united
 from mbstab.analysis.bounds.tolerances import TOLERANCES
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
-from mbstab.analysis.linear.sparse_pencil import Block, Pairs, Residuals, SparsePencil, blocks_of, in_parts
+from mbstab.analysis.linear.sparse_pencil import Block, Pairs, Residuals, SparsePencil, blocks_of
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -57,21 +58,18 @@ def _rooted(squares: Placed) -> Placed:
     """Return ±√λ with their discs; a disc of squares that holds zero makes one disc about zero."""
     roots: Complex = np.sqrt(squares.values.astype(complex))
     values, count = np.asarray(np.concatenate([roots, -roots]) + 0.0, dtype=complex), len(roots)
-    bounds, discs = np.full(2 * count, np.inf), list[Disc]()
+    discs = list[Disc]()
     for disc in squares.discs:
         size, radius = abs(disc.centre), disc.radius
         images = tuple(count + i for i in disc.members)
         if size <= radius < math.inf:
-            found = [Disc(0j, math.sqrt(size + radius) * (1.0 + 4.0 * EPS), disc.members + images)]
+            discs.append(Disc(0j, math.sqrt(size + radius) * (1.0 + 4.0 * EPS), disc.members + images))
         else:
             centre, reach = complex(np.sqrt(disc.centre + 0j)), math.inf
             if radius < math.inf:
                 reach = radius / (math.sqrt(size) + math.sqrt(size - radius)) + 4.0 * EPS * math.sqrt(size)
-            found = [Disc(centre, reach, disc.members), Disc(-centre + 0.0, reach, images)]
-        for d in found:
-            own = list(d.members)
-            bounds[own] = d.radius + np.abs(values[own] - d.centre)
-        discs += found
+            discs += [Disc(centre, reach, disc.members), Disc(-centre + 0.0, reach, images)]
+    bounds = bounds_in(discs, values)
     column = np.tile(np.arange(count) if squares.column is None else squares.column, 2)
     backward = np.tile(squares.backward_error, 2)
     return Placed(values, discs, bounds, relative(bounds / EPS, values), backward, squares.vectors, column=column)
@@ -320,16 +318,12 @@ class _Discs:
         values, of = self._all
         index = np.concatenate([np.arange(len(self.s)), np.flatnonzero(self.s.imag > 0.0)])
         radii, centres = radius[index], values.copy()
-        discs = self._told(values, centres, radii, of)
-        bounds = np.full(len(values), np.inf)
-        for disc in discs:
-            members = list(disc.members)
-            bounds[members] = disc.radius + np.abs(values[members] - disc.centre)
-        bounds[~np.isfinite(bounds)] = np.inf
+        discs = self._told(values, centres, radii)
+        bounds = bounds_in(discs, values)
         condition = relative(bounds / EPS, values)
         return Placed(values + 0.0, discs, bounds, condition, self.backward[of], self.found.x, column=of)
 
-    def _told(self, values: Complex, centres: Complex, radii: Array, of: Any) -> list[Disc]:
+    def _told(self, values: Complex, centres: Complex, radii: Array) -> list[Disc]:
         """Return discs, one for eigenvalues that cannot be separated; inserts the values of clusters."""
         partner = partners_of(values, len(self.s))
         known: dict[Key, list[Disc]] = {}
@@ -345,7 +339,8 @@ class _Discs:
                 i = g[0]
                 one = [Disc(complex(centres[i]), float(radii[i]), (i,))]
                 discs += known[tuple(sorted(g))] if len(g) > 1 else one
-            found = [(discs[i].members[0], discs[j].members[0]) for i, j in _meeting(discs)]
+            places = [d.centre for d in discs], [d.radius for d in discs]
+            found = [(discs[i].members[0], discs[j].members[0]) for i, j in meeting(*places)]
             if self.pencil.squares:  # in squares the equations are linear: their blocks may be wide
                 found += _lost(values, groups, known)
             if not found:
@@ -469,27 +464,10 @@ def _lost(values: Any, groups: list[Group], known: dict[Key, list[Disc]]) -> lis
     return found
 
 
-def _meeting(discs: list[Disc]) -> list[tuple[int, int]]:
-    """Return pairs of discs that overlap, except those without a radius."""
-    known = np.array([i for i, d in enumerate(discs) if d.radius < math.inf], dtype=int)
-    centres = np.array([discs[i].centre for i in known])
-    radii = np.array([discs[i].radius for i in known])
-    found: list[tuple[int, int]] = []
-    for start in range(0, len(known), ALGEBRA.columns_at_once):
-        rows = np.arange(start, min(start + ALGEBRA.columns_at_once, len(known)))
-        meet = ~(np.abs(centres[rows, None] - centres) > radii[rows, None] + radii)
-        for i, j in zip(*np.nonzero(meet), strict=True):
-            if rows[i] < j:
-                found.append((int(known[rows[i]]), int(known[j])))
-    return found
-
-
 def _covering_groups(values: Complex, radii: Array) -> list[Any]:
     """Return groups of overlapping discs, as arrays of numbers."""
-    meet = ~(np.abs(values[:, None] - values) > radii[:, None] + radii)
-    pairs = [(int(i), int(j)) for i, j in zip(*np.nonzero(np.triu(meet, 1)), strict=True)]
     singles = [[i] for i in range(len(values))]
-    groups = united(singles, pairs, list(range(len(values)))) if pairs else singles
+    groups = united(singles, meeting(values, radii), list(range(len(values))))
     return [np.array(sorted(g)) for g in groups]
 
 

@@ -19,10 +19,9 @@ import numpy as np
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.algebra.subspaces import Subspaces
-from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in
+from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in, multiplier_sizes
 from mbstab.analysis.reference.guard import coefficients
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.reference.multiplier_sizes import multiplier_sizes
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.compiler.system import Array, Row, System

@@ -311,7 +311,7 @@ class _Roundings:
         M, J = errors_of(state.M), errors_of(state.J)
         da = self._steady_accelerations(steady, dq, du)
         force = self._force(state, M, J, da, at.nu)
-        lengths, n_h = balance._lengths(motion.dynamics.J), plain.n_h
+        lengths, n_h = balance.lengths(motion.dynamics.J), plain.n_h
         misfit = [
             (np.abs(force[0]) + force[1]) * motion.sizes / balance.energy,
             _misfits(state.E[:n_h]) / lengths[:n_h],

@@ -16,14 +16,13 @@ eigenvalues are real and its vectors orthogonal, also where s = 0 is a double ei
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
-from mbstab.analysis.algebra.sparse import bordered, largest, scaled
+from mbstab.analysis.algebra.sparse import bordered, in_parts, largest, product, scaled
 from mbstab.analysis.algebra.sparse_rank import SparseRank
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
@@ -325,16 +324,3 @@ def _lengths(*parts: Any) -> Array:
         squares = np.einsum("ij,ij->j", real, real)
         total += np.sqrt(squares.reshape(x.shape[1], 2 if np.iscomplexobj(x) else 1).sum(axis=1))
     return total
-
-
-def product(A: Any, x: Any) -> Any:
-    """Return A x of a real matrix and real or complex columns."""
-    return in_parts(lambda b: A @ b, x)
-
-
-def in_parts(function: Callable[[Array], Array], x: Any) -> Any:
-    """Return a real linear function of real or complex columns: the parts of complex ones side by side."""
-    if not np.iscomplexobj(x):
-        return function(x)
-    x = np.ascontiguousarray(x)
-    return np.ascontiguousarray(function(x.view(float))).view(complex)

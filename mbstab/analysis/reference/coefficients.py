@@ -35,6 +35,18 @@ def matrices_in(system: System, motion: Motion, generator: Generator | None) -> 
     return Matrices(M, R, K, J, D_q)
 
 
+def multiplier_sizes(system: System, motion: Motion) -> Array:
+    """Return the sizes of the terms of which the multipliers are sums, shape (n_c,).
+
+    Their rounding errors are relative to these: they contain the rounding of all the forces that they balance, and of
+    the coordinates of these.
+    """
+    loads = system.terms(motion.q, motion.u, motion.a, motion.nu, motion.time)
+    balanced = loads["F"] + loads["M"] @ np.abs(motion.a) + loads["J"].T @ np.abs(motion.nu)
+    balanced = balanced + loads["K"] @ motion.sizes + loads["R"] @ np.abs(motion.u)
+    return np.abs(motion.nu) + motion.balancing_sizes(balanced)
+
+
 def deflated(spaces: Subspaces, matrices: Matrices) -> tuple[Array, Array]:
     """Return the matrix of ẏ = A y in the bases N and Z, and the mass matrix of the speeds."""
     if is_sparse(matrices.M) and not matrices.D_q.shape[0]:

@@ -208,7 +208,7 @@ class Balance:
             parts = np.vstack([forces * (sizes / energy)[:, None], D_q[:, states] / rates[:, None]])
             sizes[states] = 1.0 / _largest(parts, 0, 1.0 / sizes[states])
         self.sizes = sizes
-        self.row_speeds[rows] = _largest(D_q * sizes, 1, speed) / self._lengths(J[rows])
+        self.row_speeds[rows] = _largest(D_q * sizes, 1, speed) / self.lengths(J[rows])
 
     def completed(self, q: Array) -> Array:
         """Return coordinates with the given ones put in."""
@@ -227,7 +227,7 @@ class Balance:
         system = self.system
         state = system.bodily.dynamics(q, np.zeros(system.n_q))
         J = state.J * self.sizes
-        lengths = self._lengths(state.J)
+        lengths = self.lengths(state.J)
         if np.max(np.abs(state.E[: system.n_h] / lengths[: system.n_h]), initial=0.0) > TOLERANCES.residual:
             return np.arange(system.n_c)
         # Each first-order state has a row of its own.
@@ -273,7 +273,7 @@ class Balance:
         E, V = dynamics.E[..., self.rows], dynamics.V[..., self.rows]
         weights = self.acting * self.sizes
         force = ((M @ a[..., None])[..., 0] + dynamics.F0) * weights / self.energy
-        lengths = self._lengths(J)
+        lengths = self.lengths(J)
         if self.ramp < 1.0:
             # The given rates of drives are scaled by the ramp.
             V = V - (1.0 - self.ramp) * system.bodily.dynamics(q, 0.0 * u).V[..., self.rows]
@@ -294,7 +294,8 @@ class Balance:
         states = np.isin(self.rows, self.system.states[1])
         return np.where(states[:, None], 0.0, J) if states.any() else J
 
-    def _lengths(self, J: Array) -> Array:
+    def lengths(self, J: Array) -> Array:
+        """Return the lengths of rows in units of the characteristic sizes; 1 for rows of zeros."""
         return norms(J * self.sizes)
 
     @property
@@ -326,7 +327,7 @@ class Balance:
         system, n_h = self.system, self.n_h
         K, R, _ = system.linearize(at.q, at.u, at.a, at.nu)
         M, J = at.M, at.J
-        lengths = self._lengths(J)
+        lengths = self.lengths(J)
         Xi, Xi_2 = at.steady.frame(at.q)
         units = [self.family.units()[k] for k in self.free]
         none = np.zeros((*at.q.shape, 0))

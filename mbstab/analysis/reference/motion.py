@@ -28,6 +28,7 @@ from mbstab.analysis.reference.imbalance import balanced_at, carrying, require_c
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.reference.refusals import (
     inertias_too_far_apart,
+    redundant_rows,
     singular_configuration,
     turns_and_degrees,
     vanishing_rows,
@@ -399,13 +400,7 @@ class Finder:
         self.warnings += [*self._held_controls(spaces), *self._measured(q, u, spaces)]
         if redundant:
             self._check_constant_rank(q, u, time, spaces, state.M)
-            self.warnings += [f"redundant constraint: {item}" for item in redundant]
-            misfit = max(spaces.C.largest_dropped, spaces.W.largest_dropped)
-            if misfit > TOLERANCES.coordinate_rounding:
-                self.warnings.append(
-                    f"the redundant rows repeat the others to {amount(misfit)} only; smaller than "
-                    f"{ALGEBRA.singular_value_zero:g}, this is taken for rounding in the file, not for a constraint"
-                )
+            self.warnings += redundant_rows(redundant, max(spaces.C.largest_dropped, spaces.W.largest_dropped))
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant, tuple(self.solved),
             (*self.warnings, *misread(system, q, u), *self._resting(q, declared, steady), *doubts(system.scene.model)),
@@ -594,9 +589,7 @@ class Finder:
             single = max(largest(curvature(combination * (np.arange(n_h) == i))) for i in acting)
             if total > max(TOLERANCES.curvature_of_dependent_rows * single, rounding):
                 self._refuse_inertias_too_far_apart(M)
-                weights = np.abs(combination)
-                names = [str(self.system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
-                raise ConstraintError(singular_configuration(total / single, names))
+                raise singular_configuration(total / single, combination, self.system.rows)
 
 
 def balanced(system: System, motion: Motion, left: Array) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,22 +11,36 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.sparse import dense
+from mbstab.analysis.algebra.subspaces import Redundancy
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.tolerances import TOLERANCES
-from mbstab.compiler.system import Array, System
-from mbstab.errors import Problem
+from mbstab.compiler.system import Array, Row, System
+from mbstab.errors import ConstraintError, Problem, amount
 from mbstab.model.bare_degrees import bare_degrees
 from mbstab.model.scene import Scene
 from mbstab.model.schema import is_length
 
 
-def singular_configuration(curvature: float, rows: list[str]) -> str:
-    """Return the message for rows that depend on each other at the reference only."""
-    return (
+def singular_configuration(curvature: float, combination: Array, rows: Sequence[Row]) -> ConstraintError:
+    """Return the error about rows of which a combination vanishes at the reference only."""
+    weights = np.abs(combination)
+    named = [str(rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
+    return ConstraintError(
         "the mechanism is at a singular configuration: constraints that are independent nearby depend on "
-        f"each other here (curvature {curvature:.3g})\nthe rows involved: {'; '.join(rows)}\n"
+        f"each other here (curvature {curvature:.3g})\nthe rows involved: {'; '.join(named)}\n"
         "hint: eigenvalues do not exist at such a point; move the reference away from it"
     )
+
+
+def redundant_rows(redundant: Sequence[Redundancy], misfit: float) -> list[str]:
+    """Return warnings about rows that repeat others, up to a misfit relative to their lengths."""
+    found = [f"redundant constraint: {item}" for item in redundant]
+    if redundant and misfit > TOLERANCES.coordinate_rounding:
+        found.append(
+            f"the redundant rows repeat the others to {amount(misfit)} only; smaller than "
+            f"{ALGEBRA.singular_value_zero:g}, this is taken for rounding in the file, not for a constraint"
+        )
+    return found
 
 
 def vanishing_rows(system: System, at: tuple[Array, Array, float], J: Any, sizes: Array) -> list[Problem]:

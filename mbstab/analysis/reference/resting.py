@@ -26,11 +26,10 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.imbalance import balanced_at
 from mbstab.analysis.reference.motion import Finder
-from mbstab.analysis.reference.refusals import singular_configuration
+from mbstab.analysis.reference.refusals import redundant_rows, singular_configuration
 from mbstab.analysis.reference.rounded_scene import errors_of, rounded_system
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
-from mbstab.errors import ConstraintError, amount
 from mbstab.records import dataclass
 
 
@@ -148,18 +147,11 @@ def _redundant(system: System, found: SparseRank, rows: Any) -> list[str]:
     if not len(found.dropped):
         return []
     weights = found.left_null @ np.linalg.inv(found.left_null[found.dropped])
-    texts = []
+    redundant = []
     for i, combination in zip(found.dropped, weights.T, strict=True):
-        repeats = [
-            system.rows[rows[k]] for k in np.flatnonzero(np.abs(combination) > ALGEBRA.row_weight_dependent) if k != i
-        ]
-        texts.append(f"redundant constraint: {Redundancy(system.rows[rows[i]], tuple(repeats))}")
-    if found.largest_dropped > TOLERANCES.coordinate_rounding:
-        texts.append(
-            f"the redundant rows repeat the others to {amount(found.largest_dropped)} only; smaller than "
-            f"{ALGEBRA.singular_value_zero:g}, this is taken for rounding in the file, not for a constraint"
-        )
-    return texts
+        repeats = [k for k in np.flatnonzero(np.abs(combination) > ALGEBRA.row_weight_dependent) if k != i]
+        redundant.append(Redundancy(system.rows[rows[i]], tuple(system.rows[rows[k]] for k in repeats)))
+    return redundant_rows(redundant, found.largest_dropped)
 
 
 def _balanced(finder: Finder, rest: Rest, J: Any) -> Rest:
@@ -275,6 +267,4 @@ def _check_constant_rank(rest: Rest, J: Any) -> None:
         nu[: system.n_h] = combination * rest.row_scale[: system.n_h]
         total, single = np.abs(along(stiffness_of(rest, nu), probes)), along(curvature_sizes(rest, nu), np.abs(probes))
         if np.any(total > np.maximum(TOLERANCES.curvature_of_dependent_rows * single, rounding)):
-            weights = np.abs(combination)
-            names = [str(system.rows[i]) for i in np.argsort(-weights) if weights[i] > 0.1 * weights.max()][:4]
-            raise ConstraintError(singular_configuration(float(np.max(total / single)), names))
+            raise singular_configuration(float(np.max(total / single)), combination, system.rows)

@@ -417,8 +417,10 @@ def _axes(system: System, q: Array, u: Array) -> list[Array]:
         if body.orientation:
             angles = slice(part.start + 3, part.stop)
             spin = rate_matrix(body, q[angles]) @ u[angles]
-            if np.any(spin):
-                axes.append(spin / np.linalg.norm(spin))
+            axis = spin / (np.linalg.norm(spin) or 1.0)
+            # Many bodies turn about the same axis.
+            if np.any(spin) and min(np.linalg.norm(np.cross(axis, x)) for x in axes) > TOLERANCES.generator_misfit:
+                axes.append(axis)
     return axes
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from mbstab.analysis.algebra.tolerances import EPS
+from mbstab.analysis.reference.coefficients import multiplier_sizes
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.reference.multiplier_sizes import multiplier_sizes
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.many_states import FAILURES, found_at
 from mbstab.analysis.simulate.tolerances import TOLERANCES

@@ -19,15 +19,13 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.budget import Cost
-from mbstab.analysis.algebra.sparse import in_sparse, scaled
+from mbstab.analysis.algebra.sparse import in_sparse, product, scaled
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.bounds.discs import Placed
 from mbstab.analysis.bounds.location import enclosures, enclosures_of
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
-from mbstab.analysis.linear.sparse_pencil import product
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
-from mbstab.analysis.spectrum.census import resting
 from mbstab.analysis.spectrum.named_motions import Telling, Told, Whirl, mirrored
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.states_alone import at_rest_beside_states
@@ -189,6 +187,8 @@ def _both_ways(grounds: Grounds) -> bool:
     motion, system = grounds.motion, grounds.system
     if grounds.structure.work.conserved or np.any(motion.u):
         return grounds.structure.work.conserved
+    from mbstab.analysis.spectrum.census import resting
+
     known = system.remember("resting", motion.q.tobytes(), lambda: resting(system, motion.q, motion.time, system.n_n))
     return known.conservative
 

@@ -15,8 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.algebra.sparse import dense
-from mbstab.analysis.linear.sparse_pencil import product
+from mbstab.analysis.algebra.sparse import dense, product
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.efforts import MOTION_UNITS, Placement, motion_name, moving_joints
 from mbstab.analysis.reference.motion import Motion

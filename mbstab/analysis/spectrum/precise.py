@@ -244,7 +244,7 @@ def exact_zeros(model: Model, turns: Sequence[complex], digits: int = 320) -> Ze
             doubtful = found.deflation.dropped > mp.mpf(10) ** -digits
             if doubtful and not _decided(found, _spectrum(start, turns, found.work + TOLERANCES.digits_beyond)):
                 return UNKNOWN
-        return _zeros(start, found, digits)
+        return _zeros(found, digits)
     except MbstabError:
         return UNKNOWN
 
@@ -400,7 +400,7 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
     )  # fmt: skip
 
 
-def _zeros(start: Start, fine: _Spectrum, digits: int) -> Zeros:
+def _zeros(fine: _Spectrum, digits: int) -> Zeros:
     """Return the zero eigenvalues, with the pairs that rotate with the motion; `UNKNOWN` if they are not known."""
     deflation = fine.deflation
     known = deflation.decided and fine.excess[0] <= mp.mpf(10) ** (-digits - TOLERANCES.digits_of_bound)

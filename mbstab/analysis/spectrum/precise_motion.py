@@ -172,7 +172,7 @@ def reference_point(start: Start, system: System, f: Refining) -> Point:
     generator = start.linear.generator
     if generator is not None and generator.turns and (steady is None or not steady.turns):
         steady = _detected(f, start, system, q, u)
-    excess = _excess(f, system, motion, state, u, force)
+    excess = _excess(f, system, motion, state, force)
     # A rate of zero may have a derivative.
     turning = steady if (generator is not None and generator.turns) or (steady is not None and steady.starts) else None
     rates = tuple(u) if turning is None else (turning.rate, *turning.spins)
@@ -377,7 +377,7 @@ def another_rank(motion: Motion, misfit: Any) -> ConstraintError:
     )
 
 
-def _excess(f: Refining, system: System, motion: Motion, state: Dynamics, u: Matrix, force: Matrix) -> tuple[Any, str]:
+def _excess(f: Refining, system: System, motion: Motion, state: Dynamics, force: Matrix) -> tuple[Any, str]:
     """Return the largest residual of the reference motion, relative to the terms that balance, and its name."""
     n_h, sizes = system.n_h, motion.sizes
     lengths = norms(motion.dynamics.J * sizes)

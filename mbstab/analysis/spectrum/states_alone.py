@@ -10,18 +10,19 @@ an eigenvector.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index, least_squares
-from mbstab.analysis.algebra.shift_invert import SparseQuadratic
-from mbstab.analysis.algebra.sparse_rank import Rows
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
-from mbstab.analysis.linear.sparse_equations import SparseEquations
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
+
+if TYPE_CHECKING:
+    from mbstab.analysis.algebra.shift_invert import SparseQuadratic
+    from mbstab.analysis.linear.sparse_equations import SparseEquations
 
 
 def states_alone(equations: SparseEquations, states: Index, values: Complex, bounds: Array, x: Complex) -> Complex:
@@ -56,7 +57,11 @@ def states_alone(equations: SparseEquations, states: Index, values: Complex, bou
 def at_rest_beside_states(linear: Linearization, values: Complex, bounds: Array, x: Complex) -> Complex:
     """Return modes of a linearization as `states_alone` does."""
     states = linear.system.states[0]
-    return states_alone(SparseEquations.of_linearization(linear), states, values, bounds, x) if len(states) else x
+    if not len(states):
+        return x
+    from mbstab.analysis.linear.sparse_equations import SparseEquations
+
+    return states_alone(SparseEquations.of_linearization(linear), states, values, bounds, x)
 
 
 def _corrected(equations: SparseEquations, s: Complex, bounds: Array, x: Complex) -> tuple[Complex, Flags]:
@@ -86,6 +91,8 @@ def _corrected(equations: SparseEquations, s: Complex, bounds: Array, x: Complex
 
 def _residuals(equations: SparseEquations, s: Complex, bounds: Array, x: Complex) -> tuple[Complex, Array]:
     """Return what is left of the equations for each column, and what errors of their entries and of s explain."""
+    from mbstab.analysis.algebra.sparse_rank import Rows
+
     problem, sizes = equations.problem, equations.known_to
     J, size = equations.matrices.J, np.abs(s)
 

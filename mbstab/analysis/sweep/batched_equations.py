@@ -122,7 +122,7 @@ class Equations:
         S = self._balanced_matrix(A, gamma, N.shape[-1])
         if self.light is not None:
             self.good &= self.light.carried(M_z)
-        (ratio, terms), data = cancellation.larger(), _scaled_errors(cancellation, scale)
+        (ratio, terms), data = cancellation.terms.larger(), _scaled_errors(cancellation, scale)
         spread = ratio * (1.0 if self.light is None else self.light.cancelling)
         error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, W_inverse, S, data) * spread
         return self.good, Points(

@@ -317,7 +317,7 @@ class _Work:
             if known.names == other.names:
                 continue
             if known.holds_for(other):
-                self._exact(i)
+                self._exact(i, grounds)
                 continue
             evaluator = self.evaluator
             evaluator.patterns = [x for x in evaluator.patterns if x.known is not known]

@@ -95,7 +95,7 @@ class Known:
         self.moving = bool(np.any(grounds.motion.u))
         n_eta = len(grounds.S) - structure.space.n_xi
         self.rests = n_eta < structure.space.n_xi and "position at rest" in plain.neutral.family
-        self.momenta = tuple(x for x in structure.invariance.integrals if structure._commutes(x)) if self.kept else ()
+        self.momenta = tuple(x for x in structure.invariance.integrals if structure.commutes(x)) if self.kept else ()
         # That forces sum to the rate of a function that no symmetry changes may hold for these numbers alone.
         chance = len(self.momenta) > len(structure.invariance.momenta)
         self.vanishing = VERDICT.roundings_of_directions * EPS if chance else VERDICT.independent_direction
@@ -221,7 +221,7 @@ class Known:
 
     def _moving(self, points: Points, T: Array, good: Flags) -> Array:
         """Return the directions with speeds at which a scene may move as steadily, as `Structure._moving`."""
-        items = [x for x in self.symmetries if self.grounds.structure._commutes(x)]
+        items = [x for x in self.symmetries if self.grounds.structure.commutes(x)]
         directions = stacked([disturbance(item, points)[0] for item in items]) / points.scale[:, :, None]
         states = self.grounds.system.following
         speeds, across = led(unit(directions), points.N @ points.Z, states)
@@ -422,7 +422,7 @@ class Known:
     def idle(self) -> tuple[Generator, ...]:
         """Rotations about the axis of its frame that do not change the motion."""
         own = self.grounds.linear.generator
-        steps: list[Generator] = self.grounds.second_variation._idle_turns()
+        steps: list[Generator] = self.grounds.second_variation.idle_turns()
         if own is not None and own.turns:
             steps = [
                 x

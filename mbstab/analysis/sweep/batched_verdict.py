@@ -23,6 +23,7 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.bounds.eigenpairs import eigenpairs
 from mbstab.analysis.sweep.batched_structure import Known, Separation
 from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.tolerances import TOLERANCES
@@ -232,35 +233,7 @@ def pinned(values: Complex, sides: Sides, sizes: Array, number: int) -> Complex:
 
 def eigenvalues(A: Array) -> Complex:
     """Return the eigenvalues of matrices, shape (points, r, r); slow ones beside fast ones from the inverse."""
-    values = np.linalg.eigvals(A).astype(complex)
-    size = np.abs(values)
-    stiff = np.flatnonzero(np.min(size, axis=1) < TOLERANCES.slow_eigenvalue * np.max(size, axis=1))
-    if len(stiff):
-        try:
-            inverse = np.linalg.inv(A[stiff])
-        except np.linalg.LinAlgError:  # zero is an eigenvalue: the inverse does not exist
-            return values
-        found = np.linalg.eigvals(inverse).astype(complex)
-        # Where two zeros form a chain, the inverse is far larger than its eigenvalues, and their sum is lost in it.
-        normal = np.linalg.norm(inverse, axis=(1, 2)) <= TOLERANCES.inverse_departure * np.max(np.abs(found), axis=1)
-        values[stiff[normal]] = _parted(values[stiff[normal]], found[normal])
-    return values
-
-
-def _parted(values: Complex, inverse: Complex) -> Complex:
-    """Return fast eigenvalues from those of matrices, slow ones from those of their inverses, shape (points, r)."""
-    each = np.arange(values.shape[1])
-    values = np.take_along_axis(values, np.argsort(-np.abs(values), axis=1, kind="stable"), axis=1)
-    inverse = np.take_along_axis(inverse, np.argsort(-np.abs(inverse), axis=1, kind="stable"), axis=1)
-    rates = np.abs(values)
-    with np.errstate(all="ignore"):
-        fast = 1 + np.argmax(rates[:, :-1] / np.maximum(rates[:, 1:], EPS * rates[:, :1]), axis=1)[:, None]
-        slow = 1.0 / np.take_along_axis(inverse, np.maximum(each - fast, 0), axis=1)
-    found = np.where(each < fast, values, slow)
-    # A pair must not be divided.
-    pairs = np.abs(np.sum(found.imag, axis=1)) <= 1e-9 * rates[:, 0]
-    pairs &= np.sum(found.imag > 0.0, axis=1) == np.sum(found.imag < 0.0, axis=1)
-    return np.where((pairs & np.isfinite(found).all(axis=1))[:, None], found, values)
+    return eigenpairs(A, TOLERANCES.slow_eigenvalue, False, TOLERANCES.inverse_departure)[0]
 
 
 def located(A: Array, error: Array, mirrored: bool) -> tuple[Complex, Sides]:
@@ -299,7 +272,7 @@ def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
     """
     r = A.shape[-1]
     if r == 1:
-        return _sides(values, np.broadcast_to(error[:, None], values.shape), np.zeros((len(A), 1, 1)), mirrored)
+        return _sides(values, np.broadcast_to(error[:, None], values.shape), mirrored)
     gaps = np.abs(values[:, :, None] - values[:, None, :])
     each = np.arange(r)
     gaps[:, each, each] = np.inf
@@ -309,7 +282,7 @@ def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
         condition = (1.0 + departure[:, None] / ((r - 1) * nearest**2)) ** (0.5 * (r - 1))
         radii = 2.0 * condition * error[:, None]
     valid = TOLERANCES.bounds_apart * r * np.max(radii, axis=1) < np.min(nearest, axis=1)
-    sides = _sides(values, radii, gaps, mirrored)
+    sides = _sides(values, radii, mirrored)
     sides[~valid] = OPEN
     return sides
 
@@ -358,7 +331,7 @@ def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, 
     centres = np.where(real, centres.real, centres)
     gaps = np.abs(centres[:, :, None] - centres[:, None, :])
     gaps[:, each, each] = np.inf
-    found = _sides(centres, radii, gaps, mirrored)
+    found = _sides(centres, radii, mirrored)
     # Where discs overlap, their eigenvalues have a side only if all discs lie on the same side.
     meet = gaps <= radii[:, :, None] + radii[:, None, :]
     found[(found == AXIS) & np.any(meet, axis=2)] = OPEN
@@ -409,7 +382,7 @@ def _inverse(W: Complex) -> Complex:
         return found
 
 
-def _sides(values: Complex, radii: Array, gaps: Array, mirrored: bool) -> Sides:
+def _sides(values: Complex, radii: Array, mirrored: bool) -> Sides:
     """Return the sides of discs; those that overlap the mirror image of no other one are held on the axis."""
     wide = TOLERANCES.bounds_from_axis * radii
     sides = np.where(values.real > wide, RIGHT, np.where(values.real < -wide, LEFT, OPEN)).astype(np.int8)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Index
-from mbstab.analysis.sweep.data_errors import DataErrors, EntryErrors, data_errors
+from mbstab.analysis.sweep.data_errors import EntryErrors, Samples, data_errors
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
@@ -17,46 +17,28 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Cancellation:
-    """How much larger the terms of the matrices are than their sums, known at some of the points: the samples.
+    """How much cancels in the equations of points.
 
     Attributes
     ----------
-    ratio : ndarray, shape (samples,)
-        Of norms.
-    stiffness : ndarray, shape (samples, n_q, n_q)
-        Terms of each entry of K by the norm of K: what cancels in one entry may be small beside another.
-    right : ndarray of int, shape (points,)
-        Number of the first sample that is not left of each point.
-    data : DataErrors
-        What cancels in the numbers of the file themselves, as errors that are left of it.
+    terms : Samples
+        How much larger the terms of the matrices are than their sums: the ratio of norms, and the terms of each entry
+        of K by the norm of K, as what cancels in one entry may be small beside another.
+    data : Samples
+        What cancels in the numbers of the file themselves, as `EntryErrors` that are left of it.
     """
 
-    ratio: Array
-    stiffness: Array
-    right: Index
-    data: DataErrors
+    terms: Samples
+    data: Samples
 
     def at(self, part: Any) -> Cancellation:
         """Return that of some of the points."""
-        return Cancellation(self.ratio, self.stiffness, self.right[part], self.data.at(part))
-
-    def larger(self) -> tuple[Array, Array]:
-        """Return for each point the ratio and the terms of the stiffness: the larger ones of its two samples."""
-        if len(self.ratio) == 1:
-            return self.ratio, self.stiffness
-        left = self.right - 1
-        return (
-            np.maximum(self.ratio[left], self.ratio[self.right]),
-            np.maximum(self.stiffness[left], self.stiffness[self.right]),
-        )
+        return Cancellation(self.terms.at(part), self.data.at(part))
 
     def largest(self, other: Cancellation | None) -> Cancellation:
         """Return one sample with the largest values of all samples, here and elsewhere."""
-        both = (self,) if other is None else (self, other)
-        ratio = np.max([np.max(x.ratio) for x in both])
-        stiffness = np.max([np.max(x.stiffness, axis=0) for x in both], axis=0)
-        data = self.data.largest(None if other is None else other.data)
-        return Cancellation(np.array([ratio]), stiffness[None], np.zeros(1, dtype=int), data)
+        terms, data = (None, None) if other is None else (other.terms, other.data)
+        return Cancellation(self.terms.largest(terms), self.data.largest(data))
 
 
 def sampled(
@@ -76,9 +58,8 @@ def sampled(
     found, data = list(_sampled(terms, some)), data_errors(errors, points)
     if not found or data is None:
         return None
-    samples, ratio, stiffness = (np.concatenate(x) for x in zip(*found, strict=True))
-    right = np.clip(np.searchsorted(samples, np.arange(points)), min(1, len(samples) - 1), len(samples) - 1)
-    return Cancellation(ratio, stiffness, right, data)
+    numbers, *parts = (np.concatenate(x) for x in zip(*found, strict=True))
+    return Cancellation(Samples.of(numbers, parts, points), data)
 
 
 def _sampled(terms: Callable[[Index], tuple[Array, Array]], some: Index) -> Iterator[tuple[Index, Array, Array]]:

@@ -7,7 +7,7 @@ it differs much. What is open for it is judged point by point, each with its own
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -23,45 +23,52 @@ from mbstab.records import dataclass
 
 
 @dataclass(frozen=True)
-class DataErrors:
-    """Error bounds of the linearized equations at some of the points: the samples.
+class Samples:
+    """Bounds that are known at some of the points of a sweep: the samples.
 
     Attributes
     ----------
     right : ndarray of int, shape (points,)
         Number of the first sample that is not left of each point.
-    stiffness, damping : ndarray, shape (samples, n_q, n_q)
-        Of the entries of K and R, in coordinates of the file.
-    ratio : ndarray, shape (samples,)
-        Of M and the rows, relative to the rounding of their norms that is taken into account anyway; at least 1.
+    parts : tuple of ndarray, shape (samples, …)
     """
 
     right: Index
-    stiffness: Array
-    damping: Array
-    ratio: Array
+    parts: tuple[Array, ...]
 
-    def at(self, part: Any) -> DataErrors:
+    @classmethod
+    def of(cls, numbers: Any, parts: Iterable[Array], points: int) -> Samples:
+        """Return samples at points given by their ascending numbers."""
+        last = len(numbers) - 1
+        return cls(np.clip(np.searchsorted(numbers, np.arange(points)), min(1, last), last), tuple(parts))
+
+    def at(self, part: Any) -> Samples:
         """Return those of some of the points."""
-        return DataErrors(self.right[part], self.stiffness, self.damping, self.ratio)
+        return Samples(self.right[part], self.parts)
 
-    def larger(self) -> tuple[Array, Array, Array]:
-        """Return for each point the larger ones of its two samples: of K, of R, and the ratio."""
-        if len(self.ratio) == 1:
-            return self.stiffness, self.damping, self.ratio
-        left = self.right - 1
-        K, R, ratio = (np.maximum(x[left], x[self.right]) for x in (self.stiffness, self.damping, self.ratio))
-        return K, R, ratio
+    def larger(self) -> tuple[Array, ...]:
+        """Return for each point the larger ones of its two samples, shape (1, …) where there is one sample."""
+        if len(self.parts[0]) == 1:
+            return self.parts
+        return tuple(np.maximum(x[self.right - 1], x[self.right]) for x in self.parts)
 
-    def largest(self, other: DataErrors | None) -> DataErrors:
+    def largest(self, other: Samples | None) -> Samples:
         """Return one sample with the largest values of all samples, here and elsewhere."""
         both = (self,) if other is None else (self, other)
-        parts = zip(*((x.stiffness, x.damping, x.ratio) for x in both), strict=True)
-        return DataErrors(np.zeros(1, dtype=int), *(np.max(np.concatenate(x), axis=0)[None] for x in parts))
+        parts = zip(*(x.parts for x in both), strict=True)
+        return Samples(np.zeros(1, dtype=int), tuple(np.max(np.concatenate(x), axis=0)[None] for x in parts))
 
 
 class EntryErrors(NamedTuple):
-    """Error bounds at one point, as those of `DataErrors`."""
+    """Error bounds of the linearized equations at one point.
+
+    Attributes
+    ----------
+    stiffness, damping : ndarray, shape (n_q, n_q)
+        Of the entries of K and R, in coordinates of the file.
+    ratio : ndarray, shape ()
+        Of M and the rows, relative to the rounding of their norms that is taken into account anyway; at least 1.
+    """
 
     stiffness: Array
     damping: Array
@@ -73,8 +80,8 @@ class EntryErrors(NamedTuple):
         return float(np.linalg.norm(self.stiffness) + np.linalg.norm(self.damping))
 
 
-def data_errors(errors: Callable[[int], EntryErrors | None], points: int) -> DataErrors | None:
-    """Return the error bounds of points of a sweep, from some of them; None if none of these has any.
+def data_errors(errors: Callable[[int], EntryErrors | None], points: int) -> Samples | None:
+    """Return `EntryErrors` of points of a sweep, from some of them; None if none of these has any.
 
     Parameters
     ----------
@@ -95,10 +102,7 @@ def data_errors(errors: Callable[[int], EntryErrors | None], points: int) -> Dat
     samples = {i: found for i, found in sorted(known.items()) if found is not None}
     if not samples:
         return None
-    parts = (np.array(x) for x in zip(*samples.values(), strict=True))
-    last = len(samples) - 1
-    right = np.clip(np.searchsorted(list(samples), np.arange(points)), min(1, last), last)
-    return DataErrors(right, *parts)
+    return Samples.of(list(samples), (np.array(x) for x in zip(*samples.values(), strict=True)), points)
 
 
 def _between(known: Mapping[int, EntryErrors | None]) -> int | None:

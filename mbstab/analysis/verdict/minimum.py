@@ -281,7 +281,7 @@ class SecondVariation:
 
     def _with_a_multiple(self) -> bool:
         """Return whether H is definite in another frame in which the reference is at rest too."""
-        steps = self._idle_turns() if self.moving else []
+        steps = self.idle_turns() if self.moving else []
         if not steps:
             return False
         rates = frame_rates(self.separated.A).tolist()
@@ -290,7 +290,7 @@ class SecondVariation:
     def _angles(self) -> npt.NDArray[np.bool_]:
         return np.array([is_angle(name) for name in self.linear.names])
 
-    def _idle_turns(self) -> list[Generator]:
+    def idle_turns(self) -> list[Generator]:
         """Return rotations of the ground that do not move the reference, with spins that compensate them."""
         invariance, motion = self.structure.invariance, self.linear.motion
         spins = [field.shift for _, field in invariance.fields if field.shift is not None]

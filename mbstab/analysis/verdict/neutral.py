@@ -282,7 +282,7 @@ class Structure:
         of speeds that the energy may bound, those of a scene at rest, are repeated.
         """
         invariance, linear = self.invariance, self.linear
-        items, u = [x for x in invariance.symmetries if self._commutes(x)], linear.motion.u
+        items, u = [x for x in invariance.symmetries if self.commutes(x)], linear.motion.u
         if not items or not (np.any(u) or self.work.led_at_rest):
             return [], [], []
         spaces, states = linear.spaces, linear.system.following
@@ -329,7 +329,7 @@ class Structure:
     def _conserved(self, T: Array, S: Array) -> tuple[Array, list[str]]:
         """Return independent differentials that vanish on T, and names of what their values distinguish."""
         motion, n = self.linear.motion, len(S)
-        integrals = [item for item in self.invariance.integrals if self._commutes(item)]
+        integrals = [item for item in self.invariance.integrals if self.commutes(item)]
         pairs = [(item.direction, item.rate) for item in integrals]
         if self.linear.system.sparse and pairs:
             differentials = list(self.differential(*(np.array(x).T for x in zip(*pairs, strict=True))))
@@ -359,7 +359,8 @@ class Structure:
         names: list[str] = []
         left = [(name, x, np.linalg.norm(x) or 1.0) for name, x in candidates]
         for differential in basis.T:
-            weights = [(-abs(x @ differential) / length, name) for name, x, length in left]
+            # Of equal ones the first: rounding names nothing.
+            weights = [-round(float(abs(x @ differential) / length), 9) for _, x, length in left]
             names.append(left.pop(weights.index(min(weights)))[0])
         if self.linear.system.sparse:
             names.sort(key=[name for name, _ in candidates].index)  # for many equal ones any basis is as good
@@ -406,7 +407,7 @@ class Structure:
             for y in found
         ]
 
-    def _commutes(self, item: Symmetry) -> bool:
+    def commutes(self, item: Symmetry) -> bool:
         """Return whether a symmetry is constant in the co-moving frame."""
         if self.linear.system.sparse and not np.any(item.rate):
             return True  # at rest
