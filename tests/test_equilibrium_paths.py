@@ -901,7 +901,7 @@ def stiffness_that_holds(turned):
     return -G * weight / (2.0 * (q - REST)), A * math.sin(q) - root_
 
 
-LINES = [((5.0, 4.0), 12), ((3.9, 4.6), 8), ((2.0, 60.0), 401), ((60.0, 2.0), 401)]
+LINES = [((5.0, 4.0), 12), ((3.9, 4.6), 8), ((60.0, 2.0), 51), ((2.0, 60.0), 401), ((60.0, 2.0), 401)]
 
 
 @pytest.mark.parametrize(("ends", "points"), [LINES[0], *(pytest.param(*x, marks=pytest.mark.long) for x in LINES[1:])])
@@ -911,6 +911,14 @@ def test_an_eigenvalue_is_infinite_where_all_links_lie_on_a_line(ends, points):
     assert (infinite.kind, infinite.unstable) == ("infinity", (1, 0))
     assert infinite.value == pytest.approx(STRETCHED, rel=1e-10)
     assert [c.unstable for c in result.critical] == [(0, 1), (1, 0)][-len(result.critical) :]
+
+
+def test_all_commands_warn_of_a_position_beside_the_line_that_is_not_known():
+    """Its crank is found at -3e-6 rad, where it is 8e-6."""
+    mechanism, kp = mbstab.loads(FIVE_BAR), STRETCHED + 4e-5
+    (warning,) = mechanism.equilibria(kp=kp)[0].motion.warnings
+    assert warning.startswith("the equilibrium that was found is known to ")
+    assert mechanism.eig(kp=kp).warnings == (warning,)
 
 
 @pytest.mark.long

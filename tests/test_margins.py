@@ -1,6 +1,7 @@
 """Margins, largest gains and rank decisions of transfer functions, against closed forms and fine grids."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -269,6 +270,13 @@ def test_zeros_of_random_fractions_lie_in_their_discs(seed):
     assert np.all(distance[rows, columns] <= found.errors[rows])
     single = np.abs(zeros[columns]) > 0.0
     assert np.all(found.errors[rows][single] <= 1e-7 * np.abs(zeros[columns][single]))
+
+
+def test_a_loop_on_the_axis_has_no_margin_of_phase_and_no_delay():
+    """1/(1 - ω²) is -1 at √2: a delay of a whole turn, 4.4 s, was told."""
+    (found,) = margins_of(resonance(0.0, 1.0)).phase
+    assert found.frequency == pytest.approx(math.sqrt(2.0))
+    assert (found.phase, found.delay) == (0.0, 0.0)
 
 
 def test_the_command_tells_margins_and_draws_nyquist_diagrams(tmp_path):

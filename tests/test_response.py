@@ -584,3 +584,18 @@ def test_states_are_in_the_order_of_the_file(name):
     bodies = [f"{body.name}.{c}" for body in model.system().scene.bodies for c in body.coordinates]
     order = [*bodies, *model.model.states, *(f"rate({x})" for x in bodies)]
     assert found == sorted(found, key=order.index)
+
+
+def test_a_phase_shows_no_digits_below_its_bound():
+    """At resonance a rate is in phase with the force; -2.5e-14 degrees were printed."""
+    rod = (
+        "mbstab: 1\nbodies: {r: {type: planar, mass: 5, inertia: 0.1, points: {o: [-0.9, 0]}}}\n"
+        "joints: {p: {type: revolute, between: [r.o, ground]}}\n"
+        "forces: {s: {type: joint_spring, joint: p, stiffness: 70.45, damping: 20}}\n"
+        "inputs: {T: {type: joint, joint: p}}\noutputs: {w: rate(r.theta)}\n"
+        "reference: {coordinates: {r: {theta: 0}}}\n"
+    )
+    resonance = (70.45 / (0.1 + 5 * 0.9**2)) ** 0.5
+    found = mbstab.loads(rod).response("T", "w", ends=(resonance, 2.0 * resonance), points=2)
+    assert np.angle(found.values[0][0])  # not 0 in doubles
+    assert response_text(found, "").splitlines()[3].split()[3] == "0"

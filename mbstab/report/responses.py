@@ -11,7 +11,7 @@ from mbstab.errors import counted
 from mbstab.model.words import UNSTABLE
 from mbstab.report import width
 from mbstab.report.export import in_unit, to_csv
-from mbstab.report.tables import eigenvalue, table
+from mbstab.report.tables import eigenvalue, number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.response.margins import LargestGain, Margins
@@ -39,9 +39,9 @@ def angles(values: Any) -> Any:
     return np.where(found == -180.0, 180.0, found)
 
 
-def _degrees(angle: float) -> str:
-    """Return a phase with six digits; one that rounds to -180 is 180."""
-    text = f"{angle:.6g}"
+def _degrees(angle: float, error: float = 0.0) -> str:
+    """Return a phase with six digits, none below an error bound; one that rounds to -180 is 180."""
+    text = number(angle, 6, error)
     return "180" if text == "-180" else text
 
 
@@ -124,7 +124,10 @@ def _frequency_row(omega: float, value: complex, error: float) -> list[str]:
     if gain <= error < np.inf and gain:
         return [f"{omega:.6g}", f"≤ {gain + error:.0e}", "", "", ""]
     shown = f"{error:.0e}" if np.isfinite(error) else ""
-    return [*(f"{x:.6g}" for x in (omega, gain, decibels(gain))), _degrees(float(angles(value))), shown]
+    turn = float(np.degrees(error / gain)) if gain else 0.0
+    return [
+        f"{omega:.6g}", number(gain, 6, error), f"{decibels(gain):.6g}", _degrees(float(angles(value)), turn), shown
+    ]  # fmt: skip
 
 
 def _zeros_text(zeros: Zeros) -> list[str]:

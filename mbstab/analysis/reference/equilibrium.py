@@ -20,6 +20,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Flags, least_squares
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.subspaces import fewest
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.efforts import Acted, Placement, efforts
@@ -264,7 +265,8 @@ class Problem:
         self._require_rates(search, at)
         try:
             motion = finder.motion(at.q, at.u, steady=at.steady, declared=self.scene.steady is not None)
-            motion = replace(motion, sharpened=sharpened is not None)
+            unsure = [_unsure(search, at)] if search.magnified > TOLERANCES.sharpened_from and not sharpened else []
+            motion = replace(motion, sharpened=sharpened is not None, warnings=(*motion.warnings, *unsure))
         except ModelFileError as error:
             raise Failure(self, search).error(at, error) from None
         if not at.steady.turns and np.any(at.u):
@@ -439,6 +441,16 @@ def _fewest_spins(balance: Balance, q: Array, c: Array) -> Array:
         moved[free] -= null @ least_squares(null[spins], c[free][spins], rcond=1e-9)
         return moved
     return c
+
+
+def _unsure(search: Search, at: State) -> str:
+    """Return how well a solution is known that more digits do not sharpen, in words."""
+    moves = np.abs(search.balance.equations(at).inverse[: search.balance.moving])
+    off = float(np.max(moves @ np.maximum(np.abs(at.residual), EPS), initial=0.0))
+    return (
+        f"the {'steady motion' if np.any(at.u) else 'equilibrium'} that was found is known to {off:.0e} of the size of the scene or worse, and so are its forces: "
+        f"beside a singular or critical position rounding is magnified {search.magnified:.0e} times"
+    )
 
 
 def _open_directions(search: Search, at: State, known: list[Symmetry]) -> list[str]:

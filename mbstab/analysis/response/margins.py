@@ -6,6 +6,8 @@ the zeros and poles of G with their errors (`mbstab.analysis.response.factored`)
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mbstab.analysis.response.factored import Exact, Factored, Undecided
@@ -163,8 +165,9 @@ def _gain_crossing(omega: float, own: Factored) -> GainCrossing:
     values, errors = own.exact(np.array([omega]))
     off = own.off_at(omega, own.gain, own.argument) + float(errors[0]) / float(abs(values[0]))
     _require_known(off, f"the phase margin at {omega:.6g} rad/s")
-    angle = float(np.degrees(np.angle(-values[0])))
-    return GainCrossing(omega, angle, float(np.radians(angle % 360.0 or 360.0)) / omega, float(np.degrees(off)))
+    angle, error = np.degrees([float(np.angle(-values[0])), off]).tolist()
+    angle = angle if abs(angle) > error else 0.0  # an eigenvalue is on the axis without a delay
+    return GainCrossing(omega, angle, math.radians(angle % 360.0) / omega, error)
 
 
 def _phase_crossings(own: Factored) -> tuple[PhaseCrossing, ...]:

@@ -154,32 +154,31 @@ class CriticalValues(Branches):
             if found:
                 return found
         left = self._leaving(part, (a, b), (low, high), branches)
-        place = self._pole((float(part.x[0]), low, high, float(part.x[-1])))
+        place = self._pole(low, high)
         if place is not None and not left:
             return [Critical(place, "infinity", (), 0.0, counts)]
         return left or [Critical(0.5 * (low + high), "unresolved", (), 0.0, counts)]
 
-    def _pole(self, ends: tuple[float, float, float, float]) -> float | None:
-        """Return where between the inner two of four values a single eigenvalue is infinite; None if none is.
+    def _pole(self, low: float, high: float) -> float | None:
+        """Return where between two values a single eigenvalue is infinite; None if none is.
 
-        The reciprocal of the product of all is zero there, and smooth; eigenvalues are known at some distance only.
+        The reciprocal of the product of all is zero there, and smooth. Far away a polynomial misses it by its own
+        error, nearby eigenvalues are rounding: the distance at which the guess changes least is the best one.
         """
-        first, low, high, last = ends
+        each, count = TOLERANCES.pole_points, TOLERANCES.pole_distances
         reach = max(TOLERANCES.pole_reach * (high - low), TOLERANCES.meeting_rounding * self.width)
-        steps = min(reach, low - first, last - high) * 0.5 ** np.arange(TOLERANCES.pole_points)
-        x = np.concatenate([low - steps, high + steps[::-1]])
-        if not steps[0] > high - low:
-            return None
-        spectra = self._spectra(x, needed=True).values
-        if np.any(np.isnan(spectra)):
-            return None
-        size = float(np.max(np.abs(spectra)))
-        y = np.array([1.0 / self._product(spectrum, size) for spectrum in spectra])
-        rising = np.diff(y) * np.sign(y[-1] - y[0])
-        if y[0] * y[-1] >= 0.0 or np.any(rising <= 0.0):
-            return None
-        value, error = Search(x, y, TOLERANCES.pole_points - 1, TOLERANCES.pole_points).guess()
-        return value if low <= value <= high and error <= high - low else None
+        steps = min(reach, low - float(self.x[0]), float(self.x[-1]) - high) * 0.5 ** np.arange(count)
+        spectra = self._spectra(np.concatenate([low - steps, high + steps]), needed=True).values
+        known = ~np.any(np.isnan(spectra), axis=1)
+        size, guesses = float(np.max(np.abs(spectra[known]), initial=0.0)), list[tuple[float, float]]()
+        for k in range(count - each + 1):
+            chosen = np.r_[k : k + each, count + k + each - 1 : count + k - 1 : -1]
+            x = np.concatenate([low - steps, high + steps])[chosen]
+            y = np.array([1.0 / self._product(spectrum, size) for spectrum in spectra[chosen[known[chosen]]]])
+            if len(y) == len(x) and y[0] * y[-1] < 0.0 and np.all(np.diff(y) * np.sign(y[-1]) > 0.0):
+                value, error = Search(x, y, each - 1, each).guess()
+                guesses += [(error, value)] if low <= value <= high and error <= high - low else []
+        return min(guesses)[1] if guesses else None
 
     def _beginning(self, part: Stretch, places: tuple[int, int], branches: Complex) -> list[Critical]:
         """Return a change exactly at a point where the spectrum is symmetric, as where damping begins at zero."""

@@ -86,7 +86,9 @@ class Tolerances:
     pole_reach: Final = 128.0
     """Where eigenvalues become infinite is told by points up to so many times the interval in which none is known …"""
     pole_points: Final = 4
-    """… on either side of it, so many on each side, each half as far away."""
+    """… on either side of it, so many on each side, each half as far away …"""
+    pole_distances: Final = 8
+    """… of so many at which the eigenvalues are looked at."""
     direction_difference: Final = 1e-6
     """Where eigenvalues meet, their directions are taken over this fraction of the parameter's value."""
     branch_split: Final = 8
