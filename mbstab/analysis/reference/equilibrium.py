@@ -447,8 +447,9 @@ def _unsure(search: Search, at: State) -> str:
     """Return how well a solution is known that more digits do not sharpen, in words."""
     moves = np.abs(search.balance.equations(at).inverse[: search.balance.moving])
     off = float(np.max(moves @ np.maximum(np.abs(at.residual), EPS), initial=0.0))
+    kind = "steady motion" if np.any(at.u) else "equilibrium"
     return (
-        f"the {'steady motion' if np.any(at.u) else 'equilibrium'} that was found is known to {off:.0e} of the size of the scene or worse, and so are its forces: "
+        f"the {kind} that was found is known to {off:.0e} of the size of the scene or worse, and so are its forces: "
         f"beside a singular or critical position rounding is magnified {search.magnified:.0e} times"
     )
 
