@@ -266,9 +266,9 @@ class Cluster:
             start = here.stop
         return total
 
-    def at(self, state: State, f: Doubles, sizes: Array, rate: float) -> At:
+    def at(self, state: State, f: Doubles, sizes: Array, rates: Array) -> At:
         """Return its elements at states."""
-        return At(self, state, f, sizes, rate)
+        return At(self, state, f, sizes, rates)
 
 
 class At:
@@ -282,13 +282,13 @@ class At:
         The numbers.
     sizes : ndarray, shape (n,)
         Characteristic sizes of the coordinates.
-    rate : float
-        A characteristic rate (1/s).
+    rates : ndarray, shape (n,)
+        Their characteristic rates (1/s).
     """
 
-    def __init__(self, cluster: Cluster, state: State, f: Doubles, sizes: Array, rate: float) -> None:
+    def __init__(self, cluster: Cluster, state: State, f: Doubles, sizes: Array, rates: Array) -> None:
         self.cluster, self.state, self.f = cluster, state, f
-        self.units, self.rate = np.log2(sizes), float(np.log2(rate))
+        self.units, self.rates = np.log2(sizes), np.log2(rates)
         self.elements: Sequence[Local] = cluster.elements
         self._runs: dict[tuple[int, str], Results] = {}
         self._known: dict[tuple[int, str], Sized] = {}
@@ -395,8 +395,8 @@ class At:
         for (A, power), (X, other), order in terms:
             total = total + self.f.multiplied(A, X)
             size = np.maximum(size, largest_terms(power, other))
-            each = np.max(power + self.units[own.columns], axis=-1, keepdims=True, initial=NONE)
-            usual = np.maximum(usual, each + order * self.rate)
+            units = (self.units + order * self.rates)[own.columns]
+            usual = np.maximum(usual, np.max(power + units, axis=-1, keepdims=True, initial=NONE))
         return Change(own, total, size, usual)
 
     def _bend(self, own: Local, found: Change, slopes: Sequence[Sized]) -> None:
@@ -458,17 +458,17 @@ def _divided(x: Array, b: Block) -> tuple[Array, ...]:
 class Whole(Cluster):
     """A whole scene: the forces of all elements count together, as far as its rows do not balance them."""
 
-    def at(self, state: State, f: Doubles, sizes: Array, rate: float) -> At:
+    def at(self, state: State, f: Doubles, sizes: Array, rates: Array) -> At:
         """Return its elements at a state, with the accelerations and multipliers of the motion through it."""
-        return Balanced(self, state, f, sizes, rate)
+        return Balanced(self, state, f, sizes, rates)
 
 
 class Balanced(At):
     """The sum of the forces of a scene at a state, with the accelerations and multipliers of the motion through it."""
 
-    def __init__(self, cluster: Cluster, state: State, f: Doubles, sizes: Array, rate: float) -> None:
+    def __init__(self, cluster: Cluster, state: State, f: Doubles, sizes: Array, rates: Array) -> None:
         q, u, _, time = state
-        super().__init__(cluster, (q, u, 0 * q, time), f, sizes, rate)
+        super().__init__(cluster, (q, u, 0 * q, time), f, sizes, rates)
         self.sizes, self.smooth = sizes, [x for x in cluster.elements if x.analytic]
         self.elements = [x for x in cluster.elements if x.element.rows or not x.analytic]
         n = len(cluster.columns)
@@ -507,13 +507,22 @@ class Balanced(At):
     def changes(self, what: What, c: Array | None = None) -> Iterator[Change]:
         """Yield what combinations of fields, or all, do to the sum of the forces, and to rows."""
         yield from super().changes(what, c)
+        if what not in ("along", "work"):
+            return
         f, fields = self.f, self._each(range(len(self.values))) if c is None else self.fields(c)
         X, X1, X2 = (np.concatenate([x[i] for x in fields], axis=-2) for i in range(3))
         whole = Local.__new__(Local)
         whole.columns, whole.on = list(range(len(self.cluster.columns))), list(range(len(self.cluster.blocks)))
+        if what == "work":
+            F, terms = f.zeros((1, len(whole.columns))), np.full((1, len(whole.columns)), NONE)
+            for x in (x for x in self.smooth if not (x.element.rows or x.element.takes_acceleration)):
+                own, size = self.entry(x, "F")
+                F[0, x.columns] += own
+                terms[0, x.columns] = np.maximum(terms[0, x.columns], size)
+            yield self._products(whole, ((F, terms), (X, f.powers(X)), 0))
+            return
         pairs = ((self._sum("K"), X, 0), (self._sum("R"), X1, 1), (self.M, X2, 2))
-        terms = (((A, f.powers(A)), (Y, f.powers(Y)), k) for A, Y, k in pairs)
-        _, value, size, usual = self._products(whole, *terms)
+        _, value, size, usual = self._products(whole, *(((A, f.powers(A)), (Y, f.powers(Y)), k) for A, Y, k in pairs))
         if len(self.J):
             weighted = self.J * self.sizes**2
             pulled = f.solved(f.multiplied(weighted, self.J.T), f.multiplied(weighted, value))
