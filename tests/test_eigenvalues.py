@@ -524,6 +524,7 @@ IN_TURNING_FRAMES = {
 }
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", IN_TURNING_FRAMES)
 def test_what_turns_in_fixed_coordinates_is_undecided_if_frozen_and_says_by_how_much(name):
     parameters = IN_TURNING_FRAMES[name]

@@ -91,6 +91,7 @@ def _cantilever(rng, links, pressed):
     return json.dumps(scene), K
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("links", [40, 150])
 @pytest.mark.parametrize("seed", sample(range(12), 3))
 @pytest.mark.parametrize("pressed", [False, True])
