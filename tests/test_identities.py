@@ -5,7 +5,13 @@ import numpy as np
 import pytest
 
 import mbstab
+from mbstab.analysis.reference.requested import reference_motion
+from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.verdict.rule import ASYMPTOTIC_UP_TO, STABLE_UP_TO, UNDECIDED, UNSTABLE
+from mbstab.analysis.verdict.work import Work
+from mbstab.compiler.system import System
+from mbstab.model.reader import read_model_text
+from mbstab.model.values import evaluate
 
 HINGED = """
 mbstab: 1
@@ -224,3 +230,19 @@ def test_random_states_at_which_rows_become_dependent_are_left_out(omega):
     """The governor turns steadily at any rate; a random state may close onto a singular position of its arms."""
     found = mbstab.load("governor.yaml").eig(omega=omega)
     assert (found.verdict, found.counts.neutral) == (ASYMPTOTIC_UP_TO, 1)
+
+
+@pytest.mark.parametrize(
+    ("rate", "linear"),
+    [("0.1*rate(a.x) + rate(b.x)", True), ("0.1*sqrt(rate(a.x)**2 + rate(b.x)**2)", False)],
+)
+def test_a_row_that_doubles_with_the_speeds_need_not_be_linear_in_them(rate, linear):
+    model = read_model_text(
+        "mbstab: 1\nbodies: {a: {type: planar_point, mass: 1}, b: {type: planar_point, mass: 1}}\n"
+        f"constraints: {{row: {{nonholonomic: rate(a.y) - ({rate})}}}}\n"
+        "reference: {coordinates: {a: {x: 0}, b: {x: 0, y: 0}}, rates: {a: {x: 3}, b: {x: 4, y: 0}}}\n",
+        "row.yaml",
+    )
+    system = System(evaluate(model))
+    invariance = Invariance(system, reference_motion(system))
+    assert Work(invariance, None).rows_at_rest == linear

@@ -220,7 +220,7 @@ def swept(*arguments):
 
 def test_a_killed_command_is_resumed_and_loses_a_block_at_most(tmp_path):
     out, reference = tmp_path / "v.npz", tmp_path / "reference.npz"
-    arguments = ("--points", "3301", "--output")
+    arguments = ("--points", "2401", "--output")
     parts = out.with_name("v.npz.parts")
     with child(command(*arguments, str(out)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         until(lambda: len(finished(parts)) >= 4, process)

@@ -437,10 +437,16 @@ def test_joints_that_contradict_each_other_are_not_blamed_on_a_guess():
 def test_angles_of_many_turns_as_bare_numbers_are_told_as_degrees(force, told):
     text = MODEL.replace("  sp:", f"  f: {force}\n  sp:").replace("  coordinates:", "  find: equilibrium\n  guess:")
     model = mbstab.loads(text)
-    for warnings in (model.check().warnings, model.eig().warnings, model.sweep("k", [1.0, 2.0]).warnings):
-        found = [x for x in warnings if "turns" in x]
-        assert [x.split("\n")[0] for x in found] == ([told] if told else [])
-        assert all("hint: degrees are written" in x for x in found)
+    found = [x for x in model.check().warnings if "turns" in x]
+    assert [x.split("\n")[0] for x in found] == ([told] if told else [])
+    assert all("hint: degrees are written" in x for x in found)
+
+
+def test_every_command_tells_angles_of_many_turns():
+    text = MODEL.replace("  sp:", "  f: {type: joint_spring, joint: pin, stiffness: 1, rest: 60}\n  sp:")
+    model = mbstab.loads(text.replace("  coordinates:", "  find: equilibrium\n  guess:"))
+    for answer in (model.eig(), model.sweep("k", [1.0, 2.0])):
+        assert sum("rest: 60 rad are 9.55 turns" in x for x in answer.warnings) == 1
 
 
 def test_drives_of_angles_are_told_as_degrees_and_drives_of_lengths_are_not():
@@ -685,7 +691,7 @@ def test_a_small_derivative_that_does_not_vanish_is_no_square(given):
     assert found.eig().counts.expected == 4
 
 
-@pytest.mark.parametrize(("first", "last", "told"), [("5", "8", True), ("0", "8", False), ("0", "3", False)])
+@pytest.mark.parametrize(("first", "last", "told"), [("5", "8", True), ("0", "8", False)])
 def test_a_sweep_that_is_undecided_everywhere_says_what_tells_more(first, last, told):
     arguments = ["sweep", "rolling_disk.yaml", "--param", "omega", "--from", first, "--to", last, "--points", "5"]
     answer = CliRunner().invoke(main, [*arguments, "--plot", "none"])

@@ -219,7 +219,7 @@ GALLERY = [(f"{name}.yaml", parameter) for name, data in documents().items() for
 
 
 @pytest.mark.few(1)
-@pytest.mark.parametrize(("name", "parameter"), sample(GALLERY, 6))
+@pytest.mark.parametrize(("name", "parameter"), sample([*GALLERY[1:], GALLERY[0]], 6))
 def test_branches_are_what_eig_says_at_the_same_point(name, parameter):
     mechanism = mbstab.load(name)
     model = mechanism.model

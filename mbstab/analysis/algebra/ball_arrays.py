@@ -45,8 +45,8 @@ class Doubles:
 
     def powers(self, x: Array) -> Array:
         """Return the exponents of the sizes of the entries."""
-        with np.errstate(divide="ignore"):
-            return np.asarray(np.log2(np.abs(x)))
+        size = np.abs(x)
+        return np.asarray(np.log2(size, out=np.full(size.shape, NONE), where=size != 0.0))
 
     def multiplied(self, A: Array, B: Array) -> Array:
         """Return a product of matrices."""
@@ -98,18 +98,29 @@ class Balls(Doubles):
     def of(self, x: Array) -> Array:  # noqa: D102
         return np.asarray(np.frompyfunc(_types()[0], 1, 1)(np.asarray(x, dtype=float)))
 
+    def within(self, x: Array, error: Array) -> Array:
+        """Return the balls about doubles with given errors."""
+        return np.asarray(np.frompyfunc(_types()[0], 2, 1)(x, error))
+
     def settled(self, x: Array) -> Array:  # noqa: D102
         return np.asarray(np.frompyfunc(lambda y: as_ball(y).mid(), 1, 1)(x))
 
     def powers(self, x: Array) -> Array:  # noqa: D102
+        size = middle(x)
         # What is beyond the range of doubles has no size: then everything shows beside it.
-        return np.nan_to_num(super().powers(middle(x)), nan=NONE, posinf=NONE, neginf=NONE)
+        return super().powers(np.where(np.isfinite(size), size, 0.0))
 
     def multiplied(self, A: Array, B: Array) -> Array:  # noqa: D102
         return _array(_matrix(A) * _matrix(B))
 
     def solved(self, A: Array, B: Array) -> Array:  # noqa: D102
         return _array(_matrix(A).solve(_matrix(B)))
+
+    def shortest(self, J: Array, sizes: Array, left: Array) -> Array:
+        """Return the shortest x, in given sizes, with J x = left."""
+        rows = _matrix(J * sizes)
+        columns = rows.transpose()
+        return _array(columns * (rows * columns).solve(_matrix(left))) * sizes[:, None]
 
     def prepared(self, A: Array) -> Any:  # noqa: D102
         return _matrix(A)

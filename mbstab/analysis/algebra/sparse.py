@@ -126,16 +126,6 @@ def congruent(A: Any, N: Array) -> Array:
 
 
 @lru_cache(maxsize=2)
-def unchanged(n: int) -> Any:
-    """Return the identity matrix, sparse for many coordinates; always the same object, so that it is recognized."""
-    if n >= TOLERANCES.sparse_derivatives_from:
-        return identity(n)
-    found = np.eye(n)
-    found.flags.writeable = False
-    return found
-
-
-@lru_cache(maxsize=2)
 def identity(n: int) -> Any:
     """Return the identity matrix, sparse."""
     from scipy.sparse import csr_array, eye_array
@@ -150,46 +140,6 @@ def nothing(n: int) -> Any:
     from scipy.sparse import csr_array
 
     return csr_array((n, n))
-
-
-def own_part(A: Any, places: Any) -> Array:
-    """Return the principal submatrix of a square matrix at some places, as an array."""
-    if isinstance(places, slice):
-        places = np.arange(places.start, places.stop)
-    if not is_sparse(A):
-        result: Array = A[np.ix_(places, places)]
-        return result
-    reached, rows = rows_of(A, np.asarray(places).tolist())
-    return rows if reached is places else rows[:, np.searchsorted(reached, places)]
-
-
-def rows_of(A: Any, places: list[int]) -> tuple[Any, Array]:
-    """Return the nonzero columns of some rows of a square matrix, and the rows there; for an array all columns."""
-    if A is unchanged(A.shape[0]):
-        return places, np.eye(len(places))
-    if not is_sparse(A):
-        return slice(None), A[places]
-    # Much faster than indexing, which checks what it makes.
-    parts = [slice(A.indptr[i], A.indptr[i + 1]) for i in places]
-    columns = np.concatenate([A.indices[part] for part in parts])
-    reached = np.unique(np.concatenate([columns, places]))
-    rows = np.zeros((len(places), len(reached)))
-    own = np.repeat(np.arange(len(places)), [part.stop - part.start for part in parts])
-    rows[own, np.searchsorted(reached, columns)] = np.concatenate([A.data[part] for part in parts])
-    return reached, rows
-
-
-def put(values: Array, places: list[int], reached: Any, n: int) -> Array:
-    """Return a vector with values at some places and zeros elsewhere, of length n or for the reached columns only."""
-    if isinstance(reached, slice):
-        result: Array = np.zeros(n)
-        result[places] = values
-        return result
-    if reached is places:
-        return values
-    result = np.zeros(len(reached))
-    result[np.searchsorted(reached, places)] = values
-    return result
 
 
 def product(A: Any, x: Any) -> Any:

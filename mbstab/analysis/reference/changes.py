@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -11,9 +12,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.ball_arrays import (
     BALLS,
-    DOUBLES,
     NONE,
     Doubles,
     as_ball,
@@ -40,6 +41,45 @@ they do against rows, but for those of states."""
 
 OF_FUNCTION = {"dynamics": "MFEVJB", "linearize": "KRD"}
 """Results of the functions of kernels that are asked for."""
+
+FUNCTION_OF = {key: function for function, keys in OF_FUNCTION.items() for key in keys}
+
+
+class Results:
+    """What a function of a kernel returns at states, put into matrices where these are asked for.
+
+    Parameters
+    ----------
+    f : Doubles
+        The numbers.
+    values : ndarray, shape (states, number of results)
+    lead : tuple of int
+        Shape of the states.
+    places : dict
+        The shapes of the matrices and the places of the results in them, see `_places`.
+    """
+
+    def __init__(self, f: Doubles, values: Array, lead: tuple[int, ...], places: Places) -> None:
+        self._f, self._values, self._lead, self._places = f, values, lead, places
+        self._found, self._sizes = dict[str, Array](), dict[str, Array]()
+
+    def __getitem__(self, key: str) -> Array:
+        if key not in self._found:
+            shape, rounds = self._places[key]
+            entries_of = self._f.zeros((len(self._values), math.prod(shape)))
+            for k, (numbers, entries) in enumerate(rounds):
+                entries_of[:, entries] = self._values[:, numbers] + (entries_of[:, entries] if k else 0)
+            self._found[key] = entries_of.reshape(*self._lead, *shape)
+        return self._found[key]
+
+    def sized(self, key: str) -> Sized:
+        """Return a matrix with the exponents of the sizes of its entries."""
+        if key not in self._sizes:
+            self._sizes[key] = self._f.powers(self[key])
+        return self[key], self._sizes[key]
+
+
+Places = dict[str, tuple[tuple[int, ...], list[tuple[list[int], list[int]]]]]
 
 
 class Change(NamedTuple):
@@ -97,8 +137,8 @@ class Local:
         laws, places = tuple(map(id, self.element.laws)), (*self.on, *self.own)
         return id(self.element.kernel), numbers, places, laws, self.analytic
 
-    def run(self, function: str, state: State, f: Doubles, nu: Any = None) -> dict[str, Array]:
-        """Return the results of a function of its kernel on the coordinates of its bodies, by name.
+    def run(self, function: str, state: State, f: Doubles, nu: Any = None) -> Results:
+        """Return the results of a function of its kernel on the coordinates of its bodies.
 
         With multipliers `nu` of all rows those of its own are taken.
         """
@@ -123,13 +163,7 @@ class Local:
 
         lead, states = q.shape[:-1], [x.reshape(-1, q.shape[-1]).tolist() for x in (q, u, a)]
         results = np.array([values(x) for x in zip(*states, strict=True)], dtype=q.dtype)
-        found = {}
-        for key, shape, rounds in _places(e.kernel, function, tuple(self.own), n, m):
-            entries_of = f.zeros((len(results), int(np.prod(shape))))
-            for numbers, entries in rounds:
-                entries_of[:, entries] += results[:, numbers]
-            found[key] = entries_of.reshape(*lead, *shape)
-        return found
+        return Results(f, results, lead, _places(e.kernel, function, tuple(self.own), n, m))
 
     @cached_property
     def contained(self) -> tuple[list[int], list[int]]:
@@ -145,10 +179,8 @@ class Local:
 
 
 @lru_cache(maxsize=1000)
-def _places(
-    kernel: Any, function: str, own: tuple[int, ...], n: int, m: int
-) -> list[tuple[str, tuple[int, ...], list[tuple[list[int], list[int]]]]]:
-    """Return by matrix its shape, the numbers of the results of a kernel and those of their entries.
+def _places(kernel: Any, function: str, own: tuple[int, ...], n: int, m: int) -> Places:
+    """Return by matrix its shape, and the numbers of the results of a kernel with those of their entries.
 
     Results of the same entries come one after another.
     """
@@ -163,7 +195,7 @@ def _places(
             if into is None:
                 rounds[key].append(into := {})
             into[entry] = k
-    return [(key, shapes[key], [([*x.values()], [*x]) for x in found]) for key, found in rounds.items()]
+    return {key: (shapes[key], [([*x.values()], [*x]) for x in found]) for key, found in rounds.items()}
 
 
 class Cluster:
@@ -177,6 +209,7 @@ class Cluster:
         self.fields = [k for b in self.blocks for k in b.fields]
         self.elements, self.rows = list[Local](), list[Local]()
         self.rough, self.beside, self.visited = list[At](), list[At](), list[list[At]]()
+        self.ranks: tuple[int, int] | None = None
 
     @cached_property
     def exact_blocks(self) -> list[Block]:
@@ -209,6 +242,30 @@ class Cluster:
         """Whether its elements are rows on positions alone."""
         return all(x.holonomic for x in self.elements)
 
+    @cached_property
+    def closing(self) -> list[Local]:
+        """The rows that its states satisfy: those on positions alone where no speeds are asked for."""
+        return [x for x in self.rows if x.holonomic or not self.still]
+
+    @cached_property
+    def holonomic(self) -> Flags:
+        """Which of these rows are on positions."""
+        return np.array([x.holonomic for x in self.closing for _ in x.element.rows], dtype=bool)
+
+    def ranked(self, kept: list[int]) -> tuple[int, int]:
+        """Return how many of some rows are on positions, and how many there are."""
+        return int(np.sum(self.holonomic[kept])), len(kept)
+
+    def stacked(self, found: dict[int, Results], key: str, f: Doubles) -> Array:
+        """Return the residuals of these rows, or their derivatives by all coordinates, one below the other."""
+        total = f.zeros((len(self.holonomic), len(self.columns)) if key == "J" else (len(self.holonomic),))
+        start = 0
+        for x in self.closing:
+            here = slice(start, start + len(x.element.rows))
+            total[(here, x.columns) if key == "J" else here] = found[id(x)][key]
+            start = here.stop
+        return total
+
     def at(self, state: State, f: Doubles, sizes: Array, rate: float) -> At:
         """Return its elements at states."""
         return At(self, state, f, sizes, rate)
@@ -233,35 +290,32 @@ class At:
         self.cluster, self.state, self.f = cluster, state, f
         self.units, self.rate = np.log2(sizes), float(np.log2(rate))
         self.elements: Sequence[Local] = cluster.elements
-        self._runs: dict[tuple[int, str], dict[str, Sized]] = {}
+        self._runs: dict[tuple[int, str], Results] = {}
+        self._known: dict[tuple[int, str], Sized] = {}
 
-    def run(self, own: Local, function: str, nu: Any = None) -> dict[str, Sized]:
-        """Return the results of a function of the kernel of an element by name, with the exponents of their sizes."""
+    def entry(self, own: Local, key: str) -> Sized:
+        """Return a matrix of an element, or its force, with the exponents of the sizes."""
+        known = self._known.get((id(own), key))
+        return known or self._run(own, FUNCTION_OF[key]).sized(key)
+
+    def _run(self, own: Local, function: str, nu: Any = None) -> Results:
+        """Return the results of a function of the kernel of an element."""
         key = id(own), function
         if key not in self._runs:
-            found = own.run(function, self.state, self.f, nu)
-            self._runs[key] = {name: (x, self.f.powers(x)) for name, x in found.items()}
+            self._runs[key] = own.run(function, self.state, self.f, nu)
         return self._runs[key]
 
     def evaluate(self, elements: Sequence[Local]) -> None:
         """Evaluate some elements of the cluster, those of which changes are asked."""
         self.elements = elements
         for own in (x for x in elements if x.analytic):
-            self.run(own, "dynamics")
+            self.entry(own, "J" if own.element.rows else "F")
             if not own.holonomic:
-                self.run(own, "linearize")
+                self._run(own, "linearize")
 
-    def know(self, slopes: dict[int, Array]) -> None:
+    def know(self, found: dict[int, Results]) -> None:
         """Take ∂V/∂u of rows as known, by the identity of their elements."""
-        self._runs |= {(key, "dynamics"): {"J": (J, self.f.powers(J))} for key, J in slopes.items()}
-
-    def in_doubles(self, what: What) -> Iterator[Change]:
-        """Yield what all fields do at the same state, in doubles."""
-        q, u, a = (middle(x) for x in self.state[:3])
-        at = self.cluster.at((q, u, a, float(self.state[3])), DOUBLES, np.exp2(self.units), 2.0**self.rate)
-        if at.__class__ is At:
-            at.elements = self.elements
-        return at.changes(what)
+        self._known |= {(key, "J"): x.sized("J") for key, x in found.items()}
 
     @cached_property
     def values(self) -> list[Any]:
@@ -314,19 +368,19 @@ class At:
         if not own.analytic:
             found = self._untouched(own, what, X[0][0], [x for x, _ in slopes])
         elif own.element.rows:
-            J = self.run(own, "dynamics")["J"]
+            J = self.entry(own, "J")
             found = None if what == "work" or (what == "held" and own.of_state) else self._products(own, (J, X[0], 0))
             if what == "along" and not own.holonomic:
-                D = self.run(own, "linearize")["D"]
+                D = self.entry(own, "D")
                 found = self._products(own, (D, X[0], 0), (J, X[1], 1))
         elif what == "along":
-            rates, at = self.run(own, "linearize"), self.run(own, "dynamics")
-            found = self._products(own, (rates["K"], X[0], 0), (rates["R"], X[1], 1), (at["M"], X[2], 2))
+            K, R, M = (self.entry(own, key) for key in "KRM")
+            found = self._products(own, (K, X[0], 0), (R, X[1], 1), (M, X[2], 2))
             self._bend(own, found, slopes)
         elif what == "driven":
-            found = self._products(own, (self.run(own, "linearize")["R"], X[0], 0))
+            found = self._products(own, (self.entry(own, "R"), X[0], 0))
         elif what == "work" and not own.element.takes_acceleration:
-            F, size = self.run(own, "dynamics")["F"]
+            F, size = self.entry(own, "F")
             found = self._products(own, ((F[..., None, :], size[..., None, :]), X[0], 0))
         else:
             found = None
@@ -347,9 +401,8 @@ class At:
 
     def _bend(self, own: Local, found: Change, slopes: Sequence[Sized]) -> None:
         """Add (DX)ᵀ F, which acts on all coordinates of a body."""
-        at = self.run(own, "dynamics")
         a = self.state[2][..., own.columns]
-        force = at["F"][0] + self.f.multiplied(at["M"][0], a[..., None])[..., 0]
+        force = self.entry(own, "F")[0] + self.f.multiplied(self.entry(own, "M")[0], a[..., None])[..., 0]
         power, start = self.f.powers(force), 0
         for slope, size in slopes:
             *lead, m, _, k = slope.shape
@@ -381,7 +434,7 @@ class At:
     def later(self, own: Local, step: Fraction, rows: int) -> Array:
         """Return the derivative by time of the force or the rows of an element, in balls, by a difference."""
         h, (*state, time) = as_ball(step.numerator) / step.denominator, self.state
-        if not own.analytic:
+        if not (own.analytic and own.element.laws):
             return BALLS.zeros((rows,))
         key = ("E" if own.holonomic else "V") if own.element.rows else "F"
         ahead, back = (own.run("dynamics", (*state, now), BALLS)[key] for now in (time + h, time - h))
@@ -419,13 +472,12 @@ class Balanced(At):
         self.sizes, self.smooth = sizes, [x for x in cluster.elements if x.analytic]
         self.elements = [x for x in cluster.elements if x.element.rows or not x.analytic]
         n = len(cluster.columns)
-        M, F = self._sum("dynamics", "M"), self._sum("dynamics", "F")
+        M, F = self._sum("M"), self._sum("F")
         rows = [x for x in self.smooth if x.element.rows]
         J, B = f.zeros((sum(len(x.element.rows) for x in rows), n)), list[Any]()
         for x in rows:
-            at = self.run(x, "dynamics")
-            J[len(B) : len(B) + len(x.element.rows), x.columns] = at["J"][0]
-            B += list(at["B"][0])
+            J[len(B) : len(B) + len(x.element.rows), x.columns] = self.entry(x, "J")[0]
+            B += list(self.entry(x, "B")[0])
         kept = independent(middle(J) * sizes)
         self.J = J[kept]
         matrix, right = f.zeros((n + len(kept), n + len(kept))), f.zeros((n + len(kept), 1))
@@ -436,23 +488,20 @@ class Balanced(At):
         self.nu = dict.fromkeys(numbers, 0.0) | {numbers[k]: y for k, y in zip(kept, solved[n:], strict=True)}
         self.M, self.state = M, (q, u, f.settled(solved[:n]), time)
 
-    def know(self, slopes: dict[int, Array]) -> None:
-        """Take nothing as known: rows are asked for more."""
-
     def evaluate(self, elements: Sequence[Local]) -> None:
         """Evaluate all elements."""
         for x in self.smooth:
             if x.element.rows or not x.holonomic:
-                self.run(x, "linearize", self.nu)
+                self._run(x, "linearize", self.nu)
 
-    def _sum(self, function: str, key: str) -> Array:
+    def _sum(self, key: str) -> Array:
         """Return the sum of a matrix, or of forces, over the elements."""
-        n = len(self.cluster.columns)
+        n, function = len(self.cluster.columns), FUNCTION_OF[key]
         total = self.f.zeros((n,) if key == "F" else (n, n))
         for x in self.smooth:
             if function == "dynamics" or x.element.rows or not x.holonomic:
                 nu = self.nu if function == "linearize" else None
-                total[x.columns if key == "F" else np.ix_(x.columns, x.columns)] += self.run(x, function, nu)[key][0]
+                total[x.columns if key == "F" else np.ix_(x.columns, x.columns)] += self._run(x, function, nu)[key]
         return total
 
     def changes(self, what: What, c: Array | None = None) -> Iterator[Change]:
@@ -462,7 +511,7 @@ class Balanced(At):
         X, X1, X2 = (np.concatenate([x[i] for x in fields], axis=-2) for i in range(3))
         whole = Local.__new__(Local)
         whole.columns, whole.on = list(range(len(self.cluster.columns))), list(range(len(self.cluster.blocks)))
-        pairs = ((self._sum("linearize", "K"), X, 0), (self._sum("linearize", "R"), X1, 1), (self.M, X2, 2))
+        pairs = ((self._sum("K"), X, 0), (self._sum("R"), X1, 1), (self.M, X2, 2))
         terms = (((A, f.powers(A)), (Y, f.powers(Y)), k) for A, Y, k in pairs)
         _, value, size, usual = self._products(whole, *terms)
         if len(self.J):
@@ -476,15 +525,16 @@ class Balanced(At):
         yield Change(whole, value, size, usual)
 
 
-def independent(J: Array) -> list[int]:
-    """Return the numbers of independent rows."""
+def independent(J: Array, first: Flags | None = None) -> list[int]:
+    """Return the numbers of independent rows; some of them come first."""
     left, kept = J / np.maximum(np.linalg.norm(J, axis=1), 1e-300)[:, None], list[int]()
-    while len(kept) < len(J):
-        lengths = np.linalg.norm(left, axis=1)
-        k = int(np.argmax(lengths))
-        if not lengths[k] > TOLERANCES.row_dependence:
-            break
-        kept.append(k)
-        unit = left[k] / lengths[k]
-        left = left - np.outer(left @ unit, unit)
+    for those in (first, ~first) if first is not None else (np.ones(len(J), dtype=bool),):
+        while len(kept) < len(J):
+            lengths = np.where(those, np.linalg.norm(left, axis=1), 0.0)
+            k = int(np.argmax(lengths))
+            if not lengths[k] > TOLERANCES.row_dependence:
+                break
+            kept.append(k)
+            unit = left[k] / lengths[k]
+            left = left - np.outer(left @ unit, unit)
     return sorted(kept)

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, RandomNumbers, least_squares
-from mbstab.analysis.algebra.ball_arrays import BALLS, as_ball, many_bits, shows
+from mbstab.analysis.algebra.ball_arrays import BALLS, as_ball, many_bits
 from mbstab.analysis.algebra.rounded import Rounded, rounded_arithmetic
-from mbstab.analysis.algebra.sparse import is_sparse, largest, own_part, put, row_norms, rows_of, scaled
+from mbstab.analysis.algebra.sparse import is_sparse, largest, row_norms, scaled
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.imbalance import carrying
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
 from mbstab.analysis.reference.rounded_scene import without_chance_zeros
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.placed import Acting
@@ -35,17 +34,6 @@ class State:
     u: Array
     a: Array
 
-    @cached_property
-    def padded(self) -> tuple[list[float], list[float], list[float]]:
-        """The same lists with one fixed coordinate appended."""
-        q, u, a = self.listed
-        return [*q, 0.0], [*u, 0.0], [*a, 0.0]
-
-    @cached_property
-    def listed(self) -> tuple[list[float], list[float], list[float]]:
-        """q, u and a as lists, whose single numbers are several times faster."""
-        return self.q.tolist(), self.u.tolist(), self.a.tolist()
-
 
 @dataclass(frozen=True)
 class OnRows(State):
@@ -60,8 +48,7 @@ Numbers = list[float | Rounded]
 def with_errors(state: State, spread: State | None = None) -> tuple[Numbers, Numbers, Numbers]:
     """Return q, u and a of a state with their error bounds."""
     if spread is None:
-        plain = state.listed
-        return [*plain[0]], [*plain[1]], [*plain[2]]
+        return state.q.tolist(), state.u.tolist(), state.a.tolist()
     pairs = ((state.q, spread.q), (state.u, spread.u), (state.a, spread.a))
     q, u, a = ([Rounded(v, e) if e else v for v, e in zip(x.tolist(), dx.tolist(), strict=True)] for x, dx in pairs)
     return q, u, a
@@ -73,7 +60,6 @@ class ElementComparison:
     def __init__(self, system: System, motion: Motion) -> None:
         self.system, self.motion = system, motion
         self.elements = [_general(element) for element in without_chance_zeros(system).acting()]
-        self._forces: dict[tuple[int, int], tuple[State, Array]] = {}
 
     @cached_property
     def rate(self) -> float:
@@ -142,9 +128,10 @@ class ElementComparison:
 
     def _has_value(self, state: State) -> bool:
         """Whether all elements have a value at a state."""
+        q, u, a = (x.tolist() for x in (state.q, state.u, state.a))
         try:
             for element in self.elements:
-                self._force(element, state)
+                element.force(q, u, a, self.motion.time)
         except (ArithmeticError, ValueError):
             return False
         return True
@@ -283,111 +270,38 @@ class ElementComparison:
         motion = self.motion
         return carrying(self.system, (motion.q, motion.u), motion.time, motion.sizes)[self.system.n_h :]
 
-    def _force(self, element: Acting, state: State) -> Array:
-        """Return the force of one element on its coordinates."""
-        key = id(element), id(state)
-        if key not in self._forces:
-            own = [[x[i] for i in element.placed.columns] for x in state.padded]
-            self._forces[key] = state, np.array(element.own_force(own, self.motion.time), dtype=float)
-        return self._forces[key][1]
-
     def same(self, element: Acting, here: State, there: State, T: Array, exact: bool) -> bool:
-        """Whether Tᵀ F(there) = F(here) for one element."""
-        columns, time = list(element.columns), self.motion.time
-        if element.written:
-            signs = T.diagonal()[columns]
-            if not exact or not np.array_equal(own_part(T, columns), np.diag(np.sign(signs))):
-                return self._same_to_rounding(element, here, there, T)
-            with many_bits():
-                states = ([BALLS.of(y).tolist() for y in (x.q, x.u, x.a)] for x in (here, there))
-                forces = (element.force(q, u, a, time, BALLS.f) for q, u, a in states)
-                first, second = (np.array([as_ball(y) for y in force]) for force in forces)
-                return not np.any(shows(first - signs * second, BALLS.powers(first)))
-        reached, rows = rows_of(T, columns)  # the element has no force on others
-        F, moved = put(self._force(element, here), columns, reached, len(self.motion.q)), self._force(element, there)
-        after: Array = moved @ rows
-        off = np.abs(F - after)
-        if not off.any():
-            return True
-        mixed: Array = np.abs(moved) @ np.abs(rows)
-        sizes = self.motion.sizes[reached]
-        total = float(np.max((np.abs(F) + mixed) * sizes))
-        allowed = (
-            TOLERANCES.force_change * np.maximum(np.abs(F), np.abs(after))
-            + TOLERANCES.force_change_rounding * total / sizes
-        )
-        if np.all(off <= allowed):
-            return True
-        # Where a force is a small difference, the rounding of coordinates and speeds matters.
-        rounding = put(self._rounding(element, here), columns, reached, len(self.motion.q))
-        rounding = rounding + np.abs(rows).T @ self._rounding(element, there)
-        spread = float(np.max(rounding * sizes)) / sizes
-        return bool(np.all(off <= allowed + TOLERANCES.force_change_rounding * spread))
+        """Whether Tᵀ F(there) = F(here) for one element.
 
-    def _same_to_rounding(self, element: Acting, here: State, there: State, T: Array) -> bool:
-        """Return whether Tᵀ F(there) = F(here) to rounding, which is propagated through the expressions."""
-        sizes, size = self.motion.sizes, abs(T)
-        F, error = self.bounded(element, here)
-        # The image of the state is computed to a few roundings of the numbers it is computed from.
-        spread = State(
-            TOLERANCES.roundings_of_comparison * EPS * (np.abs(there.q) + size @ (np.abs(here.q) + sizes)),
-            TOLERANCES.roundings_of_comparison * EPS * (size @ np.abs(here.u)),
-            TOLERANCES.roundings_of_comparison * EPS * (np.abs(there.a) + size @ np.abs(here.a)),
-        )
-        moved, moved_error = self.bounded(element, there, spread)
-        allowed = error + size.T @ (moved_error + TOLERANCES.roundings_of_comparison * EPS * np.abs(moved))
-        return bool(np.all(np.abs(F - T.T @ moved) <= allowed))
-
-    def bounded(self, element: Acting, state: State, spread: State | None = None) -> tuple[Array, Array]:
-        """Return the force of an element at a state and its error bound, shapes (n_q,) each.
-
-        Parameters
-        ----------
-        spread : State, optional
-            Error bounds of the state.
+        A state that T reaches is known to a few roundings of the numbers of which it is computed, or, if `exact`, as it
+        is where T only changes signs.
         """
-        F, error = np.zeros((2, len(state.q)))
-        columns = list(element.columns)
-        F[columns], error[columns] = self.forced(element, with_errors(state, spread))
-        return F, error
+        columns, time, size = list(element.columns), self.motion.time, np.abs(T)
+        signs = np.diag(np.sign(T.diagonal()[columns]))
+        plain = exact and element.written and np.array_equal(T[np.ix_(columns, columns)], signs)
+        rounded = 0.0 if plain else TOLERANCES.roundings_of_comparison * EPS
+        errors = [
+            rounded * x
+            for x in (
+                np.abs(there.q) + size @ (np.abs(here.q) + self.motion.sizes),
+                size @ np.abs(here.u),
+                np.abs(there.a) + size @ np.abs(here.a),
+            )
+        ]
+        with many_bits():
+            left, moved = BALLS.zeros((len(T),)), BALLS.zeros((len(T),))
+            left[columns] = element.force(*(BALLS.of(x) for x in (here.q, here.u, here.a)), time, BALLS.f)
+            image = (BALLS.within(x, error) for x, error in zip((there.q, there.u, there.a), errors, strict=True))
+            moved[columns] = element.force(*image, time, BALLS.f)
+            # T is rounded, too.
+            turned = T.T if plain else BALLS.within(T.T, rounded * size.T)
+            left = left - BALLS.multiplied(BALLS.prepared(turned), moved[:, None])[:, 0]
+            return all(as_ball(x).contains(0) for x in left)
 
     def forced(self, element: Acting, state: tuple[Numbers, Numbers, Numbers]) -> tuple[Array, Array]:
         """Return the force of an element on its columns and its error bound, at q, u and a with their error bounds."""
         force = element.force(*state, self.motion.time, rounded_arithmetic())
         return np.array([float(x) for x in force]), np.array([x.e if isinstance(x, Rounded) else 0.0 for x in force])
-
-    def _rounding(self, element: Acting, state: State) -> Array:
-        """Return how much the force of an element changes if coordinates and speeds change by their whole size."""
-        columns = list(element.columns)
-        q, u = np.maximum(np.abs(state.q), self.motion.sizes)[columns], np.abs(state.u)[columns]
-        K, R = (np.abs(np.array(x, dtype=float)) for x in self._slopes(element, state))
-        result: Array = K @ q + R @ u
-        return result
-
-    def _slopes(self, element: Acting, state: State) -> Any:
-        """Return ∂F/∂q and ∂F/∂u of an element at a state, on its columns."""
-        return element.slopes(*state.listed, self.motion.time)
-
-    def accelerations(self, state: State, moved: Array, T: Array) -> Array:
-        """Return the accelerations of a motion through a state after a map with the derivative T."""
-        a: Array = T @ state.a
-        if not np.any(state.u) and not np.any(state.a):
-            return a
-        for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
-            if body.orientation and self.system.scene.dimension == 3:
-                if is_sparse(T) and np.array_equal(moved[part], state.q[part]):
-                    continue  # of many bodies most do not move
-                # Euler angles change nonlinearly: it is the angular acceleration, G a + Ġ u, that is rotated.
-                angles = slice(part.start + 3, part.stop)
-                G, G_before = rate_matrix(body, moved[angles]), rate_matrix(body, state.q[angles])
-                own = own_part(T, angles)
-                turn = G @ own @ np.linalg.inv(G_before)
-                rates = own @ state.u[angles]
-                drift = turn @ rate_drift(body, state.q[angles], state.u[angles]) - rate_drift(
-                    body, moved[angles], rates
-                )
-                a[angles] += np.linalg.solve(G, drift)
-        return a
 
 
 def _general(element: Acting) -> Acting:

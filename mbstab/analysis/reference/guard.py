@@ -47,12 +47,12 @@ def coefficients(system: System, motion: Motion, frozen: bool = False) -> tuple[
         kept_first = sorted(motion.generators, key=lambda x: not _is_kept(system, motion, x))
         candidates = tuple(kept_first)
     best: tuple[float, Generator | None, Matrices] | None = None
+    invariance = Invariance(system, motion)
     for generator in candidates:
         matrices = matrices_in(system, motion, generator)
         variation, obstacle = _variation(system, motion, matrices, generator)
         if variation > TOLERANCES.variation_along_motion and obstacle is None and generator is not None:
             # Small coefficients are differences of large ones: what a symmetry of the scene keeps, rounding changes.
-            invariance = Invariance(system, motion)
             kept = not invariance.broken(generator) if system.scene.timed else invariance.steady(generator)
             variation *= not kept
         if best is None or variation < best[0]:

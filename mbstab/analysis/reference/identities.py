@@ -34,7 +34,7 @@ from mbstab.analysis.algebra.ball_arrays import (
     plain_ball,
     shows,
 )
-from mbstab.analysis.reference.changes import At, Cluster, Local, Sized, State, What, Whole, independent
+from mbstab.analysis.reference.changes import At, Cluster, Local, Results, Sized, State, What, Whole, independent
 from mbstab.analysis.reference.element_comparison import ElementComparison
 from mbstab.analysis.reference.fields import ROTATIONS, SIZES, Basis, Block, Field
 from mbstab.analysis.reference.rounded_scene import exact_system
@@ -53,15 +53,16 @@ class Identities:
     ----------
     near : ElementComparison
         The scene and its reference, near which states lie.
-    together : bool
-        Whether only the sum of all forces must stay the same, as far as rows do not balance it.
+    alone : Identities, optional
+        Those of each element by itself: then only the sum of all forces must stay the same, as far as rows do not
+        balance it.
     """
 
-    def __init__(self, near: ElementComparison, together: bool = False) -> None:
-        self.near, self.together = near, together
+    def __init__(self, near: ElementComparison, alone: Identities | None = None) -> None:
+        self.near, self.alone, self.together = near, alone, alone is not None
         self.system, self.motion, self.rate = near.system, near.motion, near.rate_of_states
         self.basis = Basis(self.system)
-        self._found: dict[tuple[int, float], list[State]] = {}
+        self._found: dict[tuple[int, int, float], list[State]] = {} if alone is None else alone._found
 
     @cached_property
     def _exact(self) -> System:
@@ -87,6 +88,8 @@ class Identities:
     @cached_property
     def clusters(self) -> list[Cluster]:
         """The elements by the bodies and states that they contain, with all rows on these; of small scenes, all."""
+        if self.alone is not None:
+            return self.alone.clusters
         blocks, every = self.basis.blocks, tuple(range(len(self.basis.blocks)))
         together = not self.system.sparse and self.system.n_q <= TOLERANCES.searched_together
         found, touching = dict[tuple[int, ...], Cluster](), dict[int, list[tuple[tuple[int, ...], Local]]]()
@@ -139,6 +142,8 @@ class Identities:
     @cached_property
     def _known(self) -> list[State]:
         """The states on rows at which other questions about a scene are asked, with random accelerations."""
+        if self.alone is not None:
+            return self.alone._known
         if self.system.scene.timed or not self.system.n_c:
             return []
         sizes, rng, time = self.motion.sizes, RandomNumbers(2), self.motion.time
@@ -148,9 +153,10 @@ class Identities:
 
     def _states(self, seed: int, count: int, spread: float) -> list[State]:
         """Return random states near the reference that satisfy all rows, in doubles: fewer where none are found."""
-        if (seed, spread) not in self._found:
-            self._found[seed, spread] = self._searched_states(RandomNumbers(seed), count, spread)
-        return self._found[seed, spread]
+        key = seed, count, spread
+        if key not in self._found:
+            self._found[key] = self._searched_states(RandomNumbers(seed), count, spread)
+        return self._found[key]
 
     def _searched_states(self, rng: RandomNumbers, count: int, spread: float) -> list[State]:
         motion, sizes, found = self.motion, self.motion.sizes, list[State]()
@@ -170,50 +176,50 @@ class Identities:
             found.append((q, u, a, time))
         return found
 
-    def _rank(self, own: Cluster, rows: Sequence[Local]) -> int:
-        """Return the number of independent rows at the reference."""
-        motion, J = self.motion, [np.zeros((0, len(own.columns)))]
-        q, u, a = (x[own.columns] for x in (motion.q, motion.u, motion.a))
-        for x in rows:
-            J.append(np.zeros((len(x.element.rows), len(own.columns))))
-            J[-1][:, x.columns] = x.run("dynamics", (q, u, a, motion.time), DOUBLES)["J"]
-        return len(independent(np.nan_to_num(np.concatenate(J)) * motion.sizes[own.columns]))
+    def _ranks(self, own: Cluster) -> tuple[int, int]:
+        """Return the number of independent rows on positions at the reference, and that of all."""
+        if own.ranks is None:
+            motion, at = self.motion, own.columns
+            state = motion.q[at], motion.u[at], motion.a[at], motion.time
+            J = own.stacked({id(x): x.run("dynamics", state, DOUBLES) for x in own.closing}, "J", DOUBLES)
+            J = np.nan_to_num(J) * motion.sizes[at]
+            own.ranks = own.ranked(independent(J, own.holonomic))
+        return own.ranks
 
     def _closed(self, own: Cluster, state: State) -> At:
         """Return a cluster in balls at a state near one in doubles at which its rows hold, by Newton's method."""
         q, u, a = (BALLS.of(x[own.columns]) for x in state[:3])
-        time, sizes, found = as_ball(state[3]), self.motion.sizes[own.columns], dict[int, dict[str, Array]]()
-        for level in ("E",) if own.still else ("E", "V"):
-            rows = [x for x in own.rows if x.holonomic or level == "V"]
-            asked, rank = rows, self._rank(own, rows)
-            for _ in range(TOLERANCES.newton_steps_onto_rows if rows else 0):
-                for x in asked:
-                    found[id(x)] = x.run("dynamics", (q, 0 * u if level == "E" else u, a, time), BALLS)
-                left, J = BALLS.zeros((0,)), BALLS.zeros((sum(len(x.element.rows) for x in rows), len(sizes)))
-                for x in rows:
-                    at = found[id(x)]
-                    J[len(left) : len(left) + len(x.element.rows), x.columns] = at["J"]
-                    left = np.concatenate([left, at[level] if x in asked else 0 * at[level]])
-                kept = independent(middle(J) * sizes)
-                if len(kept) < rank:
+        time, sizes, found, asked = as_ball(state[3]), self.motion.sizes[own.columns], dict[int, Results](), own.closing
+        further = [x for x in asked if not x.holonomic]
+        kept, half = list[int](), TOLERANCES.half_of_digits
+        # The last steps of coordinates and of speeds: each step doubles the digits.
+        far, fast = np.inf if np.any(own.holonomic) else 0.0, np.inf
+        for visit in range(TOLERANCES.newton_steps_onto_rows if asked else 0):
+            found |= {id(x): x.run("dynamics", (q, u, a, time), BALLS) for x in asked}
+            J = own.stacked(found, "J", BALLS)
+            if not visit:
+                rough = middle(J) * sizes
+                kept = independent(rough, own.holonomic)
+                if own.ranked(kept) < self._ranks(own):
                     raise ArithmeticError("rows become dependent at this state")
-                J = J[kept]
-                weighted = J * sizes**2
-                pulled = BALLS.solved(BALLS.multiplied(weighted, J.T), left[kept][:, None])
-                step = BALLS.multiplied(weighted.T, pulled)[:, 0]
-                q, u = (BALLS.settled(q - step), u) if level == "E" else (q, BALLS.settled(u - step))
-                if level == "V":
-                    asked = [x for x in rows if not x.holonomic]  # the others are linear in the speeds
-                # Each step doubles the digits.
-                far = float(np.max(np.abs(middle(step)) / sizes)) / (1.0 if level == "E" else self.rate)
-                if far < TOLERANCES.half_of_digits or not asked:
-                    break
-            else:
-                if rows:
-                    raise ArithmeticError("no state on the rows")
+            left, on = np.stack([own.stacked(found, key, BALLS)[kept] for key in "EV"], axis=-1), own.holonomic[kept]
+            left[~on, 0] = 0
+            if asked is not own.closing:
+                left[on] = 0  # these hold, and are linear in the speeds
+            steps = BALLS.shortest(J[kept], sizes, left)
+            reach = np.max(np.abs(middle(steps)) / sizes[:, None], axis=0).tolist()
+            settled = far < half or reach[0] < half**2
+            if not settled:
+                q, far = BALLS.settled(q - steps[:, 0]), reach[0]
+            u, before, fast = BALLS.settled(u - steps[:, 1]), fast, reach[1] / self.rate
+            if settled and (not further or before < half or fast < half**2):
+                break
+            asked = further if settled else asked
+        else:
+            if asked:
+                raise ArithmeticError("no state on the rows")
         there = self._at(own, (q, u, a, time), BALLS)
-        if not own.still:
-            there.know({key: x["J"] for key, x in found.items()})
+        there.know(found)
         return there
 
     # --- the space of fields ----------------------------------------------------------------------------------------
@@ -271,8 +277,7 @@ class Identities:
         if not found.shape[1]:
             return found
         simple = self._simple(found)
-        others = echelon(found, self.scale, self.basis.lengths, simple)[:, simple.shape[1] :]
-        others = others[:, self._further(simple, others)]
+        others = self._further(simple, found)
         with many_bits():
             exact = in_balls(np.hstack([simple.astype(int).astype(object), others]))
             rough = [k for k, c in enumerate(others.T, simple.shape[1]) if any(isinstance(x, float) for x in c)]
@@ -280,28 +285,39 @@ class Identities:
                 exact[:, moving] = self._refined(exact[:, moving], np.array(exact == 1))
             return self._kept(np.delete(exact, [k for k in rough if k not in moving], axis=1))
 
-    def _further(self, simple: Array, others: Array) -> list[int]:
-        """Return the numbers of fields that are on the rows no combinations of simple ones and of those before."""
-        if not others.shape[1]:
-            return []
+    def _further(self, simple: Array, space: Array) -> Array:
+        """Return the fields of a space besides simple ones, in echelon form; what is equal on the rows counts as one.
 
-        def images(c: Array) -> Array:
-            found = [np.zeros((1, c.shape[1]))]
-            for own in self._searched:
-                sizes = self.motion.sizes[own.columns]
-                for at in own.rough:
-                    X = np.concatenate([x[0] for x in at.fields(c[own.fields])], axis=-2) / sizes[:, None]
-                    found.append(X.reshape(int(np.prod(X.shape[:-1])), c.shape[1]))
-            return np.concatenate(found)
-
-        kept, known, new = list[int](), images(simple), images(others.astype(float))
+        Of equal fields that one is taken that turns the fewest bodies with the ground.
+        """
+        number = space.shape[1] - simple.shape[1]
+        if not number:
+            return np.zeros((len(space), 0), dtype=object)
+        scale, weight = self.scale, np.where(self.basis.lengths, 1e-3, 1.0)
+        S, Q = simple / scale[:, None], space / scale[:, None]
+        S = np.linalg.qr(S)[0] if S.shape[1] else S
+        # Those that vanish at pivots of the simple ones are none of their combinations.
+        fixed = pivots_of(S, weight)
+        Q = Q - S @ np.linalg.solve(S[fixed], Q[fixed]) if fixed else Q
+        Q = np.linalg.svd(Q, full_matrices=False)[0][:, :number]
+        known, new = self._images(S), self._images(Q)
         room = np.linalg.qr(known)[0] if known.shape[1] else known
-        for k, x in enumerate(new.T):
-            left = x - room @ (room.T @ x)
-            if np.linalg.norm(left) > TOLERANCES.independent_fields * np.linalg.norm(x):
-                kept.append(k)
-                room = np.column_stack([room, left / np.linalg.norm(left)])
-        return kept
+        _, s, right = np.linalg.svd(np.linalg.qr(new - room @ (room.T @ new), mode="r"))
+        rank = int(np.sum(s > TOLERANCES.independent_fields))
+        found, equal = Q @ right[:rank].T, Q @ right[rank:].T
+        if taken := pivots_of(equal, np.where(self.basis.still, 0.5, 1.0) * weight):
+            found = found - equal @ np.linalg.solve(equal[taken], found[taken])
+        return echelon(found * scale[:, None], scale, weight)
+
+    def _images(self, c: Array) -> Array:
+        """Return what fields, given relative to their scale, do to the coordinates at states on the rows."""
+        found, c = [np.zeros((1, c.shape[1]))], c * self.scale[:, None]
+        for own in self._searched:
+            sizes = self.motion.sizes[own.columns]
+            for at in own.rough:
+                X = np.concatenate([x[0] for x in at.fields(c[own.fields])], axis=-2) / sizes[:, None]
+                found.append(X.reshape(int(np.prod(X.shape[:-1])), c.shape[1]))
+        return np.concatenate(found)
 
     def _moves(self, c: Array) -> bool:
         """Return whether a field moves the reference."""
@@ -313,24 +329,24 @@ class Identities:
     def _refined(self, space: Array, pivots: Array) -> Array:
         """Return fields that doubles propose with all digits, by Newton's method; others do not converge."""
         free = np.flatnonzero(~np.any(pivots & (np.sum(pivots, axis=1, keepdims=True) == 1), axis=1))
-        parts, rough = list[tuple[Cluster, At, Array]](), [np.zeros((0, self.basis.size))]
+        parts, slopes = list[tuple[Cluster, At, Array]](), [np.zeros((0, self.basis.size))]
         for own in self._searched:
+            every = BALLS.of(np.diag(self.scale[own.fields]))
             for visit in range(TOLERANCES.states_beyond + len(own.fields) // own.least):
                 for at in self._visited(own, visit):
-                    changes, most = list(at.in_doubles("along")), list[Array]()
-                    for x in changes:
-                        most.append(np.max(x.size + np.log2(self.scale[own.fields][own.fields_of(x.of)]), axis=1))
-                    largest = max(float(np.max(x, initial=NONE)) for x in most)
-                    units = list[Array]()
-                    for x, size in zip(changes, most, strict=True):
-                        # What a row cancels by itself is rounding of the state.
-                        felt = size > largest - TOLERANCES.bits_of_weak_terms
-                        units.append(np.where(felt, np.exp2(-np.where(felt, size, 0.0)), 0.0)[:, None])
-                        rows = np.zeros((len(size), self.basis.size))
-                        rows[:, [own.fields[k] for k in own.fields_of(x.of)]] = x.value * units[-1]
-                        rough.append(rows)
-                    parts.append((own, at, BALLS.of(np.concatenate(units))))
-        inverse = np.linalg.pinv((np.concatenate(rough) * self.scale)[:, free], rcond=TOLERANCES.proposed_change)
+                    value, size = self._along(own, at, every, "along")
+                    most = np.max(size, axis=1, initial=NONE)
+                    # What a row or a kernel cancels by itself is rounding of the state.
+                    felt = most > np.max(most, initial=NONE) - TOLERANCES.bits_of_weak_terms
+                    units = BALLS.of(np.where(felt, np.exp2(-np.where(felt, most, 0.0)), 0.0)[:, None])
+                    slopes.append(np.zeros((len(value), self.basis.size)))
+                    slopes[-1][:, own.fields] = middle(value * units)
+                    parts.append((own, at, units))
+        # What the rows leave open stays as proposed: a step along it would be rounding that no step takes away.
+        matrix = np.concatenate(slopes)[:, free]
+        solved = independent(matrix.T, np.any(space[free] != 0, axis=1))
+        inverse = np.linalg.pinv(matrix[:, solved], rcond=TOLERANCES.proposed_change)
+        free = free[solved]
         for _ in range(TOLERANCES.steps_of_refinement):
             left = np.concatenate([self._along(own, at, space[own.fields], "along")[0] * x for own, at, x in parts])
             power = float(np.max(BALLS.powers(left), initial=NONE))
@@ -479,8 +495,9 @@ class Identities:
         """Return for each field whether nothing shows along it, of what is asked."""
         if not fields:
             return []
+        good = ~self._seen(fields, what)
         with many_bits():
-            space, good = self._columns(fields), np.ones(len(fields), dtype=bool)
+            space = self._columns(fields)
             for own in self.clusters:
                 on = np.flatnonzero(good & np.any(space[own.fields] != 0, axis=0))
                 if not len(on):
@@ -490,6 +507,17 @@ class Identities:
                 for at in visited:
                     good[on] &= ~np.any(shows(*self._along(own, at, space[own.fields][:, on], what)), axis=0)
         return good.tolist()
+
+    def _seen(self, fields: Sequence[Field], what: What) -> Flags:
+        """Return for each field whether doubles show something along it: then no balls are asked."""
+        c, found = np.array([x.c for x in fields]).T, np.zeros(len(fields), dtype=bool)
+        _ = self._proposed  # has the states
+        for own in self.clusters:
+            for x in (x for at in own.rough for x in at.changes(what, c[own.fields])):
+                most = np.exp2(np.maximum(x.size, x.usual))
+                seen = np.abs(x.value) > TOLERANCES.proposed_change * most
+                found |= np.any(seen.reshape(-1, len(fields)), axis=0)
+        return found
 
     def worth(self, field: Field) -> Literal["structural", "enclosed"]:
         """Return what an identity of a field of the space rests on: structural if no element contains what it moves."""
@@ -666,31 +694,43 @@ def null_space(parts: Sequence[tuple[list[int], Array]], size: int) -> Array:
     return found
 
 
-def echelon(space: Array, scale: Array, lengths: Flags, simple: Array | None = None) -> Array:
+def echelon(space: Array, scale: Array, weight: Array) -> Array:
     """Return the reduced echelon form of a space of columns, with fractions where these are short, as objects.
 
-    Rotations are its pivots before translations: the place of an axis is a decimal, its inverse mostly not.
+    It depends on the space alone, not on the columns that are given.
 
     Parameters
     ----------
-    simple : ndarray, shape (size, number), optional
-        Independent columns of the space that come first: the others must not mix with them.
+    space : ndarray, shape (size, number)
+        Independent columns.
+    scale : ndarray, shape (size,)
+        Sizes of the entries.
+    weight : ndarray, shape (size,)
+        Those with the largest are preferred as pivots.
     """
-    first = np.zeros((len(scale), 0)) if simple is None else simple
-    A = (np.hstack([first, space]) / scale[:, None]).T.copy()
-    weight, pivots = np.where(lengths, 1e-3, 1.0), list[int]()
-    for k in range(space.shape[1]):
-        choice = A[k : k + 1] if k < first.shape[1] else A[k:]
-        best, pivot = map(int, np.unravel_index(int(np.argmax(np.abs(choice) * weight)), choice.shape))
-        A[[k, k + best]] = A[[k + best, k]]
-        A[k] /= A[k, pivot]
-        others = np.flatnonzero(A[:, pivot])
-        others = others[others != k]
-        A[others] -= A[others, pivot, None] * A[k]
-        A[others, pivot] = 0.0
-        pivots.append(pivot)
-    found = A[: space.shape[1]].T * scale[:, None] / scale[pivots]
-    return np.asarray(np.frompyfunc(short, 1, 1)(found), dtype=object) if found.size else found.astype(object)
+    if not space.shape[1]:
+        return space.astype(object)
+    Q = np.linalg.qr(space / scale[:, None])[0]
+    pivots = pivots_of(Q, weight)
+    found = Q @ np.linalg.inv(Q[pivots]) * scale[:, None] / scale[pivots]
+    return np.asarray(np.frompyfunc(short, 1, 1)(found), dtype=object)
+
+
+def pivots_of(Q: Array, weight: Array) -> list[int]:
+    """Return as many rows of orthonormal columns as there are columns, that are independent.
+
+    The first of the largest is taken, then the columns that vanish there are left: by its length relative to these,
+    which depends on the space alone.
+    """
+    found = list[int]()
+    while Q.shape[1]:
+        sizes = np.linalg.norm(Q, axis=1) * weight
+        k = int(np.argmax(sizes >= (1.0 - TOLERANCES.proposed_change) * np.max(sizes)))
+        found.append(k)
+        mirror = Q[k].copy()
+        mirror[0] += np.copysign(np.linalg.norm(mirror), mirror[0])
+        Q = (Q - np.outer(Q @ mirror, mirror * (2.0 / (mirror @ mirror))))[:, 1:]
+    return found
 
 
 def reduced(space: Array, scale: Array, lengths: Flags) -> tuple[Array, list[int]]:

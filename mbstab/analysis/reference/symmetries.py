@@ -47,8 +47,8 @@ class Invariance(ElementComparison):
     system : System
     motion : Motion
         The reference.
-    together : bool
-        Whether the sum of all forces is tested, as far as the rows do not balance it, not each element by itself.
+    alone : Invariance, optional
+        That of each element by itself: then the sum of all forces is tested, as far as the rows do not balance it.
 
     Attributes
     ----------
@@ -56,9 +56,9 @@ class Invariance(ElementComparison):
         Whether it is known by other means that no symmetry moves the reference.
     """
 
-    def __init__(self, system: System, motion: Motion, together: bool = False) -> None:
+    def __init__(self, system: System, motion: Motion, alone: Invariance | None = None) -> None:
         super().__init__(system, motion)
-        self.together = together
+        self._alone = alone
         self.isolated = False
 
     # --- symmetries -------------------------------------------------------------------------------------------------
@@ -66,7 +66,7 @@ class Invariance(ElementComparison):
     @cached_property
     def identities(self) -> Identities:
         """What the elements of the scene do along fields."""
-        return Identities(self, self.together)
+        return Identities(self) if self._alone is None else Identities(self._alone, self._alone.identities)
 
     @cached_property
     def fields(self) -> list[tuple[str, Field]]:
@@ -128,7 +128,7 @@ class Invariance(ElementComparison):
         idle = self._idle
         alone = [k for k in range(len(items)) if _spanned(np.eye(len(items))[k], idle.T)]
         found, single = [items[k] for k in alone], np.eye(len(items))[alone]
-        for c in echelon(idle, np.ones(len(items)), np.zeros(len(items), dtype=bool)).T:
+        for c in echelon(idle, np.ones(len(items)), np.ones(len(items))).T:
             if _spanned(np.array(c, dtype=float), single):
                 continue
             chosen = [(x, item) for x, item in zip(c, items, strict=True) if x]
@@ -172,7 +172,7 @@ class Invariance(ElementComparison):
         still, found = np.zeros(self.system.n_q), list(known)
         basis = [item.direction for item in known]
         sizes = self.motion.sizes
-        for entries in echelon(self._balanced_shifts(), sizes, np.zeros(len(sizes), dtype=bool)).T:
+        for entries in echelon(self._balanced_shifts(), sizes, np.ones(len(sizes))).T:
             field = self.identities.shift(entries)
             if field is None:
                 continue
@@ -443,7 +443,7 @@ def _rate(own: Local, ats: Sequence[At], Y: Array) -> tuple[Array, Array] | None
     if not own.analytic:
         return None
     for at in ats:
-        (K, size), (R, terms) = (at.run(own, "linearize")[key] for key in "KR")
+        (K, size), (R, terms) = (at.entry(own, key) for key in "KR")
         inertia = own.element.takes_acceleration
         along = K @ Y if inertia else Y @ K
         if np.any(shows(along, np.max(size + unit if inertia else size + unit[:, None], axis=1 if inertia else 0))):

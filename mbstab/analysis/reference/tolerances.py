@@ -238,10 +238,6 @@ class Tolerances:
     """At so many points of a range the sign of the determinant is looked at."""
 
     # Symmetries: whether elements are carried into themselves
-    force_change: Final = 1e-11
-    """An element is invariant if each of its forces changes by no more than this fraction of its size …"""
-    force_change_rounding: Final = 1e-14
-    """… or this fraction of all its forces: that is the rounding of components mixed by a rotation."""
     roundings_of_comparison: Final = 8.0
     """Numbers computed in a comparison may be wrong by this many roundings of their terms."""
     row_residual: Final = 1e-12
@@ -298,8 +294,9 @@ class Tolerances:
     """Motions of inertias below this part of the largest do not set the rate of random states."""
     searched_together: Final = 60
     """Elements of scenes with no more coordinates than this are tested at states of the whole scene."""
-    half_of_digits: Final = 1e-33
-    """A step of Newton's method with many digits that is smaller than this, relatively, is the last."""
+    half_of_digits: Final = 1e-30
+    """A step of Newton's method with many digits that is smaller than this, relatively, is the last: it leaves its
+    square."""
     row_dependence: Final = 1e-9
     """Rows of unit length are dependent on others beside which less is left of them."""
     steps_of_refinement: Final = 7

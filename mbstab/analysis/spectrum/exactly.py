@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 from mbstab.analysis.verdict.many_digits import UNKNOWN, Line, Power, Zeros
@@ -20,19 +20,18 @@ class Exactly:
 
     def __init__(self, model: Callable[[], Model | None]) -> None:
         self._given = model
+        self._zeros: Zeros | None = None
 
     @cached_property
     def _model(self) -> Model | None:
         return self._given()
 
-    @cached_property
-    def _zeros(self) -> Zeros:
-        from mbstab.analysis.spectrum.precise import exact_zeros
+    def zeros(self, turns: Sequence[complex]) -> Zeros:
+        """Return the eigenvalues that are zero to many digits; see `ManyDigits`."""
+        if self._zeros is None:
+            from mbstab.analysis.spectrum.precise import exact_zeros
 
-        return UNKNOWN if self._model is None else exact_zeros(self._model)
-
-    def zeros(self) -> Zeros:
-        """Return the eigenvalues that are zero to many digits; `UNKNOWN` if they cannot be known."""
+            self._zeros = UNKNOWN if self._model is None else exact_zeros(self._model, turns)
         return self._zeros
 
     def powers(self, line: Line) -> tuple[Power, Power] | None:

@@ -175,9 +175,9 @@ def precise_eigenvalues(
     began = time.perf_counter()
     start = Start(model, frozen)
     progress(0.1)
-    work = digits + TOLERANCES.digits_beyond
+    work, turns = digits + TOLERANCES.digits_beyond, start.grounds.separated.frequencies()
     for number in range(TOLERANCES.precision_rounds):
-        rough, fine = (_spectrum(start, n) for n in (work, work + TOLERANCES.digits_beyond))
+        rough, fine = (_spectrum(start, turns, n) for n in (work, work + TOLERANCES.digits_beyond))
         with mp.workdps(work + 2 * TOLERANCES.digits_beyond):
             bounds = _bounds(rough, fine, work)
             lacking, chained = _lacking(fine, bounds, digits)
@@ -224,7 +224,7 @@ def _enough(work: int, digits: int, lacking: int, chained: bool) -> int:
     return int(work * (digits + TOLERANCES.digits_of_bound + TOLERANCES.digits_beyond / 2) / reached)
 
 
-def exact_zeros(model: Model, digits: int = 320) -> Zeros:
+def exact_zeros(model: Model, turns: Sequence[complex], digits: int = 320) -> Zeros:
     """Return the eigenvalues of a model that are zero to many digits; `UNKNOWN` if they cannot be known.
 
     Their number includes those that symmetries and families of motions explain, and pairs ±iω that rotate with the
@@ -234,13 +234,15 @@ def exact_zeros(model: Model, digits: int = 320) -> Zeros:
     ----------
     model, digits
         As in `precise_eigenvalues`.
+    turns : sequence of complex (1/s)
+        ±iω of these pairs in double precision.
     """
     try:
         start = Start(model, False)
-        found = _spectrum(start, digits + TOLERANCES.digits_beyond)
+        found = _spectrum(start, turns, digits + TOLERANCES.digits_beyond)
         with mp.workdps(found.work + TOLERANCES.digits_beyond):
             doubtful = found.deflation.dropped > mp.mpf(10) ** -digits
-            if doubtful and not _decided(found, _spectrum(start, found.work + TOLERANCES.digits_beyond)):
+            if doubtful and not _decided(found, _spectrum(start, turns, found.work + TOLERANCES.digits_beyond)):
                 return UNKNOWN
         return _zeros(found, digits)
     except MbstabError:
@@ -267,10 +269,10 @@ class _Spectrum:
     excess: tuple[Any, str]
 
 
-def _spectrum(start: Start, work: int) -> _Spectrum:
+def _spectrum(start: Start, turns: Sequence[complex], work: int) -> _Spectrum:
     """Return the eigenvalues of a model computed with `work` digits."""
     try:
-        return _polished_spectrum(start, work)
+        return _polished_spectrum(start, turns, work)
     except Stalled as stalled:
         raise NumericalError(
             f"the motion is not sharpened to {work} digits: steps stop shrinking at {amount(stalled.reached)}\n"
@@ -278,7 +280,7 @@ def _spectrum(start: Start, work: int) -> _Spectrum:
         ) from None
 
 
-def _polished_spectrum(start: Start, work: int) -> _Spectrum:
+def _polished_spectrum(start: Start, turns: Sequence[complex], work: int) -> _Spectrum:
     """Return the eigenvalues of a model computed with `work` digits; raises `Stalled` if refinement ends earlier."""
     with mp.workdps(work):
         arithmetic = mpmath_arithmetic()
@@ -290,7 +292,6 @@ def _polished_spectrum(start: Start, work: int) -> _Spectrum:
             spaces, J = start.motion.spaces, exact(point.state.J)
             misfit = rank_misfit(start.motion, J * spaces.scale * spaces.row_scale[:, None], system.n_h)
             raise another_rank(start.motion, misfit or stalled.reached) from None
-        turns = () if start.linear.generator is None else start.grounds.separated.frequencies()
         rough = sorted({s.imag for s in turns if s.imag > 0.0})
         frequencies = [_nearest(point.rates, x) for x in rough]
         deflation = more.deflated(S, frequencies)

@@ -74,7 +74,9 @@ class Equations:
     start : tuple of ndarray, optional
         Predicted coordinates and rates, if equilibria are followed, and …
     some : callable, optional
-        … a function that returns the system of some of the points, by their numbers.
+        … a function that returns the system of some of the points, by their numbers, and …
+    alone : callable, optional
+        … one that returns coordinates and rates of a point that is solved by itself, or None.
     """
 
     def __init__(
@@ -84,8 +86,10 @@ class Equations:
         points: int,
         start: tuple[Array, Array] | None = None,
         some: Callable[[Index], System] | None = None,
+        alone: Callable[[int], tuple[Array, Array] | None] = lambda i: None,
     ) -> None:
-        self.pattern, self.system, self.points, self.start, self.some = pattern, system, points, start, some
+        self.pattern, self.system, self.points, self.start = pattern, system, points, start
+        self.some, self.alone = some, alone
         self.good: Flags = np.ones(points, dtype=bool)
         self.light = None if pattern.linear.massless is None else Light(pattern.linear, pattern.linear.massless)
         if pattern.family is not None:
@@ -246,7 +250,14 @@ class Equations:
         balance, some = self.pattern.balance, self.some
         assert balance is not None
         assert some is not None
-        at, good = polished(balance.over(self.system), lambda index: balance.over(some(index)), q, c)
+        every = balance.over(self.system)
+        at, good = polished(every, lambda index: balance.over(some(index)), q, c)
+        # Where rounding is magnified, each takes more digits.
+        found = {i: x for i in np.flatnonzero(~good).tolist() if (x := self.alone(i)) is not None}
+        if found:
+            q, c, index = at.q.copy(), at.c.copy(), list(found)
+            q[index], c[index] = (np.array(x) for x in zip(*found.values(), strict=True))
+            at, good[index] = every.state(q, c), True
         self.good &= good
         return at.q, (at.steady if self.pattern.family is not None else None), at.u, at.dynamics
 

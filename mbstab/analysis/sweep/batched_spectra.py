@@ -219,6 +219,7 @@ class _Work:
         self.found: list[Part] = []
         self.linearized: dict[int, Linearization] = {}
         self.numbers: list[tuple[Index, list[Any]]] = []
+        self.solutions: dict[int, tuple[Array, Array] | None] = {}
 
     def scene(self, index: Index | int) -> Scene:
         """Return the scene at some points, or at one."""
@@ -542,7 +543,8 @@ class _Work:
         q, c = self.path.predicted({name: x[i : i + 1] for name, x in self.values.items()})
 
         def solved() -> tuple[Motion, Balance]:
-            motion, search, _, _ = Problem(system, massless=True).solved(q[0], c[0])
+            motion, search, at, _ = Problem(system, massless=True).solved(q[0], c[0])
+            self.solutions[i] = at.q, at.c
             return motion, search.balance
 
         return system.remember("followed motion", (q.tobytes(), c.tobytes()), solved)
@@ -579,7 +581,22 @@ class _Work:
 
     def _equations(self, pattern: Pattern, index: Index, scene: Scene) -> Equations:
         """Return the equations of some points of a pattern."""
-        return Equations(pattern, System(scene), len(index), self._start(index), lambda x: System(self.scene(index[x])))
+        return Equations(
+            pattern,
+            System(scene),
+            len(index),
+            self._start(index),
+            lambda x: System(self.scene(index[x])),
+            lambda k: self._solution(int(index[k])),
+        )
+
+    def _solution(self, i: int) -> tuple[Array, Array] | None:
+        """Return the coordinates and rates of a point that is solved by itself; None if it has none."""
+        if i not in self.solutions:
+            self.solutions[i] = None
+            with contextlib.suppress(MbstabError, ArithmeticError, np.linalg.LinAlgError):
+                self.motion(System(self.scene(i)), i)
+        return self.solutions[i]
 
     def _start(self, index: Index) -> tuple[Array, Array] | None:
         return None if self.path is None else self.path.predicted({k: x[index] for k, x in self.values.items()})

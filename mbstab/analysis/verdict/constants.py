@@ -69,7 +69,7 @@ def _only_loads(structure: Structure) -> bool:
         x
         for element in acting
         for state in invariance.states
-        for part in element.slopes(*state.listed, invariance.motion.time)
+        for part in element.slopes(state.q.tolist(), state.u.tolist(), state.a.tolist(), invariance.motion.time)
         for row in part
         for x in row
     )

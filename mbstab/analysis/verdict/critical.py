@@ -71,7 +71,7 @@ def critical_zero(
     if len(separated.L) or separated.speeds or count > 2 or not (by_energy or (count == 1 and others_decay)):
         return None
     direction = _direction(structure, separated)
-    if direction is None or digits.zeros().number != separated.neutral.count + count:
+    if direction is None or digits.zeros(separated.frequencies()).number != separated.neutral.count + count:
         return None
     line = _line(structure, direction)
     powers = digits.powers(line)

@@ -105,10 +105,10 @@ class Grounds:
         limit = TOLERANCES.family_singular_value * max(float(np.linalg.norm(self.S, 2)), self._elementwise.rate)
         if float(np.linalg.svd(separated.A, compute_uv=False)[-1]) > limit:
             return structure, separated
-        wider = Invariance(system, self.motion, together=True)
+        wider = Invariance(system, self.motion, self._elementwise)
         if len(wider.symmetries) <= len(self._elementwise.symmetries):
             return structure, separated
-        structure = Structure(self.linear, self.space, self.gamma, wider)
+        structure = Structure(self.linear, self.space, self.gamma, wider, structure.work)
         return structure, structure.separated(self.S)
 
     @property
@@ -234,8 +234,18 @@ class Grounds:
         advice = "; ".join(x for x in (spun(self.system, self.motion.u), self._advice(standing)) if x)
         return (
             f"frozen-time: not a stability verdict; the coefficients of the linearized equations change {size} along "
-            f"the motion{least}{self._accelerating(standing)}; {advice}"
+            f"the motion{least}{self._broken()}{self._accelerating(standing)}; {advice}"
         )
+
+    def _broken(self) -> str:
+        """Name the entries that keep the motion from being steady: the fewest of those that it could be."""
+        found = [x for g in self.motion.generators if (x := self.invariance.broken(g)) != ["the motion"]]
+        names = min(found, key=len, default=[])
+        if not names:
+            return ""
+        more = f" and {len(names) - 3} more" if len(names) > 4 else ""
+        listed = ", ".join(names[: 3 if more else 4]) + more
+        return f", where {listed} {'is' if len(names) == 1 else 'are'} not the same all along it"
 
     def _accelerating(self, generator: Generator) -> str:
         """Name the coordinate that leaves a steady motion most: forces out of balance are the usual reason.
@@ -412,11 +422,13 @@ class Grounds:
             return None
         if self.digits is None:  # a force that is zero by rounding alone makes no family
             return found if without_chance_zeros(self.system) is self.system else None
-        return None if 0 <= self.digits.zeros().number < found.count else found
+        return None if 0 <= self.digits.zeros(self.separated.frequencies()).number < found.count else found
 
     def zeros(self) -> int:
         """Return how many eigenvalues are zero to many digits; -1 if it is not known, as of large scenes."""
-        return -1 if self.digits is None or self.system.sparse else self.digits.zeros().number
+        return (
+            -1 if self.digits is None or self.system.sparse else self.digits.zeros(self.separated.frequencies()).number
+        )
 
     def facts(self, discs: Sequence[Disc], found: int, doubts: tuple[str, ...] = ()) -> Facts:
         """Return the facts with the eigenvalues left to judge, from any computation.

@@ -36,7 +36,7 @@ def growing_zeros(structure: Structure, digits: ManyDigits) -> str:
         return ""
     if not _all_linear(structure):
         return ""
-    chain = digits.zeros().chain
+    chain = digits.zeros(()).chain
     if chain < 3:
         return ""  # at most uniform motions: places and their speeds
     return (
@@ -73,8 +73,8 @@ def _same_slopes(structure: Structure) -> bool:
                 for own in (x for x in cluster.elements if not x.element.rows):
                     if not states or not own.analytic:
                         return False
-                    first, *others = (at.run(own, "linearize") for at in states)
-                    if not all(same(first[key][0], x[key][0]) for x in others for key in "KR"):
+                    first, *others = ([at.entry(own, key)[0] for key in "KR"] for at in states)
+                    if not all(same(*pair) for x in others for pair in zip(first, x, strict=True)):
                         return False
     except NO_VALUE:
         return False

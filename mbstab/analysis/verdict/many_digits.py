@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -80,8 +81,14 @@ UNKNOWN = Zeros(-1, 0)
 class ManyDigits(Protocol):
     """A reference motion with many digits, in which a zero is told from a small number."""
 
-    def zeros(self) -> Zeros:
-        """Return the eigenvalues that are zero; `UNKNOWN` if they cannot be known."""
+    def zeros(self, turns: Sequence[complex]) -> Zeros:
+        """Return the eigenvalues that are zero, and pairs that turn with the motion; `UNKNOWN` if they cannot be known.
+
+        Parameters
+        ----------
+        turns : sequence of complex (1/s)
+            ±iΩ of these pairs in double precision.
+        """
 
     def powers(self, line: Line) -> tuple[Power, Power] | None:
         """Return how the force begins that holds the motion along a line, ahead and behind; None if it is not known."""

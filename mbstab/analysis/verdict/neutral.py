@@ -102,15 +102,15 @@ class Structure:
     gamma : float (1/s)
         The unit of speeds.
     invariance : Invariance
+    work : Work, optional
+        The work of the elements in the frame of the motion, if something is known of it.
     """
 
-    def __init__(self, linear: Linearization, space: StateSpace, gamma: float, invariance: Invariance) -> None:
+    def __init__(
+        self, linear: Linearization, space: StateSpace, gamma: float, invariance: Invariance, work: Work | None = None
+    ) -> None:
         self.linear, self.space, self.gamma, self.invariance = linear, space, gamma, invariance
-
-    @cached_property
-    def work(self) -> Work:
-        """The work of the elements."""
-        return Work(self.invariance, self.linear.generator)
+        self.work = work or Work(invariance, linear.generator)
 
     @cached_property
     def _slope(self) -> Array:

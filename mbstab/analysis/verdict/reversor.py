@@ -18,7 +18,14 @@ import numpy as np
 
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
-from mbstab.analysis.reference.rotation import euler_angles, lever, lever_acceleration, orientation, rate_matrix
+from mbstab.analysis.reference.rotation import (
+    euler_angles,
+    lever,
+    lever_acceleration,
+    orientation,
+    rate_drift,
+    rate_matrix,
+)
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.verdict.neutral import Separated, Structure, complement, orthonormal, settled
 from mbstab.analysis.verdict.tolerances import TOLERANCES
@@ -64,15 +71,21 @@ class Mirror:
             result[place] = (self.point + image @ (_place(q[place]) + before - self.point) - after)[:d]
         return result, T
 
-    def accelerations(self, state: State, moved: Array, T: Array, turned: Array) -> Array:
-        """Return the accelerations of the image of a motion, given those of the angles."""
+    def accelerations(self, state: State, moved: Array, T: Array) -> Array:
+        """Return the accelerations of the image of a motion."""
         d, image = self.system.scene.dimension, self._reflection()
-        result, u = turned.copy(), T @ state.u
+        result: Array = T @ state.a
+        u = T @ state.u
         for body, part in zip(self.system.scene.bodies, self.system.body_slices, strict=True):
+            place, angles = slice(part.start, part.start + d), slice(part.start + d, part.stop)
+            if body.orientation and d == 3:
+                # Euler angles change nonlinearly: it is the angular acceleration, G a + Ġ u, that is reflected.
+                q, rates, G = state.q[angles], state.u[angles], rate_matrix(body, moved[angles])
+                before = rate_matrix(body, q) @ state.a[angles] + rate_drift(body, q, rates)
+                result[angles] = np.linalg.solve(G, -image @ before - rate_drift(body, moved[angles], u[angles]))
             if body.orientation and any(body.center):
-                place, angles = slice(part.start, part.start + d), slice(part.start + d, part.stop)
                 before = lever_acceleration(body, *(x[angles] for x in (state.q, state.u, state.a)))
-                after = lever_acceleration(body, *(x[angles] for x in (moved, u, turned)))
+                after = lever_acceleration(body, *(x[angles] for x in (moved, u, result)))
                 result[place] = image[:d, :d] @ (state.a[place] + before[:d]) - after[:d]
         return result
 
@@ -199,11 +212,10 @@ def _mirrors(invariance: Invariance) -> Iterator[Mirror]:
             yield Mirror(system, normal, point, motion.q)
 
 
-def _image(invariance: Invariance, mirror: Mirror, state: State) -> tuple[State, Array]:
+def _image(mirror: Mirror, state: State) -> tuple[State, Array]:
     """Return the mirror image of a state with time reversed."""
     q, T = mirror.moved(state.q)
-    a = mirror.accelerations(state, q, T, invariance.accelerations(state, q, T))
-    return State(q, -T @ state.u, a), T
+    return State(q, -T @ state.u, mirror.accelerations(state, q, T)), T
 
 
 def _fixes(invariance: Invariance, mirror: Mirror) -> bool:
@@ -224,11 +236,11 @@ def _reverses(invariance: Invariance, mirror: Mirror) -> bool:
     try:
         for element in invariance.elements:
             for state in invariance.states:
-                there, T = _image(invariance, mirror, state)
+                there, T = _image(mirror, state)
                 if not invariance.same(element, state, there, T, exact=not np.any(mirror.point)):
                     return False
         for state in invariance.on_rows:
-            there, _ = _image(invariance, mirror, state)
+            there, _ = _image(mirror, state)
             if not invariance.satisfies(there.q, there.u):
                 return False
     except (ArithmeticError, ValueError, np.linalg.LinAlgError):

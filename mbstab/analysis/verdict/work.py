@@ -23,9 +23,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.ball_arrays import BALLS, as_ball, largest_terms, many_bits, not_negative, shows
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
-from mbstab.analysis.reference.changes import At, Cluster, Local
+from mbstab.analysis.reference.changes import At, Cluster, Local, Results
 from mbstab.analysis.reference.identities import NO_VALUE
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
@@ -190,18 +191,20 @@ class Work:
         return True
 
     def _holds(self, own: Local, bits: int, at: At, X: Array) -> bool:
-        """Return whether a row holds for speeds X, and is linear in others beside them."""
-        q, u, a, time = at.state
-        # Zero where the speeds of the state satisfy the row; those of states that satisfy rows on places only need not.
-        known = own.run("dynamics", at.state, BALLS)["V"]
-        for speeds, rates in (X, 0 * known), (X + 2 * (u - X), 2 * known):
-            found = own.run("dynamics", (q, speeds, a, time), BALLS)
-            # What vanishes on rows does so to the digits of the state only.
-            least = at.units + at.rate - REFERENCE.bits_of_weak_terms
-            sizes = np.max([BALLS.powers(speeds), BALLS.powers(u), least], axis=0)[own.columns, None]
-            if np.any(shows(found["V"] - rates, largest_terms(BALLS.powers(found["J"]), sizes)[:, 0], bits)):
-                return False
-        return True
+        """Return whether a row is J (u − X) at any speeds."""
+        (q, u, a, time), (J, terms) = at.state, at.entry(own, "J")
+        if own.holonomic:
+            # Those on positions are linear in the speeds, and hold at those of the state.
+            speeds, V = u, 0 * J[:, 0]
+        else:
+            factors = BALLS.of(RandomNumbers(7).uniform(0.5, 1.5, len(u)))
+            speeds = X + factors * (u - X)
+            V = own.run("dynamics", (q, speeds, a, time), BALLS)["V"]
+        # What vanishes on rows does so to the digits of the state only.
+        least = at.units + at.rate - REFERENCE.bits_of_weak_terms
+        sizes = np.max([BALLS.powers(speeds), BALLS.powers(X), least], axis=0)[own.columns, None]
+        left = V - BALLS.multiplied(J, (speeds - X)[own.columns, None])[:, 0]
+        return not np.any(shows(left, largest_terms(terms, sizes)[:, 0], bits))
 
     # --- one force --------------------------------------------------------------------------------------------------
 
@@ -239,7 +242,7 @@ class Work:
             return "other"
         damping: Array | None = None
         for at, own in found:
-            rest, moving = _resting(own, at), {name: x for name, (x, _) in at.run(own, "linearize").items()}
+            rest, moving = _resting(own, at), {key: at.entry(own, key)[0] for key in "KR"}
             if not same(rest["K"], rest["K"].T):
                 return "other"
             if not np.any(moving["R"] != 0):
@@ -271,7 +274,7 @@ class Work:
             return False
         with many_bits():
             for at, own in self._at(element):
-                R, size = at.run(own, "linearize")["R"]
+                R, size = at.entry(own, "R")
                 X = self._field(at.cluster, at)[own.columns][:, None]
                 # A large force across must not hide a small one.
                 if np.any(shows(BALLS.multiplied(R, X), largest_terms(size, BALLS.powers(X)), self.bits)):
@@ -293,7 +296,7 @@ class Work:
         try:
             with many_bits():
                 found = [
-                    (at.run(own, "dynamics")["F"][0], own.run("dynamics", (q, -u, a, time), BALLS)["F"])
+                    (at.entry(own, "F")[0], own.run("dynamics", (q, -u, a, time), BALLS)["F"])
                     for at, own in self._at(element)
                     for q, u, a, time in [at.state]
                 ]
@@ -302,7 +305,7 @@ class Work:
             return False
 
 
-def _resting(own: Local, at: At) -> dict[str, Array]:
+def _resting(own: Local, at: At) -> Results:
     """Return the derivatives of a force at rest, at the same place."""
     q, u, a, time = at.state
     return own.run("linearize", (q, 0 * u, 0 * a, time), BALLS)
@@ -311,7 +314,7 @@ def _resting(own: Local, at: At) -> dict[str, Array]:
 def _works_not(at: At, own: Local, along: Array, bits: int) -> bool:
     """Return whether the part of a force that depends on speeds does no work along a direction."""
     q, u, a, time = at.state
-    moving, still = at.run(own, "dynamics")["F"][0], own.run("dynamics", (q, 0 * u, a, time), BALLS)["F"]
+    moving, still = at.entry(own, "F")[0], own.run("dynamics", (q, 0 * u, a, time), BALLS)["F"]
     size = np.max(np.maximum(BALLS.powers(moving), BALLS.powers(still)) + BALLS.powers(along))
     return not np.any(shows(np.array([(moving - still) @ along]), size, bits))
 
