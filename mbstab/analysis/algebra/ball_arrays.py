@@ -180,9 +180,10 @@ def middle(x: Array) -> Array:
     return x if x.dtype == float else np.asarray(np.frompyfunc(float, 1, 1)(x), dtype=float)
 
 
-def filled(x: Array) -> Array:
+def filled(x: Array) -> list[int]:
     """Return the places of a vector at which it is not exactly zero."""
-    return np.flatnonzero(~np.asarray(x == 0, dtype=bool))
+    found: list[int] = np.flatnonzero(~np.asarray(x == 0, dtype=bool)).tolist()
+    return found
 
 
 def _least_powers(x: Array) -> Array:

@@ -614,7 +614,7 @@ class Identities:
             taken = [k for k, row in enumerate(pivots) if x[row] != 0]
             if not taken:
                 return not np.any(x != 0)
-            on = sorted({*filled(x).tolist(), *(i for k in taken for i in self._filled[k].tolist())})
+            on = sorted({*filled(x), *(i for k in taken for i in self._filled[k])})
             c, x = in_balls(x[[pivots[k] for k in taken]]), in_balls(x[on])
             left = x - BALLS.multiplied(space[np.ix_(on, taken)], c[:, None])[:, 0]
             return bool(np.all(BALLS.powers(left) <= np.max(BALLS.powers(x)) - TOLERANCES.bits_of_coefficients))
@@ -625,7 +625,7 @@ class Identities:
             return reduced(self.space, self.scale, self.basis.lengths)
 
     @cached_property
-    def _filled(self) -> list[Array]:
+    def _filled(self) -> list[list[int]]:
         """The places at which the reduced columns are not zero."""
         return [filled(c) for c in self._reduced[0].T]
 
