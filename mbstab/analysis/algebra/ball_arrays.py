@@ -103,7 +103,7 @@ class Balls(Doubles):
         return np.asarray(np.frompyfunc(_types()[0], 2, 1)(x, error))
 
     def settled(self, x: Array) -> Array:  # noqa: D102
-        return np.asarray(np.frompyfunc(lambda y: as_ball(y).mid(), 1, 1)(x))
+        return np.asarray(np.frompyfunc(lambda y: y if y.__class__ is int else as_ball(y).mid(), 1, 1)(x))
 
     def powers(self, x: Array) -> Array:  # noqa: D102
         size = middle(x)
@@ -180,10 +180,18 @@ def middle(x: Array) -> Array:
     return x if x.dtype == float else np.asarray(np.frompyfunc(float, 1, 1)(x), dtype=float)
 
 
+def filled(x: Array) -> list[int]:
+    """Return the places of a vector at which it is not exactly zero."""
+    found: list[int] = np.flatnonzero(~np.asarray(x == 0, dtype=bool)).tolist()
+    return found
+
+
 def _least_powers(x: Array) -> Array:
     """Return the exponents of the sizes that entries have at least; of those that may be zero none."""
 
     def one(y: Any) -> float:
+        if y.__class__ is int:
+            return y.bit_length() if y else NONE
         y = as_ball(y)
         if not y.is_finite():
             return np.inf
@@ -217,23 +225,34 @@ def kept_combinations(rows: Array, sizes: Array) -> Array:
         Exponents of the largest terms.
     """
     d = rows.shape[1]
-    found, left, rows, sizes = BALLS.of(np.eye(d)), list(range(d)), rows.copy(), sizes.copy()
+    found, left, rows, sizes = np.eye(d, dtype=int).astype(object), list(range(d)), rows.copy(), sizes.copy()
     powers = _least_powers(rows)
-    while left and len(rows):
+
+    def beside(powers: Array, sizes: Array) -> Array:
         with np.errstate(invalid="ignore"):
-            relative = np.nan_to_num(powers[:, left] - sizes[:, left], nan=NONE)
-        i, j = np.unravel_index(int(np.argmax(relative)), relative.shape)
-        if not relative[i, j] > -TOLERANCES.bits_of_zero:
+            return np.nan_to_num(powers - sizes, nan=NONE)
+
+    relative = beside(powers, sizes)
+    most = np.max(relative, axis=1, initial=NONE)
+    while left and len(rows):
+        i = int(np.argmax(most))
+        pivot = int(np.argmax(relative[i]))
+        if not relative[i, pivot] > -TOLERANCES.bits_of_zero:
             break
-        pivot = left.pop(int(j))
-        felt = np.delete(relative[i], j) > -TOLERANCES.bits_of_zero
-        for k in (k for k, x in zip(left, felt, strict=True) if x):
+        left.remove(pivot)
+        changed = relative[:, pivot] > NONE
+        relative[:, pivot] = NONE
+        on, own = filled(rows[:, pivot]), filled(found[:, pivot])
+        for k in (k for k in left if relative[i, k] > -TOLERANCES.bits_of_zero):
             factor = as_ball(rows[i, k]) / rows[i, pivot]
-            rows[:, k] = rows[:, k] - factor * rows[:, pivot]
-            found[:, k] = BALLS.settled(found[:, k] - factor * found[:, pivot])
+            rows[on, k] = rows[on, k] - factor * rows[on, pivot]
+            found[own, k] = BALLS.settled(found[own, k] - factor * found[own, pivot])
             sizes[:, k] = np.maximum(sizes[:, k], sizes[:, pivot] + BALLS.powers(np.array([factor], dtype=object))[0])
-            rows[i, k] = as_ball(0)
-            powers[:, k] = _least_powers(rows[:, k])
+            rows[i, k] = 0
+            powers[on, k] = _least_powers(rows[on, k])
+            before, relative[:, k] = relative[:, k].copy(), beside(powers[:, k], sizes[:, k])
+            changed |= relative[:, k] != before
+        most[changed] = np.max(relative[changed], axis=1, initial=NONE)
     return found[:, left]
 
 

@@ -226,12 +226,12 @@ class ElementComparison:
                 if float(np.max(np.abs(step))) < TOLERANCES.settled_onto_rows:
                     break
             # Rows are linear in the speeds, up to slips. What is slow by itself stays so.
-            units, shortest = sizes * self.rates_of_states, None
+            units, nearest = sizes * self.rates_of_states, None
             for _ in range(TOLERANCES.newton_steps_onto_rows if system.n_n else 2 * bool(n_h)):
                 state = system.dynamics(q, u, time)
-                if system.n_n or shortest is None:
-                    shortest = self._shortest(state.J, units)
-                change = units * shortest(-state.V)
+                if system.n_n or nearest is None:
+                    nearest = self._shortest(state.J, units)
+                change = units * nearest(-state.V)
                 u = u + change
                 if np.all(np.abs(change) <= 1e-13 * np.max(np.abs(u / sizes)) * sizes):
                     break
@@ -306,9 +306,10 @@ class ElementComparison:
         ]
         with many_bits():
             left, moved = BALLS.zeros((len(T),)), BALLS.zeros((len(T),))
-            left[columns] = element.force(*(BALLS.of(x) for x in (here.q, here.u, here.a)), time, BALLS.f)
-            image = (BALLS.within(x, error) for x, error in zip((there.q, there.u, there.a), errors, strict=True))
-            moved[columns] = element.force(*image, time, BALLS.f)
+            q, u, a = (BALLS.of(x) for x in (here.q, here.u, here.a))
+            left[columns] = element.force(q, u, a, time, BALLS.f)
+            q, u, a = (BALLS.within(x, e) for x, e in zip((there.q, there.u, there.a), errors, strict=True))
+            moved[columns] = element.force(q, u, a, time, BALLS.f)
             # T is rounded, too.
             turned = T.T if plain else BALLS.within(T.T, rounded * size.T)
             left = left - BALLS.multiplied(BALLS.prepared(turned), moved[:, None])[:, 0]

@@ -87,6 +87,11 @@ class Basis:
         return [k for k, b in enumerate(self.blocks) for _ in range(b.part.start, b.part.stop)]
 
     @cached_property
+    def of_field(self) -> Array:
+        """The number of the block of each field, shape (size,)."""
+        return np.repeat(np.arange(len(self.blocks)), [SIZES[b.kind] for b in self.blocks])
+
+    @cached_property
     def still(self) -> Flags:
         """Whether each field is a constant shift: translations of the ground, last angles, states; shape (size,)."""
         found = np.zeros(self.size, dtype=bool)
@@ -272,7 +277,7 @@ class Field:
     @cached_property
     def moved(self) -> tuple[int, ...]:
         """Numbers of the blocks on which it is not zero."""
-        return tuple(k for k, b in enumerate(self.basis.blocks) if np.any(self.c[b.fields]))
+        return tuple(sorted(set(self.basis.of_field[np.flatnonzero(self.c)].tolist())))
 
     def field(self, q: Array) -> Array:
         """Return X(q), shape (…, n_q)."""

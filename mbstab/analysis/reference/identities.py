@@ -28,6 +28,7 @@ from mbstab.analysis.algebra.ball_arrays import (
     NONE,
     Doubles,
     as_ball,
+    filled,
     kept_combinations,
     many_bits,
     middle,
@@ -371,16 +372,16 @@ class Identities:
             columns = [[b.start + k for b in bodies] for k in range(ground)]
         columns += [[k] for k in range(self.basis.size)]
         Q = np.linalg.qr(space / self.scale[:, None])[0] if space.shape[1] else space
-        room = np.zeros((self.basis.size, 0))
-        found: list[Array] = []
+        room, found = np.zeros((self.basis.size, len(columns))), list[Array]()
         for places in columns:
             x = np.zeros(self.basis.size)
             x[places] = 1.0
             unit = x / self.scale / np.linalg.norm(x / self.scale)
             if np.linalg.norm(unit - Q @ (Q.T @ unit)) < TOLERANCES.simple_field:
-                left = unit - room @ (room.T @ unit)
+                known = room[:, : len(found)]
+                left = unit - known @ (known.T @ unit)
                 if np.linalg.norm(left) > TOLERANCES.independent_fields:
-                    room = np.column_stack([room, left / np.linalg.norm(left)])
+                    room[:, len(found)] = left / np.linalg.norm(left)
                     found.append(x)
         return np.array(found).reshape(-1, self.basis.size).T
 
@@ -629,17 +630,24 @@ class Identities:
         """Return whether the space of fields contains one, given by exact coefficients."""
         space, pivots = self._reduced
         with many_bits():
-            x = in_balls(np.array(entries, dtype=object))
-            taken = [k for k, row in enumerate(pivots) if entries[row] != 0]
+            x = np.array(entries, dtype=object)
+            taken = [k for k, row in enumerate(pivots) if x[row] != 0]
             if not taken:
                 return not np.any(x != 0)
-            left = x - BALLS.multiplied(space[:, taken], x[[pivots[k] for k in taken]][:, None])[:, 0]
+            on = sorted({*filled(x), *(i for k in taken for i in self._filled[k])})
+            c, x = in_balls(x[[pivots[k] for k in taken]]), in_balls(x[on])
+            left = x - BALLS.multiplied(space[np.ix_(on, taken)], c[:, None])[:, 0]
             return bool(np.all(BALLS.powers(left) <= np.max(BALLS.powers(x)) - TOLERANCES.bits_of_coefficients))
 
     @cached_property
     def _reduced(self) -> tuple[Array, list[int]]:
         with many_bits():
             return reduced(self.space, self.scale, self.basis.lengths)
+
+    @cached_property
+    def _filled(self) -> list[list[int]]:
+        """The places at which the reduced columns are not zero."""
+        return [filled(c) for c in self._reduced[0].T]
 
     def within(self, excluded: Flags) -> Array:
         """Return the fields of the space whose coefficients vanish where they are excluded, as reduced columns."""
@@ -748,17 +756,21 @@ def reduced(space: Array, scale: Array, lengths: Flags) -> tuple[Array, list[int
     """
     A, weight, pivots = space.copy(), np.where(lengths, 1e-3, 1.0) / scale, list[int]()
     weighted = np.abs(middle(A)) * weight[:, None]
+    most = np.max(weighted, axis=1, initial=0.0)
     for k in range(A.shape[1]):
-        pivot, best = map(int, np.unravel_index(int(np.argmax(weighted[:, k:])), weighted[:, k:].shape))
+        pivot = int(np.argmax(most))
+        best = int(np.argmax(weighted[pivot, k:]))
         for x in (A, weighted):
             x[:, [k, k + best]] = x[:, [k + best, k]]
-        A[:, k] = A[:, k] / A[pivot, k]
+        on = filled(A[:, k])
+        A[on, k] = A[on, k] / as_ball(A[pivot, k])
         A[pivot, k] = 1
-        for j in np.flatnonzero(A[pivot] != 0):
+        for j in filled(A[pivot]):
             if j != k:
-                A[:, j] = BALLS.settled(A[:, j] - A[pivot, j] * A[:, k])
+                A[on, j] = BALLS.settled(A[on, j] - A[pivot, j] * A[on, k])
                 A[pivot, j] = 0
-                weighted[:, j] = np.abs(middle(A[:, j])) * weight
+                weighted[on, j] = np.abs(middle(A[on, j])) * weight[on]
+        most[on] = np.max(weighted[on, k + 1 :], axis=1, initial=0.0)
         pivots.append(pivot)
     sizes = BALLS.powers(A)
     tiny = sizes <= np.max(sizes, axis=0, initial=NONE) - TOLERANCES.bits_of_coefficients

@@ -368,13 +368,17 @@ class Names:
             strong = self._strongest(field.shift)
             yield "common shift of " + ", ".join([*strong[:4], *["…"] * (len(strong) > 4)]), field
 
+    @cached_property
+    def _units(self) -> Array:
+        """The units of the coordinates."""
+        return np.array([self.system.scene.model.unit_of(name) for name in self.system.names])
+
     def _strongest(self, direction: Array) -> list[str]:
         """Return the coordinates that a shift moves most; only those of one unit are compared."""
-        model, moved = self.system.scene.model, np.abs(direction)
+        units, moved = self._units, np.abs(direction)
         moved = np.where(moved / self.motion.sizes > 1e-9 * np.max(moved / self.motion.sizes), moved, 0.0)
-        units = np.array([model.unit_of(name) for name in self.system.names])
-        most = np.array([np.max(moved, where=units == unit, initial=0.0) for unit in units])
-        return [name for name, x, least in zip(self.system.names, moved, 0.3 * most, strict=True) if x > least]
+        most = {unit: np.max(moved[units == unit]) for unit in set(units.tolist())}
+        return [name for name, x, unit in zip(self.system.names, moved, units, strict=True) if x > 0.3 * most[unit]]
 
     # --- rotations --------------------------------------------------------------------------------------------------
 
