@@ -61,8 +61,9 @@ def force_rounding(system: System, at: tuple[Array, Array, Array, Array], time: 
 
 def _rough(system: System, q: Array, u: Array, time: float | None) -> Any:
     """Return the equations at rounded coordinates and speeds, in numbers with errors; None where they have no value."""
+    places, speeds = (with_errors(x, UNIT * np.abs(x)) for x in (q, u))
     try:
-        return rounded_system(system).dynamics(*(with_errors(x, UNIT * np.abs(x)) for x in (q, u)), time)
+        return rounded_system(system).dynamics(places, speeds, time)
     except FAILURES:
         return None
 
@@ -73,8 +74,7 @@ def carrying(system: System, motion_at: tuple[Array, Array], time: float | None,
     A turntable carries what rests on it: the slip there is a difference of speeds of this size, and rounds with it.
     """
     q, u = motion_at
-    result: Array = abs(system.linearize_rows(q, u, 0.0 * u, time)[0]) @ sizes
-    return result
+    return np.asarray(abs(system.linearize_rows(q, u, 0.0 * u, time)[0]) @ sizes)
 
 
 def require_compatible(
