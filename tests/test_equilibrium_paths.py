@@ -940,3 +940,19 @@ def test_newton_finds_an_equilibrium_beside_a_singular_configuration_from_afar(t
     (found,) = mechanism.equilibria(kp=kp)
     assert found.motion.q[mechanism.model.coordinates().index("tip.y")] == pytest.approx(height, abs=1e-9)
     assert mechanism.eig(kp=kp).verdict == ("asymptotically stable" if height > 0.0 else "unstable")
+
+
+def test_paths_branch_off_from_one_on_which_no_force_acts():
+    """Of V = (1 - p) x²/2 + x⁴/4; slopes of forces were compared with forces of a move by 1e-5, and none was seen."""
+    scene = (
+        "mbstab: 1\nparameters: {p: 0}\nbodies: {b: {type: planar_point, mass: 1}}\n"
+        "constraints: {c: {holonomic: b.y}}\n"
+        "forces: {f: {type: potential, energy: (1 - p)*b.x**2/2 + b.x**4/4}}\n"
+        "reference: {find: equilibrium, guess: {b: {x: 0}}}\n"
+    )
+    result = mbstab.loads(scene).sweep("p", np.linspace(0.5, 1.55, 8))
+    (critical,) = result.critical
+    assert (critical.branching, critical.value) == (True, pytest.approx(1.0))
+    assert len(result.beyond) == 2
+    for path in result.beyond:
+        np.testing.assert_allclose(path.reference["b.x"] ** 2, path.values - 1.0, atol=1e-12)

@@ -180,12 +180,11 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
         lines.append("gain margins: none; the response is real at all frequencies")
     else:
         each = [
-            f"× {x.factor:.{_digits(x.error / x.factor)}g} ({decibels(x.factor):.4g} dB) {_at(x.frequency)}"
-            for x in found.gain
+            f"× {number(x.factor, 6, x.error)} ({decibels(x.factor):.4g} dB) {_at(x.frequency)}" for x in found.gain
         ]
         lines += wrap(f"gain margins: {', '.join(each) or 'none'}", width())
     each = [
-        f"{x.phase:.{_digits(x.error / 180.0)}g}° (delay {x.delay:.{_digits(x.error / 180.0)}g} s) at "
+        f"{number(x.phase, 6, x.error)}° (delay {number(x.delay, 6, np.radians(x.error) / x.frequency)} s) at "
         f"{x.frequency:.6g} rad/s"
         for x in found.phase
     ]
@@ -194,11 +193,6 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
         said = "any delay, however small, makes the loop unstable: the gain stays above 1 at high frequencies"
         lines += wrap(said, width())
     return lines
-
-
-def _digits(error: float) -> int:
-    """Return how many digits of a number with a relative error are shown."""
-    return int(np.clip(-np.log10(max(error, 1e-300)), 3.0, 6.0))
 
 
 def _margins_data(found: Margins, largest: LargestGain) -> dict[str, Any]:

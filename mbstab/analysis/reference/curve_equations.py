@@ -52,6 +52,8 @@ class CurveEquations:
         _, search, at, _ = self.problem.solved(*((self.problem.start,) if near is None else near))
         self.balance = search.balance
         _, G = self._equations(at.q, at.c, start)
+        # Beside rows of constraints, of size 1, slopes of forces that vanish are large in units of these forces.
+        self.slope = max(1.0, float(np.max(np.abs(G[: system.n_q, : self.balance.moving]), initial=0.0)))
         A = self._along_rows(G)
         s = np.linalg.svd(A, compute_uv=False)
         self.rank = int(np.sum(s > TOLERANCES.path_singular_value * max(float(s[0]), 1e-300))) if len(s) else 0
@@ -118,7 +120,8 @@ class CurveEquations:
 
     def _along_rows(self, G: Array) -> Array:
         """Return the derivative by coordinates, rates and the parameter of what multipliers cannot balance."""
-        A, forces = np.hsplit(G, [self.balance.moving + 1])
+        n = self.problem.system.n_q
+        A, forces = np.hsplit(np.vstack([G[:n] / self.slope, G[n:]]), [self.balance.moving + 1])
         if not forces.size:
             return A
         left = rank_of(forces.T / max(float(np.max(np.abs(forces))), 1e-300)).null

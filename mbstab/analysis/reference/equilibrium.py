@@ -56,9 +56,9 @@ class Equilibrium(Answer):
     reactions : list of Reaction
         What each joint, contact and drive transmits.
     efforts : list of Acted
+        Of all that acts along one motion.
     outputs : dict of float
         The outputs of the file by name; nan where one has no value.
-        Of all that acts along one motion.
     residual : float
         Largest remaining imbalance, relative to the forces that balance.
     unbalanced : tuple of float
@@ -396,7 +396,9 @@ class Problem:
         if not one.symmetries or one.symmetries != other.symmetries:
             return False
         # What a symmetry does not change: the loads and the spectrum of the stiffness.
-        return _alike(_signature(self.system, one), _signature(self.system, other))
+        x, y = (_signature(self.system, found) for found in (one, other))
+        size = max(float(np.max(np.abs(z), initial=1e-300)) for z in (x, y))
+        return len(x) == len(y) and bool(np.max(np.abs(x - y), initial=0.0) < 1e-6 * size)
 
 
 def _loads(system: System, motion: Motion) -> tuple[list[Reaction], list[Acted]]:
@@ -447,10 +449,9 @@ def _unsure(search: Search, at: State) -> str:
     """Return how well a solution is known that more digits do not sharpen, in words."""
     moves = np.abs(search.balance.equations(at).inverse[: search.balance.moving])
     off = float(np.max(moves @ np.maximum(np.abs(at.residual), EPS), initial=0.0))
-    kind = "steady motion" if np.any(at.u) else "equilibrium"
     return (
-        f"the {kind} that was found is known to {off:.0e} of the size of the scene or worse, and so are its forces: "
-        f"beside a singular or critical position rounding is magnified {search.magnified:.0e} times"
+        f"the {'steady motion' if np.any(at.u) else 'equilibrium'} that was found is known to {off:.0e} of the size of "
+        f"the scene or worse: beside a singular or critical position rounding is magnified {search.magnified:.0e} times"
     )
 
 
@@ -517,8 +518,3 @@ def _signature(system: System, found: Equilibrium) -> Array:
     values = np.linalg.eigvals(np.linalg.pinv(mass) @ spaces.N.T @ full @ spaces.N)
     loads = [float(np.linalg.norm(r.force)) for r in found.reactions]
     return np.concatenate([np.sort(values.real), np.sort(np.abs(values.imag)), loads])
-
-
-def _alike(one: Array, other: Array) -> bool:
-    size = max(float(np.max(np.abs(one), initial=0.0)), float(np.max(np.abs(other), initial=0.0)), 1e-300)
-    return len(one) == len(other) and bool(np.max(np.abs(one - other), initial=0.0) < 1e-6 * size)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.algebra.rounded import UNIT, Rounded, rounded_arithmetic
+from mbstab.analysis.algebra.rounded import UNIT
 from mbstab.analysis.algebra.sparse import dense, is_sparse, largest
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.rounded_scene import errors_of, rounded_system, with_errors
@@ -43,13 +42,8 @@ def rate_rounding(system: System, q: Array, u: Array, time: float | None = None)
 
     Zero where the equations have no value with such numbers.
     """
-    rough = rounded_system(system)
-    places, speeds = (with_errors(x, UNIT * np.abs(x)) for x in (q, u))
-    try:
-        found: Array = errors_of(rough.dynamics(places, speeds, time).V)
-    except FAILURES:
-        return np.zeros(system.n_c)
-    return found
+    state = _rough(system, q, u, time)
+    return np.zeros(system.n_c) if state is None else errors_of(state.V)
 
 
 def force_rounding(system: System, at: tuple[Array, Array, Array, Array], time: float | None = None) -> Array:
@@ -58,16 +52,20 @@ def force_rounding(system: System, at: tuple[Array, Array, Array, Array], time: 
     Zero where they have no bound.
     """
     q, u, a, nu = at
-    rough = rounded_system(system)
+    if (state := _rough(system, q, u, time)) is None:
+        return np.zeros(system.n_q)
+    with np.errstate(invalid="ignore"):
+        found = errors_of(state.F0) + errors_of(state.M) @ np.abs(a) + errors_of(state.J).T @ np.abs(nu)
+    return np.where(np.isfinite(found), found, 0.0)
+
+
+def _rough(system: System, q: Array, u: Array, time: float | None) -> Any:
+    """Return the equations at rounded coordinates and speeds, in numbers with errors; None where they have no value."""
     places, speeds = (with_errors(x, UNIT * np.abs(x)) for x in (q, u))
     try:
-        state = rough.dynamics(places, speeds, time)
+        return rounded_system(system).dynamics(places, speeds, time)
     except FAILURES:
-        return np.zeros(system.n_q)
-    F0, M, J = (errors_of(x) for x in (state.F0, state.M, state.J))
-    with np.errstate(invalid="ignore"):
-        found = F0 + M @ np.abs(a) + J.T @ np.abs(nu)
-    return np.where(np.isfinite(found), found, 0.0)
+        return None
 
 
 def carrying(system: System, motion_at: tuple[Array, Array], time: float | None, sizes: Array) -> Array:
@@ -76,8 +74,7 @@ def carrying(system: System, motion_at: tuple[Array, Array], time: float | None,
     A turntable carries what rests on it: the slip there is a difference of speeds of this size, and rounds with it.
     """
     q, u = motion_at
-    result: Array = abs(system.linearize_rows(q, u, 0.0 * u, time)[0]) @ sizes
-    return result
+    return np.asarray(abs(system.linearize_rows(q, u, 0.0 * u, time)[0]) @ sizes)
 
 
 def require_compatible(
@@ -132,10 +129,8 @@ def _rounding_of_accelerations(system: System, at: tuple[Array, Array, float], s
     fastest = float(np.max(np.abs(u / sizes), initial=0.0))
     places = TOLERANCES.coordinate_rounding * np.maximum(np.abs(q), sizes)
     speeds = TOLERANCES.coordinate_rounding * fastest * sizes
-    rough = system.in_arithmetic(replace(system.scene, arithmetic=rounded_arithmetic()))
-    state = rough.dynamics([*map(Rounded, q, places)], [*map(Rounded, u, speeds)], time)
-    B, J = (np.array([getattr(x, "e", 0.0) for x in y.flat]).reshape(y.shape) for y in (state.B, state.J))
-    result: Array = B + J @ a
+    state = rounded_system(system).dynamics(with_errors(q, places), with_errors(u, speeds), time)
+    result: Array = errors_of(state.B) + errors_of(state.J) @ a
     return result
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from mbstab.analysis.response.factored import Exact, Factored, Undecided
 from mbstab.analysis.response.tolerances import TOLERANCES
 from mbstab.analysis.response.zeros import Zeros, growing
+from mbstab.analysis.verdict.wording import show
 from mbstab.records import dataclass
 
 
@@ -211,10 +212,10 @@ def largest_gain(zeros: Zeros, exact: Exact) -> LargestGain:
         return LargestGain(np.nan, np.nan, np.nan, growth)
     for k in np.flatnonzero(np.abs(poles.real) <= errors):
         if not zeros.undamped[k]:
-            reason = f"whether the eigenvalue {_text(poles[k])} is damped is beyond its error, {errors[k]:.1g} 1/s"
+            reason = f"whether the eigenvalue {show(poles[k])} is damped is beyond its error, {errors[k]:.1g} 1/s"
             return LargestGain(np.nan, np.nan, np.nan, f"not decided: {reason}")
         at = complex(0.0, poles[k].imag)
-        return LargestGain(np.inf, abs(at.imag), 0.0, f"the eigenvalue {_text(at)} has no damping")
+        return LargestGain(np.inf, abs(at.imag), 0.0, f"the eigenvalue {show(at)} has no damping")
     if len(zeros.values) > len(poles):
         return LargestGain(np.inf, np.inf, 0.0, "the output follows the rate of the input")
     try:
@@ -222,8 +223,3 @@ def largest_gain(zeros: Zeros, exact: Exact) -> LargestGain:
     except Undecided as reason:
         return LargestGain(np.nan, np.nan, np.nan, f"not decided: {reason}")
     return LargestGain(value, at_frequency, max(TOLERANCES.level_step, error), "")
-
-
-def _text(value: complex) -> str:
-    pair = f" ± {abs(value.imag):.6g}i" if value.imag else ""
-    return f"{value.real:.6g}{pair}"

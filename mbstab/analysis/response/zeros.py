@@ -27,6 +27,7 @@ from mbstab.analysis.response.frequency import FrequencyResponse
 from mbstab.analysis.response.tolerances import TOLERANCES
 from mbstab.analysis.response.transfer import Channel
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues
+from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -181,9 +182,9 @@ def order(group: Group, values: Values, beyond: Array) -> int:
         if kept == q:
             return q
     if not best[0] < np.inf:
-        raise _Doubt(f"the response beside the eigenvalue {_text(group.centre)} is not known")
+        raise _Doubt(f"the response beside the eigenvalue {show(group.centre)} is not known")
     if best[1] > kept:
-        raise _Doubt(f"whether the eigenvalue {_text(group.centre)} is reached and seen")
+        raise _Doubt(f"whether the eigenvalue {show(group.centre)} is reached and seen")
     return kept
 
 
@@ -462,9 +463,4 @@ def _starts(values: Values, poles: Complex, m: int, size: float) -> Complex:
 def growing(poles: Complex, errors: Array) -> str:
     """Return in words that one of some eigenvalues grows; empty if none is known to."""
     values = poles[poles.real > errors]
-    return f"the eigenvalue {_text(values[np.argmax(values.real)])} is unstable" if len(values) else ""
-
-
-def _text(value: complex) -> str:
-    pair = f" ± {abs(value.imag):.6g}i" if value.imag else ""
-    return f"{value.real:.6g}{pair}"
+    return f"the eigenvalue {show(values[np.argmax(values.real)])} is unstable" if len(values) else ""

@@ -9,6 +9,7 @@ import numpy as np
 
 from mbstab.analysis.simulate.mode_shape import Swing
 from mbstab.analysis.simulate.result import Simulation
+from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError
 from mbstab.records import dataclass
@@ -151,8 +152,7 @@ def still_frames(swings: Sequence[Swing]) -> Frames:
 def swing_frames(swing: Swing, number: int, fps: float = FPS) -> Frames:
     """Return one period of a mode, which continues smoothly when repeated."""
     value = swing.value
-    imaginary = f" ± {abs(value.imag):.4g}i" if value.imag else ""
-    text = with_minus_sign(f"mode {number}: {value.real:.4g}{imaginary} 1/s")
+    text = with_minus_sign(f"mode {number}: {show(value, 4)} 1/s")
     said = "growth and decay not shown" if value.real else "exaggerated"
     place, turn = _padded(swing.positions, swing.rotations)
     trail = np.repeat(place, FINE, axis=0), np.repeat(turn, FINE, axis=0)
