@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from textwrap import wrap
 
 from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.catalogue import Field, Kind
 from mbstab.model.fields.catalogue import kind_of
-from mbstab.model.schema import ALONG, PART_FIELDS
+from mbstab.model.keys import ALONG, PART
 from mbstab.report import width
 
 SCENES = {(2,): "planar scenes", (3,): "spatial scenes", (2, 3): "all scenes"}
@@ -30,23 +31,21 @@ def shapes_text() -> str:
     lines: list[str] = []
     for kind in SHAPES.values():
         lines += wrap(f"{kind.name}: {kind.doc}", width(), subsequent_indent="  ")
-        for field in kind.fields:
+        along = [] if kind.axis is None else [replace(ALONG, default="xyz"[kind.axis])]
+        for field in (*kind.fields, *along):
             lines += wrap(_field(field), width(), initial_indent="  ", subsequent_indent="      ")
-        if kind.axis is not None:
-            text = f"along: {ALONG} [default {'xyz'[kind.axis]}]"
-            lines += wrap(text, width(), initial_indent="  ", subsequent_indent="      ")
         lines.append("")
     lines.append("entries of parts: have besides (those of drawing only: at)")
-    for key, doc in PART_FIELDS.items():
-        lines += wrap(f"{key}: {doc}", width(), initial_indent="  ", subsequent_indent="      ")
+    for field in PART:
+        lines += wrap(f"{field.name}: {field.text}", width(), initial_indent="  ", subsequent_indent="      ")
     return "\n".join(lines) + "\n"
 
 
-def keys_text(keys: Mapping[str, str]) -> str:
+def keys_text(keys: Iterable[Field]) -> str:
     """Return the keys of a section without types, with their meaning."""
     lines: list[str] = []
-    for key, doc in keys.items():
-        lines += wrap(f"{key}: {doc}", width(), subsequent_indent="    ")
+    for field in keys:
+        lines += wrap(f"{field.name}: {field.text}", width(), subsequent_indent="    ")
     return "\n".join(lines) + "\n"
 
 
