@@ -26,19 +26,16 @@ SHOWN = 1e-12
 """A goal smaller than this fraction of the eigenvalues is rounding, and shown as zero."""
 
 
-def design_text(found: Design, model: Model, given: Mapping[str, str], proofs: Sequence[Certificate]) -> str:
+def design_text(found: Design, model: Model, proofs: Sequence[Certificate] = ()) -> str:
     """Return the answer of ``mbstab design`` as text.
 
     Parameters
     ----------
-    given : mapping
-        All parameters that are to be set, as texts in their declared units.
     proofs : sequence of Certificate
         What is proven about the result: over an interval, or at the values at which it is checked.
     """
     task = found.task
-    lines = [model.title, ""] if model.title else []
-    lines += [*wrap(_goal(found, model), width()), ""]
+    lines = [*wrap(_goal(found, model), width()), ""]
     rows = []
     for name, value in found.values.items():
         parameter = model.parameters[name]
@@ -54,8 +51,16 @@ def design_text(found: Design, model: Model, given: Mapping[str, str], proofs: S
     lines += [*wrap(f"checked {_at(found.worst, model)}: {found.result.verdict}", width(), subsequent_indent="  ")]
     for text in _statements(proofs, found, model):
         lines += wrap(f"proof {text}", width(), subsequent_indent="  ")
-    lines += ["", "again: " + " ".join(f"--set {name}={text}" for name, text in given.items())]
+    lines += ["", "again: " + " ".join(f"--set {name}={text}" for name, text in _settings(found, model).items())]
     return "\n".join(lines) + "\n"
+
+
+def _settings(found: Design, model: Model) -> dict[str, str]:
+    """Return all parameters that are to be set, as texts in their declared units."""
+    from mbstab.analysis.design.design import settings
+
+    values = evaluate_parameters(model, {}, FLOAT)
+    return settings(model, {name: values[name] for name in model.settings} | found.values)
 
 
 def _goal(found: Design, model: Model) -> str:
@@ -122,7 +127,7 @@ def _statements(proofs: Sequence[Certificate], found: Design, model: Model) -> l
     return [f"{place}: {proof.statement}" for place, proof in zip(where, proofs, strict=True)]
 
 
-def design_data(found: Design, model: Model, given: Mapping[str, str], proofs: Sequence[Certificate]) -> dict[str, Any]:
+def design_data(found: Design, model: Model, proofs: Sequence[Certificate] = ()) -> dict[str, Any]:
     """Return the JSON object of ``mbstab design``.
 
     Keys: ``model``, ``title``, ``goal``, ``parameter`` (of a range, else null), ``parameters`` (by name: ``unit``,
@@ -142,8 +147,6 @@ def design_data(found: Design, model: Model, given: Mapping[str, str], proofs: S
         return {name: value / factors[name] for name, value in values.items()}
 
     return {
-        "model": model.name,
-        "title": model.title,
         "goal": task.goal,
         "parameter": task.parameter or None,
         "parameters": {
@@ -170,8 +173,13 @@ def design_data(found: Design, model: Model, given: Mapping[str, str], proofs: S
         "proofs": _statements(proofs, found, model),
         "steps": found.steps,
         "ended": found.ended,
-        "set": dict(given),
+        "set": _settings(found, model),
     }
+
+
+def design_file(found: Design, model: Model) -> str:
+    """Return the text of the model file with the values that are found."""
+    return with_values(model, _settings(found, model))
 
 
 def with_values(model: Model, given: Mapping[str, str]) -> str:

@@ -12,6 +12,7 @@ from mbstab.analysis.linear.methods import DEFAULT
 from mbstab.analysis.verdict.rule import Verdict
 from mbstab.analysis.verdict.wording import show
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.report import width
 from mbstab.report.modes import UNKNOWN, modes_table, shapes_text, value_text
 from mbstab.report.tables import number, table
@@ -24,9 +25,9 @@ ZERO = 1e-3
 """An eigenvalue that may be zero is printed as 0 if its error bound is below this fraction of the largest one."""
 
 
-def eigen_text(result: EigenResult, title: str, shapes: bool = False) -> str:
+def eigen_text(result: EigenResult, model: Model, shapes: bool = False) -> str:
     """Return the answer of ``mbstab eig`` as text, with all shapes of modes if these are asked for."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     shown = _pairs(result)
     fill = _multipliers if result.period is not None else _eigenvalues
     lines.append(fill(result, shown) if shown else "no finite eigenvalues: the motion is fully prescribed\n")
@@ -55,9 +56,9 @@ def verdict_lines(judged: Verdict) -> list[str]:
     return lines
 
 
-def precise_text(result: PreciseResult, title: str) -> str:
+def precise_text(result: PreciseResult, model: Model) -> str:
     """Return the answer of ``mbstab eig --precision`` as text: real and imaginary parts on lines of their own."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     rows = []
     for e in result.eigenvalues:
         if e.imag.startswith("-"):

@@ -6,16 +6,18 @@ import math
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
+from mbstab.model.schema import Model
 from mbstab.report import width
+from mbstab.report.export import Rows, attributes
 from mbstab.report.tables import number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.integrators import Integration, Integrations
 
 
-def integrations_text(result: Integrations, title: str) -> str:
+def integrations_text(result: Integrations, model: Model) -> str:
     """Return the answer of ``mbstab compare --simulate`` as text."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     heads = ["integrator", "tolerance\nper step", "global\nerror", "time\n(ms)", "steps", "evalua-\ntions"]
     heads += ["energy", "constraints"]
     lines.append(table(heads, [_row(x) for x in result.runs], left=(0,)))
@@ -60,7 +62,7 @@ def _filled(text: str) -> list[str]:
     return wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
 
 
-def integrations_data(result: Integrations, model: str, title: str) -> dict[str, Any]:
+def integrations_data(result: Integrations, model: Model) -> dict[str, Any]:
     """Return the JSON object of ``mbstab compare --simulate``.
 
     Keys: ``model``, ``title``, ``start`` and ``end`` (s), ``disturbance``, ``reference`` (an integrator), ``known``
@@ -70,15 +72,8 @@ def integrations_data(result: Integrations, model: str, title: str) -> dict[str,
     """
     chosen = result.chosen
     return {
-        "model": model,
-        "title": title,
-        "start": result.start,
-        "end": result.end,
-        "disturbance": result.disturbance,
-        "reference": result.reference,
-        "known": result.known,
-        "tolerance": result.tolerance,
-        "chosen": None if chosen is None else {key: getattr(chosen, key) for key in ("method", "solver", "tol")},
+        **attributes(result, "start end disturbance reference known tolerance"),
+        "chosen": None if chosen is None else attributes(chosen, "method solver tol"),
         "runs": [{head: value for head, value in zip(HEADS, _values(x), strict=True)} for x in result.runs],
     }
 
@@ -94,8 +89,6 @@ def _values(x: Integration) -> list[Any]:
     return [None if isinstance(value, float) and math.isnan(value) else value for value in found]
 
 
-def integrations_csv(result: Integrations) -> str:
+def integrations_rows(result: Integrations, model: Model) -> Rows:
     """Return one line for each integrator and tolerance."""
-    from mbstab.report.export import to_csv
-
-    return to_csv(list(HEADS), [["" if value is None else value for value in _values(x)] for x in result.runs])
+    return list(HEADS), [["" if value is None else value for value in _values(x)] for x in result.runs]

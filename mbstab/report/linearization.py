@@ -7,6 +7,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.report import width
 from mbstab.report.tables import table
 
@@ -41,20 +42,21 @@ def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[s
     return text
 
 
-def linearize_text(
-    linear: Linearization, control: ControlModel | None, form: str, title: str, full: bool = False
-) -> str:
+def linearize_text(answer: Linearization | ControlModel, model: Model, form: str = "", full: bool = False) -> str:
     """Return the answer of ``mbstab linearize`` as text; large matrices only if `full` is set.
 
-    Pencil and state space need a control model.
+    Pencil and state space need a control model. Without a form it is the equations, or the state space of a control
+    model.
     """
+    from mbstab.analysis.linear.linearize import Linearization
     from mbstab.report.linear_data import equation_forms, forms
 
-    lines = [title, ""] if title else []
-    lines += _linear_summary(linear)
-    if control is not None and form == "state-space":
-        lines += _signals(control)
-    matrices = (equation_forms(linear) if control is None else forms(control))[form]
+    plain = isinstance(answer, Linearization)
+    form = form or ("equations" if plain else "state-space")
+    lines = _linear_summary(answer if plain else answer.linear)
+    if not plain and form == "state-space":
+        lines += _signals(answer)
+    matrices = (equation_forms(answer) if plain else forms(answer))[form]
     hidden = {} if full else {name: m for name, m in matrices.items() if max(len(m[1]), len(m[2])) > LARGE}
     lines += [matrix_text(name, *m) for name, m in matrices.items() if name not in hidden]
     if hidden:

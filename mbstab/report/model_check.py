@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.report import width
 from mbstab.report.tables import number, table
 
@@ -14,9 +16,9 @@ if TYPE_CHECKING:
     from mbstab.analysis.compare.check import CheckReport
 
 
-def check_text(report: CheckReport, title: str) -> str:
+def check_text(report: CheckReport, model: Model) -> str:
     """Return the answer of ``mbstab check`` as text."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     kind = "planar" if report.dimension == 2 else "spatial"
     states = report.states  # each has a row of its own
     coordinates = sum(len(own) for _, own, _ in report.bodies)
@@ -59,3 +61,13 @@ def check_text(report: CheckReport, title: str) -> str:
 
 def _gap(gap: float) -> str:
     return "" if math.isinf(gap) else f" (gap {gap:.0e})"
+
+
+def check_data(report: CheckReport, model: Model) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab check``: the fields of `CheckReport`, bodies and constraints as objects."""
+    data = {**asdict(report), "degrees_of_freedom": report.degrees_of_freedom}
+    data["bodies"] = [{"name": n, "coordinates": c, "mass": m} for n, c, m in report.bodies]
+    data["constraints"] = [
+        {"name": n, "type": k, "holonomic": h, "nonholonomic": nh} for n, k, h, nh in report.constraints
+    ]
+    return data

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.model.words import UNSTABLE
 from mbstab.report import width
-from mbstab.report.export import in_unit, to_csv
+from mbstab.report.export import Rows, in_unit
 from mbstab.report.tables import eigenvalue, table
 
 if TYPE_CHECKING:
@@ -78,9 +79,9 @@ def unit(channel: Channel, kind: str) -> str:
     return f"{goal}/({source})" if any(x in source for x in "*/") else f"{goal}/{source}"
 
 
-def response_text(result: Response, title: str) -> str:
+def response_text(result: Response, model: Model) -> str:
     """Return the answer of ``mbstab response`` as text."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     rows = _rows(len(result.x))
     for i, (channel, values, zeros) in enumerate(zip(result.channels, result.values, result.zeros, strict=True)):
         own = unit(channel, result.kind)
@@ -221,7 +222,7 @@ def _margins_data(found: Margins, largest: LargestGain) -> dict[str, Any]:
     }
 
 
-def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
+def response_data(result: Response, model: Model) -> dict[str, Any]:
     """Return the JSON object of ``mbstab response``.
 
     Keys: ``model``, ``title``, ``kind``, ``frequency`` (rad/s) or ``time`` (s), ``poles`` and ``channels``: ``input``,
@@ -257,8 +258,6 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
             }
         )
     return {
-        "model": model,
-        "title": title,
         "kind": result.kind,
         "frequency" if result.kind == "frequency" else "time": result.x,
         "poles": [{"real": s.real, "imag": s.imag} for s in result.poles.tolist()],
@@ -266,9 +265,10 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
     }
 
 
-def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: float) -> str:
-    """Return the answer of ``mbstab response --unbalance`` as text, speeds in `unit`, which is `factor` rad/s."""
-    lines = [title, ""] if title else []
+def unbalance_text(result: UnbalanceResponse, model: Model) -> str:
+    """Return the answer of ``mbstab response --unbalance`` as text."""
+    lines = []
+    unit, factor = spin_unit(result, model)
     rows, speeds = _rows(len(result.speeds)), result.speeds / factor
     whole = zip(result.outputs, result.units, result.values, result.peaks, result.further, strict=True)
     for name, own, values, peak, others in whole:
@@ -295,6 +295,12 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
+def spin_unit(result: UnbalanceResponse, model: Model) -> tuple[str, float]:
+    """Return the unit of the spin, and the factor to rad/s."""
+    spin = model.parameters[result.parameter]
+    return spin.unit or "rad/s", spin.factor
+
+
 def _sources(result: UnbalanceResponse) -> str:
     """Return the unbalances in words."""
     if result.relative:
@@ -317,7 +323,7 @@ def _peak_text(peak: Peak, unit: str, factor: float) -> str:
     return f"peak: {shown}" if peak.inside else f"no peak inside of the range; largest: {shown}"
 
 
-def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[str, Any]:
+def unbalance_data(result: UnbalanceResponse, model: Model) -> dict[str, Any]:
     """Return the JSON object of ``mbstab response --unbalance``.
 
     Keys: ``model``, ``title``, ``kind``, ``point`` (or several), ``parameter``, ``unbalances`` (``point``, ``real`` and
@@ -340,7 +346,7 @@ def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[st
         )
     ]
     given = [{"point": place, "real": z.real, "imag": z.imag} for place, z in result.unbalances.items()]
-    head = {"model": model, "title": title, "kind": "unbalance", "point": result.point, "parameter": result.parameter}
+    head = {"kind": "unbalance", "point": result.point, "parameter": result.parameter}
     return head | {"unbalances": given, "speed": result.speeds, "outputs": found, "verdicts": list(result.verdicts)}
 
 
@@ -349,18 +355,19 @@ def _peak_data(peak: Peak) -> dict[str, Any]:
     return {"speed": peak.speed, **known, "error": None if peak.bounded else peak.error, "inside": peak.inside}
 
 
-def unbalance_csv(result: UnbalanceResponse, unit: str, factor: float) -> str:
-    """Return one line for each speed, in `unit`, which is `factor` rad/s, with all outputs."""
+def unbalance_rows(result: UnbalanceResponse, model: Model) -> Rows:
+    """Return one line for each speed with all outputs."""
+    unit, factor = spin_unit(result, model)
     heads = [f"{result.parameter} ({unit})"]
     for name, own in zip(result.outputs, result.units, strict=True):
         heads += [f"{name} {part}" + (f" ({own})" if own else "") for part in ("real", "imag", "amplitude")]
         heads.append(f"{name} phase (deg)")
     columns = [part for values in result.values for part in (values.real, values.imag, np.abs(values), angles(values))]
     lines = np.column_stack([in_unit(result.speeds, factor), *columns]).tolist()
-    return to_csv([*heads, "verdict"], [[*line, verdict] for line, verdict in zip(lines, result.verdicts, strict=True)])
+    return [*heads, "verdict"], [[*line, verdict] for line, verdict in zip(lines, result.verdicts, strict=True)]
 
 
-def response_csv(result: Response) -> str:
+def response_rows(result: Response, model: Model) -> Rows:
     """Return one line for each frequency or time, with all channels."""
     names = [f"{c.goal}/{c.source}" for c in result.channels]
     units = [f" ({own})" if (own := unit(c, result.kind)) else "" for c in result.channels]
@@ -374,4 +381,4 @@ def response_csv(result: Response) -> str:
         columns = [part for values, errors in pairs for part in (values.real, values.imag, errors)]
     else:
         heads, columns = ["time (s)", *map("".join, named)], list(result.values)
-    return to_csv(heads, np.column_stack([result.x, *columns]).tolist())
+    return heads, np.column_stack([result.x, *columns]).tolist()

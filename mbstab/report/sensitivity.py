@@ -11,6 +11,9 @@ import numpy as np
 from mbstab.errors import counted
 from mbstab.model.schema import Model, after_number
 from mbstab.report import width
+from mbstab.report.eigenvalue_data import eigen_data
+from mbstab.report.eigenvalues import eigen_text
+from mbstab.report.export import Rows
 from mbstab.report.modes import value_text
 from mbstab.report.tables import number, table
 
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def sensitivity_text(found: Sensitivities, model: Model) -> str:
-    """Return a table for each eigenvalue: what moves it most, first."""
+    """Return the eigenvalues, and a table for each: what moves it most, first."""
     lines = ["Derivatives by the parameters, and the change for one percent more of each:", ""]
     for item in found.derivatives:
         e = found.eigenvalue(item)
@@ -39,7 +42,7 @@ def sensitivity_text(found: Sensitivities, model: Model) -> str:
             lines += ["  no parameter moves it", ""]
     for name, reason in found.missing.items():
         lines += wrap(f"{name}: no derivatives: {reason}", width(), subsequent_indent="  ")
-    return "\n".join(lines) + "\n"
+    return f"{eigen_text(found.result, model)}\n" + "\n".join(lines) + "\n"
 
 
 def _rows(found: Sensitivities, item: Derivatives, model: Model) -> Iterator[tuple[int, list[str]]]:
@@ -66,15 +69,15 @@ def _complex(x: complex, real: bool, digits: int, error: float) -> str:
 
 
 def sensitivity_data(found: Sensitivities, model: Model) -> dict[str, Any]:
-    """Return the key ``sensitivity`` of the JSON object of ``mbstab eig --sensitivity``.
+    """Return the JSON object of ``mbstab eig --sensitivity``: that of ``mbstab eig``, and an object ``sensitivity``.
 
-    Keys: ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``missing``: why there are no derivatives, and
+    Keys of the latter: ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``missing``: why there are no derivatives, and
     ``derivatives`` by the names of the parameters, what moves the eigenvalue most first), ``missing`` (why there
     are none by some parameters). A derivative has ``real``, ``imag`` and ``error`` in 1/s per declared unit of the
     parameter, ``unit``, and ``percent_real`` and ``percent_imag``, the change in 1/s for one percent more of the
     parameter, null if that is zero.
     """
-    return {
+    return eigen_data(found.result, model) | {
         "sensitivity": {
             "eigenvalues": [
                 {
@@ -109,7 +112,7 @@ def _entries(found: Sensitivities, item: Derivatives, model: Model) -> Iterator[
         )
 
 
-def sensitivity_rows(found: Sensitivities, model: Model) -> tuple[list[str], list[list[Any]]]:
+def sensitivity_rows(found: Sensitivities, model: Model) -> Rows:
     """Return the heads and the lines of a CSV file: one line for each eigenvalue and parameter."""
     heads = ["real", "imag", "parameter", "unit", "derivative_real", "derivative_imag", "error", "percent_real"]
     rows = []
@@ -169,7 +172,7 @@ def critical_data(result: Sweep, model: Model) -> dict[str, Any]:
     }
 
 
-def critical_rows(result: Sweep, model: Model) -> tuple[list[str], list[list[Any]]]:
+def critical_rows(result: Sweep, model: Model) -> Rows:
     """Return the heads and the lines of a CSV file: one line for each critical value and parameter."""
     factor = model.parameters[result.parameter].factor
     keys = ["unit", "derivative", "error", "percent"]

@@ -12,8 +12,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.records import dataclass
 from mbstab.report import width
+from mbstab.report.export import labels_of
+from mbstab.report.sensitivity import critical_text
 from mbstab.report.tables import decimals, number, table
 
 if TYPE_CHECKING:
@@ -34,10 +37,10 @@ SHOWN = 13
 """Digits of a proven critical value, which `decimals` shows with a few more: its row has room for them."""
 
 
-def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
+def sweep_text(result: Sweep, model: Model, sensitivity: bool = False) -> str:
     """Return the summary of ``mbstab sweep``: where stability changes, and the verdicts in between."""
-    lines = [title, ""] if title else []
-    label = f"{result.parameter} ({unit})" if unit else result.parameter
+    ((unit, factor),) = labels_of(model, result.parameter)
+    lines, label = [], f"{result.parameter} ({unit})" if unit else result.parameter
     first, last = (number(float(result.values[k]) / factor, 6) for k in (0, -1))
     count = result.branches.shape[1]
     lines.append(f"{label} from {first} to {last}, {len(result.values)} points")
@@ -60,7 +63,8 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
         lines += ["", f"path {n}, {place}, {counted(len(path.values), 'point')}", "", *_path(path, label, factor)]
     if result.orders:
         lines += ["", *_crossings(result, label, factor)]
-    return "\n".join(lines).rstrip("\n") + "\n"
+    more = f"\n{critical_text(result, model)}" if sensitivity else ""
+    return "\n".join(lines).rstrip("\n") + "\n" + more
 
 
 def _crossings(result: Sweep, label: str, factor: float) -> list[str]:
@@ -289,9 +293,9 @@ def _runs(inside: list[int], a: float, b: float, x: Array, words: Any, counts: A
     return runs
 
 
-def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -> str:
+def chart_text(result: Chart, model: Model) -> str:
     """Return the summary of a stability chart."""
-    lines = [title, ""] if title else []
+    lines, labels = [], labels_of(model, *result.parameters)
     for name, (unit, factor), along in zip(result.parameters, labels, (result.x, result.y), strict=True):
         first, last = number(float(along[0]) / factor), number(float(along[-1]) / factor)
         lines.append(f"{name}{f' ({unit})' if unit else ''} from {first} to {last}, {len(along)} values")

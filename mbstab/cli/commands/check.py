@@ -27,11 +27,4 @@ def check(file: str, settings: tuple[str, ...], expanded: bool, output: Output) 
         return
     report, model = mechanism.check(), mechanism.model
     warn(report.warnings)
-    from mbstab.report import export, model_check
-
-    output.write(
-        {
-            "table": lambda: model_check.check_text(report, model.title),
-            "json": lambda: export.to_json(export.check_data(report, model.name, model.title)),
-        }
-    )
+    output.answer(report, model)

@@ -83,15 +83,7 @@ def compare(
     with progress_bar("comparing") as progress:
         result = mechanism.compare(digits, tolerance, progress)
     warn(result.truth.warnings)
-    from mbstab.report import comparison, export
-
-    output.write(
-        {
-            "table": lambda: comparison.compare_text(result, model.title),
-            "json": lambda: export.to_json(export.compare_data(result, model.name, model.title)),
-            "csv": lambda: export.compare_csv(result),
-        }
-    )
+    output.answer(result, model)
     if picture is not None:
         from mbstab.report.pictures.work_precision import work_precision
 
@@ -107,20 +99,11 @@ def _integrators(
     output: Output,
 ) -> None:
     """Compare the integrators on the nonlinear motion."""
-    from mbstab.report.export import to_json
-    from mbstab.report.integrations import integrations_csv, integrations_data, integrations_text
-
     model = mechanism.model
     perturb = parse_settings(disturbances, "--perturb")
     with progress_bar("comparing") as progress:
         result = mechanism.compare_integrators(to, perturb, tolerance, progress)
-    output.write(
-        {
-            "table": lambda: integrations_text(result, model.title),
-            "json": lambda: to_json(integrations_data(result, model.name, model.title)),
-            "csv": lambda: integrations_csv(result),
-        }
-    )
+    output.answer(result, model)
     if picture is not None:
         from mbstab.report.pictures.work_precision import integrator_precision
 

@@ -23,11 +23,4 @@ def energy(file: str, settings: tuple[str, ...], output: Output) -> None:
     mechanism = load_model(file, settings)
     found, model = mechanism.energies(), mechanism.model
     warn(found.motion.warnings)
-    from mbstab.report import energies, export
-
-    output.write(
-        {
-            "table": lambda: energies.energies_text(found, model.title),
-            "json": lambda: export.to_json(energies.energies_data(found, model.name, model.title)),
-        }
-    )
+    output.answer(found, model)

@@ -26,16 +26,6 @@ def equilibrium(file: str, settings: tuple[str, ...], starts: int, seed: int, ou
     Example: mbstab equilibrium governor.yaml --set omega=20
     """
     mechanism = load_model(file, settings)
-    model = mechanism.model
-    names = model.coordinates()
     found = mechanism.equilibria(starts, seed, lambda items: tracked(items, "starts") if starts > 1 else iter(items))
     warn(list(dict.fromkeys(text for item in found for text in item.motion.warnings)))
-    from mbstab.report import equilibria, export
-
-    output.write(
-        {
-            "table": lambda: equilibria.equilibrium_text(found, model),
-            "json": lambda: export.to_json(export.equilibrium_data(found, names, model.name, model.title)),
-            "csv": lambda: export.equilibrium_csv(found, model),
-        }
-    )
+    output.answer(found, mechanism.model)
