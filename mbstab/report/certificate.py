@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from textwrap import wrap
 from typing import Any
 
 from mbstab.analysis.proof.certify import Certificate
@@ -12,7 +11,7 @@ from mbstab.model.schema import Model
 from mbstab.report import width
 from mbstab.report.eigenvalue_data import spectrum_data
 from mbstab.report.export import attributes
-from mbstab.report.tables import decimals, table
+from mbstab.report.tables import decimals, table, wrap_lines
 
 SHOWN = 20
 """Digits of a midpoint in a table."""
@@ -136,7 +135,7 @@ def _in_unit(x: Fraction, result: Certificate) -> str:
 
 
 def _wrapped(text: str, indent: str) -> list[str]:
-    return wrap(text, width=width(), initial_indent=indent, subsequent_indent=indent + "  " if indent else "")
+    return wrap_lines(text, width=width(), initial_indent=indent, subsequent_indent=indent + "  " if indent else "")
 
 
 def _number(x: Any) -> str:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
 from mbstab.model.schema import Model
 from mbstab.report import width
 from mbstab.report.export import Rows
-from mbstab.report.tables import eigenvalue, number, table
+from mbstab.report.tables import eigenvalue, fill_lines, number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.methods import Comparison, Outcome
@@ -25,19 +24,19 @@ def compare_text(result: Comparison, model: Model) -> str:
     lines.append(
         table([*heads, "invented"], [_outcome_row(n, x, truth.digits) for n, x in enumerate(outcomes, 1)], left=(1,))
     )
-    lines += _filled(
+    lines += fill_lines(
         f"errors: relative to the modulus of each eigenvalue, against {truth.digits} digits, which took "
         f"{truth.seconds:.2g} s"
     )
     if len(result.rounding) and not _unknown(result):
-        lines += _filled(
+        lines += fill_lines(
             f"rounding of parameters and matrices to double moves eigenvalues by up to "
             f"{_size(max(result.rounding), truth.digits)}; "
             "method alone: error against the exact eigenvalues of these matrices"
         )
     elif len(result.rounding):
-        lines += _filled("method alone: not known, as rounding makes redundant constraints contradict each other")
-    lines += _filled(
+        lines += fill_lines("method alone: not known, as rounding makes redundant constraints contradict each other")
+    lines += fill_lines(
         "time: from the reference motion to eigenvalues and vectors (the motion and checks before that: "
         f"{1e3 * result.seconds:.3g} ms); with more digits, of everything"
     )
@@ -49,9 +48,9 @@ def compare_text(result: Comparison, model: Model) -> str:
     lines.append(f"Verdict with {truth.digits} digits: {truth.verdict}")
     different = [f"{n} {x.method} ({x.verdict})" for n, x in enumerate(outcomes, 1) if _differs(x, result)]
     if different:
-        lines += _filled(f"another verdict by {', '.join(different)}")
+        lines += fill_lines(f"another verdict by {', '.join(different)}")
     if result.chosen is not None:
-        lines += ["", *_filled(_choice(result))]
+        lines += ["", *fill_lines(_choice(result))]
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
@@ -74,10 +73,6 @@ def _outcome_row(n: int, x: Outcome, digits: int) -> list[str]:
         str(x.lost),
         str(x.invented),
     ]
-
-
-def _filled(text: str) -> list[str]:
-    return wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
 
 
 ROUNDING = "rounding of data"
@@ -122,7 +117,9 @@ def _failures(outcomes: Sequence[Outcome]) -> list[str]:
         if x.failure:
             text = x.failure.splitlines()[0].removeprefix(f"--method {x.method} ")
             texts.setdefault(text, []).append(str(n))
-    return [line for text, numbers in texts.items() for line in _filled(f"no answer by {', '.join(numbers)}: {text}")]
+    return [
+        line for text, numbers in texts.items() for line in fill_lines(f"no answer by {', '.join(numbers)}: {text}")
+    ]
 
 
 def _remarks(outcomes: Sequence[Outcome]) -> list[str]:
@@ -135,7 +132,7 @@ def _remarks(outcomes: Sequence[Outcome]) -> list[str]:
         parts += ["an error above its bound"] if x.exceeded else []
         if parts:
             texts.setdefault(", ".join(parts), []).append(str(n))
-    found = [line for text, numbers in texts.items() for line in _filled(f"{', '.join(numbers)}: {text}")]
+    found = [line for text, numbers in texts.items() for line in fill_lines(f"{', '.join(numbers)}: {text}")]
     return [*(["besides:"] if found else []), *(f"  {line}" for line in found)]
 
 

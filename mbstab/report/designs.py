@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import NumericalError, counted
@@ -12,8 +11,7 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import evaluate_parameters
 from mbstab.model.reader import read_model_text
 from mbstab.model.schema import Model, after_number
-from mbstab.report import width
-from mbstab.report.tables import eigenvalue, number, table
+from mbstab.report.tables import eigenvalue, number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.design.design import Design
@@ -35,7 +33,7 @@ def design_text(found: Design, model: Model, proofs: Sequence[Certificate] = ())
         What is proven about the result: over an interval, or at the values at which it is checked.
     """
     task = found.task
-    lines = [*wrap(_goal(found, model), width()), ""]
+    lines = [*wrap_lines(_goal(found, model)), ""]
     rows = []
     for name, value in found.values.items():
         parameter = model.parameters[name]
@@ -47,10 +45,10 @@ def design_text(found: Design, model: Model, proofs: Sequence[Certificate] = ())
     if found.active:
         lines.append("limited by")
         lines += [f"  {_active(x, model)}" for x in found.active]
-    lines += wrap("; ".join([counted(found.steps, "step"), *filter(None, [found.ended])]), width())
-    lines += [*wrap(f"checked {_at(found.worst, model)}: {found.result.verdict}", width(), subsequent_indent="  ")]
+    lines += wrap_lines("; ".join([counted(found.steps, "step"), *filter(None, [found.ended])]))
+    lines += [*wrap_lines(f"checked {_at(found.worst, model)}: {found.result.verdict}", "", "  ")]
     for text in _statements(proofs, found, model):
-        lines += wrap(f"proof {text}", width(), subsequent_indent="  ")
+        lines += wrap_lines(f"proof {text}", "", "  ")
     lines += ["", "again: " + " ".join(f"--set {name}={text}" for name, text in _settings(found, model).items())]
     return "\n".join(lines) + "\n"
 
@@ -105,7 +103,7 @@ def _gain(found: Design, model: Model) -> list[str]:
         lines.append(f"(as {found.checked} values show: what is narrower than their distance may be missed)")
     if task.limits.least is not None:
         lines.append(f"at least {task.limits.least:g} was asked for: {'' if found.reached else 'not '}reached")
-    return [part for line in lines for part in wrap(line, width(), subsequent_indent="  ")]
+    return [part for line in lines for part in wrap_lines(line, "", "  ")]
 
 
 def _active(x: Active, model: Model) -> str:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
 from mbstab.model.measures import unit_of_output
 from mbstab.model.schema import Model
-from mbstab.report import width
 from mbstab.report.export import Rows, attributes
-from mbstab.report.tables import number, table
+from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.reference.equilibrium import Equilibrium
@@ -24,7 +22,7 @@ def equilibrium_text(found: Sequence[Equilibrium], model: Model) -> str:
         lines += [f"{len(found)} distinct solutions", ""]
     for place, item in enumerate(found, 1):
         kind = "Equilibrium" if str(item.steady) == "rest" else f"Steady motion ({item.steady})"
-        lines += wrap(kind + (f" {place} of {len(found)}" if len(found) > 1 else ""), width=width())
+        lines += wrap_lines(kind + (f" {place} of {len(found)}" if len(found) > 1 else ""))
         lines += [
             text
             for text in (
@@ -35,14 +33,13 @@ def equilibrium_text(found: Sequence[Equilibrium], model: Model) -> str:
             )
             if text
         ]
-        lines += wrap(
+        lines += wrap_lines(
             f"found by {item.strategy} in {counted(item.iterations, 'step')}; largest imbalance {item.residual:.1e} of "
-            f"what balances ({item.unbalanced[0]:.1e} N, {item.unbalanced[1]:.1e} N*m)",
-            width=width(),
+            f"what balances ({item.unbalanced[0]:.1e} N, {item.unbalanced[1]:.1e} N*m)"
         )
         apart = f", apart from {', '.join(item.symmetries)}" if item.symmetries else ""
         text = f"isolated{apart}" if item.isolated else f"not isolated: {'; '.join(item.open)}{apart}"
-        lines += [*wrap(text, width=width(), subsequent_indent="  "), ""]
+        lines += [*wrap_lines(text, "", "  "), ""]
         if item.timed:
             lines.insert(-1, f"at t = {item.motion.time:g} s: forces or drives depend on time")
         if item.motion.redundant:

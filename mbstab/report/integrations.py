@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.model.schema import Model
-from mbstab.report import width
 from mbstab.report.export import Rows, attributes
-from mbstab.report.tables import number, table
+from mbstab.report.tables import fill_lines, number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.integrators import Integration, Integrations
@@ -25,25 +23,25 @@ def integrations_text(result: Integrations, model: Model) -> str:
         (x.name, x.failure): x for x in reversed(result.runs) if x.failure and not x.failure.startswith("not tried")
     }
     for (name, failure), x in reversed(failures.items()):
-        lines += _filled(f"{name} with {x.tol:g}: {failure}")
+        lines += fill_lines(f"{name} with {x.tol:g}: {failure}")
     if any("given up after" in failure for _, failure in failures):
-        lines += _filled("--force gives them more time")
+        lines += fill_lines("--force gives them more time")
     disturbed = ", ".join(f"{name} = {value}" for name, value in result.disturbance.items())
-    lines += _filled(
+    lines += fill_lines(
         f"motion from {number(result.start, 9)} to {number(result.end, 9)} s"
         + (f", disturbed by {disturbed}" if disturbed else "")
     )
-    lines += _filled(
+    lines += fill_lines(
         f"error: the largest of positions, orientations and speeds at any output time, as in mbstab simulate; against "
         f"{result.reference}, whose error is estimated at {result.known:.0e}"
     )
-    lines += _filled(
+    lines += fill_lines(
         "energy: largest imbalance, relative to the exchanged energy; constraints: largest residual after a step; "
         "time: of one run with this tolerance, without control of the global error"
     )
     if result.chosen is not None:
         x = result.chosen
-        lines += ["", *_filled(
+        lines += ["", *fill_lines(
             f"Chosen for {result.tolerance:g}: {x.name} with {x.tol:g}, {1e3 * x.seconds:.3g} ms, error {x.error:.1e}"
         )]  # fmt: skip
     return "\n".join(lines) + "\n"
@@ -56,10 +54,6 @@ def _row(x: Integration) -> list[str]:
         x.name, f"{x.tol:g}", f"{x.error:.1e}", number(1e3 * x.seconds, 3), str(x.steps), str(x.evaluations),
         f"{x.energy:.0e}", f"{x.constraints:.0e}",
     ]  # fmt: skip
-
-
-def _filled(text: str) -> list[str]:
-    return wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
 
 
 def integrations_data(result: Integrations, model: Model) -> dict[str, Any]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from textwrap import wrap
 
 from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.catalogue import Field, Kind
 from mbstab.model.fields.catalogue import kind_of
 from mbstab.model.keys import ALONG, PART
-from mbstab.report import width
+from mbstab.report.tables import wrap_lines
 
 SCENES = {(2,): "planar scenes", (3,): "spatial scenes", (2, 3): "all scenes"}
 
@@ -19,9 +18,9 @@ def kinds_text(kinds: Sequence[Kind]) -> str:
     """Return the description and the keys of each type."""
     lines: list[str] = []
     for kind in kinds:
-        lines += wrap(f"{kind.name}: {kind.doc} ({SCENES[kind.dimensions]})", width(), subsequent_indent="  ")
+        lines += wrap_lines(f"{kind.name}: {kind.doc} ({SCENES[kind.dimensions]})", "", "  ")
         for field in (field for field in kind.fields if not field.made):
-            lines += wrap(_field(field), width(), initial_indent="  ", subsequent_indent="      ")
+            lines += wrap_lines(_field(field), "  ", "      ")
         lines.append("")
     return "\n".join(lines)
 
@@ -30,14 +29,14 @@ def shapes_text() -> str:
     """Return the shapes of bodies and of their parts, with their keys."""
     lines: list[str] = []
     for kind in SHAPES.values():
-        lines += wrap(f"{kind.name}: {kind.doc}", width(), subsequent_indent="  ")
+        lines += wrap_lines(f"{kind.name}: {kind.doc}", "", "  ")
         along = [] if kind.axis is None else [replace(ALONG, default="xyz"[kind.axis])]
         for field in (*kind.fields, *along):
-            lines += wrap(_field(field), width(), initial_indent="  ", subsequent_indent="      ")
+            lines += wrap_lines(_field(field), "  ", "      ")
         lines.append("")
     lines.append("entries of parts: have besides (those of drawing only: at)")
     for field in PART:
-        lines += wrap(f"{field.name}: {field.text}", width(), initial_indent="  ", subsequent_indent="      ")
+        lines += wrap_lines(f"{field.name}: {field.text}", "  ", "      ")
     return "\n".join(lines) + "\n"
 
 
@@ -45,7 +44,7 @@ def keys_text(keys: Iterable[Field]) -> str:
     """Return the keys of a section without types, with their meaning."""
     lines: list[str] = []
     for field in keys:
-        lines += wrap(f"{field.name}: {field.text}", width(), subsequent_indent="    ")
+        lines += wrap_lines(f"{field.name}: {field.text}", "", "    ")
     return "\n".join(lines) + "\n"
 
 

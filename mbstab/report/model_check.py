@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
 from mbstab.model.schema import Model
-from mbstab.report import width
-from mbstab.report.tables import number, table
+from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.check import CheckReport
@@ -55,7 +53,7 @@ def check_text(report: CheckReport, model: Model) -> str:
         if items:
             lines += ["", f"{head}:"]
             for item in items:
-                lines += wrap(item, width=width(), initial_indent="  ", subsequent_indent="    ")
+                lines += wrap_lines(item, "  ", "    ")
     return "\n".join(lines) + "\n"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,9 +9,8 @@ import numpy as np
 from mbstab.errors import counted
 from mbstab.model.schema import Model
 from mbstab.model.words import UNSTABLE
-from mbstab.report import width
 from mbstab.report.export import Rows, in_unit
-from mbstab.report.tables import eigenvalue, table
+from mbstab.report.tables import eigenvalue, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.response.margins import LargestGain, Margins
@@ -130,20 +128,20 @@ def _frequency_row(omega: float, value: complex, error: float) -> list[str]:
 
 def _zeros_text(zeros: Zeros) -> list[str]:
     if zeros.doubt:
-        return wrap(f"zeros: not decided: {zeros.doubt}", width())
+        return wrap_lines(f"zeros: not decided: {zeros.doubt}")
     if zeros.vanishes:
         return ["the output does not respond to the input: nothing but gains of 0 leads from one to the other"]
     # One of each pair stands for both.
     pairs = [(z if abs(z) > e else 0j, e) for z, e in zip(zeros.values, zeros.errors, strict=True) if z.imag >= 0.0]
     each = [f"{eigenvalue(z)} ± {e:.0e}" for z, e in pairs]
-    lines = wrap(f"zeros (1/s, with errors): {', '.join(each) or 'none'}", width())
+    lines = wrap_lines(f"zeros (1/s, with errors): {', '.join(each) or 'none'}")
     words = {True: "minimum phase", False: "not minimum phase", None: "whether it is minimum phase is not decided"}
     reserve = ", as far as rounding errors tell" if zeros.hidden and zeros.minimum_phase is not None else ""
     lines.append(words[zeros.minimum_phase] + reserve)
     if zeros.hidden:
         what = "that the input does not reach or the output does not see, as far as rounding errors tell"
         listed = ", ".join(eigenvalue(s) for s in zeros.hidden if s.imag >= 0.0)
-        lines += wrap(f"{counted(len(zeros.hidden), 'eigenvalue')} {what}: {listed}", width())
+        lines += wrap_lines(f"{counted(len(zeros.hidden), 'eigenvalue')} {what}: {listed}")
     return lines
 
 
@@ -151,7 +149,7 @@ def _largest_text(found: LargestGain) -> list[str]:
     what = f"{found.value:.10g} {_at(found.frequency)}, relative error at most {found.tolerance:g}"
     if not np.isfinite(found.value):
         what = f"{'none' if np.isnan(found.value) else 'infinite'}: {found.reason}"
-    return wrap(f"largest gain (H∞ norm): {what}", width())
+    return wrap_lines(f"largest gain (H∞ norm): {what}")
 
 
 def _at(frequency: float) -> str:
@@ -171,9 +169,9 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
         said = f"{loop} {'stable' if found.closed else 'unstable'}"
         if found.closed and not zeros.hidden_decaying:
             said += ", apart from hidden eigenvalues that do not decay"
-    lines = wrap(said, width())
+    lines = wrap_lines(said)
     if found.doubt:
-        return lines + wrap(f"margins: not decided: {found.doubt}", width())
+        return lines + wrap_lines(f"margins: not decided: {found.doubt}")
     if found.always_real:
         lines.append("gain margins: none; the response is real at all frequencies")
     else:
@@ -181,16 +179,16 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
             f"× {x.factor:.{_digits(x.error / x.factor)}g} ({decibels(x.factor):.4g} dB) {_at(x.frequency)}"
             for x in found.gain
         ]
-        lines += wrap(f"gain margins: {', '.join(each) or 'none'}", width())
+        lines += wrap_lines(f"gain margins: {', '.join(each) or 'none'}")
     each = [
         f"{x.phase:.{_digits(x.error / 180.0)}g}° (delay {x.delay:.{_digits(x.error / 180.0)}g} s) at "
         f"{x.frequency:.6g} rad/s"
         for x in found.phase
     ]
-    lines += wrap(f"phase margins: {', '.join(each) or 'none'}", width())
+    lines += wrap_lines(f"phase margins: {', '.join(each) or 'none'}")
     if found.no_delay:
         said = "any delay, however small, makes the loop unstable: the gain stays above 1 at high frequencies"
-        lines += wrap(said, width())
+        lines += wrap_lines(said)
     return lines
 
 
@@ -272,7 +270,7 @@ def unbalance_text(result: UnbalanceResponse, model: Model) -> str:
     rows, speeds = _rows(len(result.speeds)), result.speeds / factor
     whole = zip(result.outputs, result.units, result.values, result.peaks, result.further, strict=True)
     for name, own, values, peak, others in whole:
-        lines += wrap(f"From {_sources(result)} to {name}" + (f" ({own})" if own else ""), width())
+        lines += wrap_lines(f"From {_sources(result)} to {name}" + (f" ({own})" if own else ""))
         angle = angles(values)
         body = [
             [f"{speeds[k]:.6g}", f"{abs(values[k]):.6g}", _degrees(angle[k]), UNSTABLE if result.unstable[k] else ""]
@@ -283,14 +281,13 @@ def unbalance_text(result: UnbalanceResponse, model: Model) -> str:
         lines += [table(heads[:shown], [row[:shown] for row in body]), *_left_out(len(speeds), "speeds")]
         for which in (peak, *others):
             text = _peak_text(which, unit, factor)
-            lines += wrap(text if which is peak else f"further {text}", width())
+            lines += wrap_lines(text if which is peak else f"further {text}")
         lines.append("")
     if np.any(result.unstable):
         ends = " to ".join(f"{x:.6g}" for x in np.unique(speeds[result.unstable][[0, -1]]))
-        lines += wrap(
+        lines += wrap_lines(
             f"Unstable at {int(np.sum(result.unstable))} of {len(speeds)} speeds, {ends} {unit}: these amplitudes are "
-            "those of the steady solution, which the rotor leaves.",
-            width(),
+            "those of the steady solution, which the rotor leaves."
         )
     return "\n".join(lines).rstrip("\n") + "\n"
 

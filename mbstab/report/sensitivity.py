@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbstab.errors import counted
 from mbstab.model.schema import Model, after_number
-from mbstab.report import width
 from mbstab.report.eigenvalue_data import eigen_data
 from mbstab.report.eigenvalues import eigen_text
 from mbstab.report.export import Rows
 from mbstab.report.modes import value_text
-from mbstab.report.tables import number, table
+from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.spectrum.sensitivity import Derivatives, Sensitivities
@@ -30,7 +28,7 @@ def sensitivity_text(found: Sensitivities, model: Model) -> str:
         e = found.eigenvalue(item)
         lines.append(f"{e.name}{': ' if e.name else ''}{value_text(e)} 1/s")
         if item.missing:
-            lines += [*wrap(f"no derivatives: {item.missing}", width(), initial_indent="  "), ""]
+            lines += [*wrap_lines(f"no derivatives: {item.missing}", "  "), ""]
             continue
         rows = [row for _, row in _rows(found, item, model)]
         if rows:
@@ -41,7 +39,7 @@ def sensitivity_text(found: Sensitivities, model: Model) -> str:
         else:
             lines += ["  no parameter moves it", ""]
     for name, reason in found.missing.items():
-        lines += wrap(f"{name}: no derivatives: {reason}", width(), subsequent_indent="  ")
+        lines += wrap_lines(f"{name}: no derivatives: {reason}", "", "  ")
     return f"{eigen_text(found.result, model)}\n" + "\n".join(lines) + "\n"
 
 
@@ -131,7 +129,7 @@ def critical_text(result: Sweep, model: Model) -> str:
     for c, slopes in _critical(result):
         lines.append(f"{own.name} = {number(c.value / own.factor, 10)}{after_number(own.unit)}, {c.kind}")
         if slopes.missing:
-            lines += [*wrap(f"no derivatives: {slopes.missing}", width(), initial_indent="  "), ""]
+            lines += [*wrap_lines(f"no derivatives: {slopes.missing}", "  "), ""]
             continue
         entries = dict(_critical_entries(slopes, model, own.factor))
         rows = [
@@ -142,7 +140,7 @@ def critical_text(result: Sweep, model: Model) -> str:
         heads = ["parameter", "unit", f"d{own.name}/dp", "per percent", "error"]
         lines += [table(heads, rows, left=(0, 1))] if rows else ["  no parameter moves it", ""]
         for name, reason in slopes.reasons.items():
-            lines += wrap(f"{name}: no derivative: {reason}", width(), subsequent_indent="  ")
+            lines += wrap_lines(f"{name}: no derivative: {reason}", "", "  ")
     if len(lines) == 2:
         lines.append("there is no critical value")
     return "\n".join(lines).rstrip("\n") + "\n"

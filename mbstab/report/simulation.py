@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.simulate.result import Simulation
@@ -13,9 +12,8 @@ from mbstab.errors import counted
 from mbstab.model.schema import Model
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
-from mbstab.report import width
 from mbstab.report.export import Rows, attributes
-from mbstab.report.tables import number, table
+from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.compiler.system import Array
@@ -170,7 +168,7 @@ def simulation_text(sim: Simulation, model: Model, full: bool = False) -> str:
         f"work done     {steps}, {sim.evaluations} evaluations in {counted(sim.runs, 'run')}",
         f"error         {_error(sim)}",
         f"constraints   largest residual {sim.max_constraint_residual:.1e} of the sizes in the scene",
-        *wrap(f"energy        {_energy(sim)}", width=width(), subsequent_indent=" " * 14),
+        *wrap_lines(f"energy        {_energy(sim)}", "", " " * 14),
     ]
     if sim.charts:
         lines.append(f"orientation   Euler angles replaced by others {counted(sim.charts, 'time')}")
@@ -178,10 +176,10 @@ def simulation_text(sim: Simulation, model: Model, full: bool = False) -> str:
         text = "nothing moves: the motion starts at rest, and all is in balance there"
         lines += [
             "",
-            *wrap(f"{text}; --perturb, such as mode:1=0.1, or initial: in the file disturb it", width=width()),
+            *wrap_lines(f"{text}; --perturb, such as mode:1=0.1, or initial: in the file disturb it"),
         ]
     if not sim.complete:
-        lines += ["", *wrap(f"ended early, at t = {number(float(sim.times[-1]), 9)} s", width=width())]
+        lines += ["", *wrap_lines(f"ended early, at t = {number(float(sim.times[-1]), 9)} s")]
     return "\n".join(lines) + "\n"
 
 

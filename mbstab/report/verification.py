@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.compare.tolerances import TOLERANCES as COMPARE
 from mbstab.errors import counted
 from mbstab.model.schema import Model
-from mbstab.report import width
 from mbstab.report.eigenvalue_data import eigen_data
 from mbstab.report.eigenvalues import eigen_text
 from mbstab.report.export import attributes
-from mbstab.report.tables import number, table
+from mbstab.report.tables import fill_lines, number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.neutral_drift import Drift
@@ -26,14 +24,14 @@ def verification_text(found: Verification, model: Model) -> str:
     lines = []
     if found.modes:
         lines.append(table(heads, [_row(x) for x in found.modes], left=(6,)))
-        lines += _filled(_footer(found)) if any(x.observed == x.observed for x in found.modes) else []
+        lines += fill_lines(_footer(found)) if any(x.observed == x.observed for x in found.modes) else []
     if found.neutral is not None:
-        lines += _filled(_neutral(found.neutral))
+        lines += fill_lines(_neutral(found.neutral))
     reasons = {x.reason: x.number for x in reversed(found.modes) if x.reason and x.reason not in found.reason}
     for reason, first in sorted(reasons.items(), key=lambda item: item[1]):
-        lines += _filled(f"mode {first}: {reason}")
-    lines += _filled(f"Nonlinear motion: {found.verdict}")
-    lines += wrap(found.reason, width=width(), initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
+        lines += fill_lines(f"mode {first}: {reason}")
+    lines += fill_lines(f"Nonlinear motion: {found.verdict}")
+    lines += wrap_lines(found.reason, "  ", "  ", hyphens=False)
     return f"{eigen_text(found.result, model)}\n" + "\n".join(lines) + "\n"
 
 
@@ -76,10 +74,6 @@ def _shown(s: complex, predicted: complex, known: float) -> str:
     """Return an eigenvalue with seven digits; a part that is not known to differ from 0 is 0."""
     real, imag = (0.0 if abs(part) <= known else part for part in (s.real, s.imag))
     return f"{number(real, 7)} ± {number(abs(imag), 7)}i" if predicted.imag else number(real, 7)
-
-
-def _filled(text: str) -> list[str]:
-    return wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
 
 
 def verification_data(found: Verification, model: Model) -> dict[str, Any]:
