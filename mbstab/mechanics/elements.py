@@ -33,21 +33,18 @@ def kernel_name(element: str, dimension: int) -> str:
     return f"{'coordinate' if 'coordinate' in frames else FRAMES[dimension]}_{element}"
 
 
-def _by_type(module: ModuleType) -> dict[tuple[str, int], Kind]:
-    kinds: dict[tuple[str, int], Kind] = module.KINDS
-    return kinds
-
-
-def _by_dimension(module: ModuleType) -> dict[tuple[str, int], Kind]:
-    return {(kind.name, dimension): kind for kind in module.KINDS.values() for dimension in kind.dimensions}
+def kinds_of(module: ModuleType) -> dict[tuple[str, int], Kind]:
+    """Return the types that a module defines, under (name, dimension of the scene)."""
+    kinds: tuple[Kind, ...] = module.KINDS
+    return {(kind.name, dimension): kind for kind in kinds for dimension in kind.dimensions}
 
 
 KINDS: dict[str, Gathered[tuple[str, int], Kind]] = {
-    "bodies": Gathered(__package__, "bodies", _by_dimension),
-    "joints": Gathered(__package__, "joints gears", _by_type),
-    "contacts": Gathered(__package__, "contacts", _by_type),
-    "drives": Gathered(__package__, "drives", _by_dimension),
-    "forces": Gathered(__package__, "forces bearings tyres creep controllers", _by_type),
-    "inputs": Gathered(__package__, "inputs", _by_type),
+    "bodies": Gathered(__package__, "bodies", kinds_of),
+    "joints": Gathered(__package__, "joints gears", kinds_of),
+    "contacts": Gathered(__package__, "contacts", kinds_of),
+    "drives": Gathered(__package__, "drives", kinds_of),
+    "forces": Gathered(__package__, "forces bearings tyres creep controllers", kinds_of),
+    "inputs": Gathered(__package__, "inputs", kinds_of),
 }
 """Types by section of a model file, under (name, dimension of the scene)."""
