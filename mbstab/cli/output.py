@@ -285,9 +285,9 @@ class Output:
 
     def answer(self, answer: Any, model: Model, summary: bool = False, **options: Mapping[str, Any]) -> None:
         """Write an answer about a model; `options` are those of its writers, by format."""
-        from mbstab.report.answers import written
+        from mbstab.report.answers import bind_writers
 
-        self.write(written(answer, model, **options), summary)
+        self.write(bind_writers(answer, model, **options), summary)
 
     def write(self, answer: Answer, summary: bool = False) -> None:
         """Write an answer to stdout or to the file, which is written completely or not at all.

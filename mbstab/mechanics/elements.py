@@ -33,18 +33,18 @@ def kernel_name(element: str, dimension: int) -> str:
     return f"{'coordinate' if 'coordinate' in frames else FRAMES[dimension]}_{element}"
 
 
-def kinds_of(module: ModuleType) -> dict[tuple[str, int], Kind]:
+def list_kinds(module: ModuleType) -> dict[tuple[str, int], Kind]:
     """Return the types that a module defines, under (name, dimension of the scene)."""
     kinds: tuple[Kind, ...] = module.KINDS
     return {(kind.name, dimension): kind for kind in kinds for dimension in kind.dimensions}
 
 
 KINDS: dict[str, Gathered[tuple[str, int], Kind]] = {
-    "bodies": Gathered(__package__, "bodies", kinds_of),
-    "joints": Gathered(__package__, "joints gears", kinds_of),
-    "contacts": Gathered(__package__, "contacts", kinds_of),
-    "drives": Gathered(__package__, "drives", kinds_of),
-    "forces": Gathered(__package__, "forces bearings tyres creep controllers", kinds_of),
-    "inputs": Gathered(__package__, "inputs", kinds_of),
+    "bodies": Gathered(__package__, "bodies", list_kinds),
+    "joints": Gathered(__package__, "joints gears", list_kinds),
+    "contacts": Gathered(__package__, "contacts", list_kinds),
+    "drives": Gathered(__package__, "drives", list_kinds),
+    "forces": Gathered(__package__, "forces bearings tyres creep controllers", list_kinds),
+    "inputs": Gathered(__package__, "inputs", list_kinds),
 }
 """Types by section of a model file, under (name, dimension of the scene)."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from mbstab.mechanics.elements import KINDS
-from mbstab.model.fields.catalogue import described, object_schema, typed_schema
+from mbstab.model.fields.catalogue import describe_field, object_schema, typed_schema
 from mbstab.model.fields.mappings import by_name
 from mbstab.model.keys import SECTIONS
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of model files."""
-    properties = {name: described(x) for name, x in SECTIONS.items() if name not in KINDS}
+    properties = {name: describe_field(x) for name, x in SECTIONS.items() if name not in KINDS}
     properties |= {name: {**by_name({"anyOf": _types(name)}), "description": SECTIONS[name].doc} for name in KINDS}
     block = object_schema(SECTIONS["repeat"].keys)
     block["properties"] |= {name: properties[name] for name, x in SECTIONS.items() if not x.once and name != "needs"}

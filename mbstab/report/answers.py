@@ -87,7 +87,7 @@ def content(answer: Any, model: Model, form: str, options: Mapping[str, Any] | N
     return {"model": model.name, "title": model.title, **found} if form == "json" else found
 
 
-def written(answer: Any, model: Model, **options: Mapping[str, Any]) -> dict[str, Callable[[], str | bytes]]:
+def bind_writers(answer: Any, model: Model, **options: Mapping[str, Any]) -> dict[str, Callable[[], str | bytes]]:
     """Return functions that write an answer, by format; `options` go to the writers of a format."""
 
     def write(form: str) -> str | bytes:

@@ -49,7 +49,7 @@ def attributes(x: Any, names: str) -> dict[str, Any]:
     return {name: getattr(x, name) for name in names.split()}
 
 
-def labels_of(model: Model, *names: str) -> list[tuple[str, float]]:
+def unit_factors(model: Model, *names: str) -> list[tuple[str, float]]:
     """Return the unit of each parameter, and the factor to SI."""
     return [(model.parameters[name].unit, model.parameters[name].factor) for name in names]
 
@@ -82,7 +82,7 @@ def parameters_data(model: Model) -> dict[str, Any]:
     return {
         name: {"value": float(in_unit(x, factor)), "unit": unit, "si": x}
         for name, x in evaluate_parameters(model, {}, FLOAT).items()
-        for unit, factor in labels_of(model, name)
+        for unit, factor in unit_factors(model, name)
     }
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.model.schema import Model
 from mbstab.model.words import UNDECIDED
-from mbstab.report.export import Rows, in_unit, labels_of, polar
+from mbstab.report.export import Rows, in_unit, polar, unit_factors
 from mbstab.report.sensitivity import critical_data, critical_rows
 from mbstab.report.tables import decimals
 
@@ -42,7 +42,7 @@ def sweep_data(result: Sweep, model: Model, sensitivity: bool = False) -> dict[s
     the parameter (null where nothing is proven), ``conditions`` (what is not proven and must hold), ``reason`` (why
     nothing is proven).
     """
-    ((unit, factor),) = labels_of(model, result.parameter)
+    ((unit, factor),) = unit_factors(model, result.parameter)
     paths = _path_data(result, factor) | {"beyond": [_path_data(path, factor) for path in result.beyond]}
     return {"parameter": result.parameter, "unit": unit} | paths | (critical_data(result, model) if sensitivity else {})
 
@@ -115,7 +115,7 @@ def sweep_rows(result: Sweep, model: Model, sensitivity: bool = False) -> Rows:
     """
     if sensitivity:
         return critical_rows(result, model)
-    ((unit, factor),) = labels_of(model, result.parameter)
+    ((unit, factor),) = unit_factors(model, result.parameter)
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)
     names = [f" ({name})" if name else "" for name in result.names] + [""] * count
@@ -162,7 +162,7 @@ def sweep_arrays(result: Sweep, model: Model) -> dict[str, Any]:
     """Return the arrays of a sweep for npz files; all paths one after the other, numbered in ``path`` from 1."""
     import numpy as np
 
-    ((_, factor),) = labels_of(model, result.parameter)
+    ((_, factor),) = unit_factors(model, result.parameter)
     paths = (result, *result.beyond)
     count = max(path.branches.shape[1] for path in paths)
     solved = {name: [x.reference.get(name, 0.0 * x.values) for x in paths] for path in paths for name in path.reference}
@@ -192,7 +192,7 @@ def chart_data(result: Chart, model: Model) -> dict[str, Any]:
     is open), ``verdicts`` (in the same way), ``boundaries`` and ``divisions`` (lists of points), ``problems``,
     ``warnings``, ``start`` (the two values from which equilibria were followed, null if they are given).
     """
-    labels = labels_of(model, *result.parameters)
+    labels = unit_factors(model, *result.parameters)
     begin = None if result.start is None else [x / factor for x, (_, factor) in zip(result.start, labels, strict=True)]
     return {
         "parameters": result.parameters,
@@ -210,7 +210,7 @@ def chart_data(result: Chart, model: Model) -> dict[str, Any]:
 
 def chart_rows(result: Chart, model: Model) -> Rows:
     """Return one line for each point of a chart."""
-    verdicts, labels = result.verdicts, labels_of(model, *result.parameters)
+    verdicts, labels = result.verdicts, unit_factors(model, *result.parameters)
     x, y = (in_unit(along, factor) for along, (_, factor) in zip((result.x, result.y), labels, strict=True))
     rows = [
         [float(a), float(b), int(result.unstable[i, j]) if result.unstable[i, j] >= 0 else "", verdicts[i][j]]
@@ -225,7 +225,7 @@ def chart_arrays(result: Chart, model: Model) -> dict[str, Any]:
     """Return the arrays of a chart for npz files; boundary curves are separated by rows of nan."""
     import numpy as np
 
-    factors = [factor for _, factor in labels_of(model, *result.parameters)]
+    factors = [factor for _, factor in unit_factors(model, *result.parameters)]
     curves = [part for curve in result.boundaries for part in (curve / factors, np.full((1, 2), np.nan))]
     return {
         "parameters": np.array(result.parameters),

@@ -13,7 +13,7 @@ from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS
 from mbstab.errors import counted
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
-from mbstab.report.export import labels_of
+from mbstab.report.export import unit_factors
 from mbstab.report.sensitivity import critical_text
 from mbstab.report.tables import decimals, number, table, wrap_lines
 
@@ -37,7 +37,7 @@ SHOWN = 13
 
 def sweep_text(result: Sweep, model: Model, sensitivity: bool = False) -> str:
     """Return the summary of ``mbstab sweep``: where stability changes, and the verdicts in between."""
-    ((unit, factor),) = labels_of(model, result.parameter)
+    ((unit, factor),) = unit_factors(model, result.parameter)
     lines, label = [], f"{result.parameter} ({unit})" if unit else result.parameter
     first, last = (number(float(result.values[k]) / factor, 6) for k in (0, -1))
     count = result.branches.shape[1]
@@ -293,7 +293,7 @@ def _runs(inside: list[int], a: float, b: float, x: Array, words: Any, counts: A
 
 def chart_text(result: Chart, model: Model) -> str:
     """Return the summary of a stability chart."""
-    lines, labels = [], labels_of(model, *result.parameters)
+    lines, labels = [], unit_factors(model, *result.parameters)
     for name, (unit, factor), along in zip(result.parameters, labels, (result.x, result.y), strict=True):
         first, last = number(float(along[0]) / factor), number(float(along[-1]) / factor)
         lines.append(f"{name}{f' ({unit})' if unit else ''} from {first} to {last}, {len(along)} values")

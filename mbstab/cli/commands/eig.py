@@ -137,7 +137,7 @@ def eig(
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
     _refuse(method, frozen, precision, certify, count, verify, output.format)
-    shift = _few(count, near, rightmost)
+    shift = _read_shift(count, near, rightmost)
     if len(set(names)) < len(names):
         raise UsageError("a file is named twice")
     many_digits = precision is not None or certify
@@ -147,14 +147,14 @@ def eig(
 
     def reply(mechanism: Mechanism) -> _Reply:
         if certify:
-            return _certified(mechanism, precision or CERTIFIED_DIGITS)
+            return _answer_certified(mechanism, precision or CERTIFIED_DIGITS)
         if precision is not None:
-            return _precise(mechanism, frozen, precision)
+            return _answer_precise(mechanism, frozen, precision)
         if count is not None:
-            return _shaped(mechanism, mechanism.modes(count, shift, rightmost, shapes), shapes)
+            return _answer_modes(mechanism, mechanism.modes(count, shift, rightmost, shapes), shapes)
         if sensitivity:
-            return _differentiated(mechanism, frozen)
-        return _verified(mechanism, frozen) if verify else _plain(mechanism, method, frozen, shapes)
+            return _answer_sensitivities(mechanism, frozen)
+        return _answer_verified(mechanism, frozen) if verify else _answer_plain(mechanism, method, frozen, shapes)
 
     replies: list[_Reply] = []
     failures: list[MbstabError] = []
@@ -177,7 +177,7 @@ def eig(
 def _write(replies: list[_Reply], several: bool, output: Output, paths: Mapping[str, Path]) -> None:
     """Write the answers, and the pictures of a single one."""
     if several:
-        output.write(_joined(replies))
+        output.write(_join(replies))
     else:
         output.answer(replies[0].answer, replies[0].model, **replies[0].options)
     for picture, path in paths.items():
@@ -260,7 +260,7 @@ class _Reply:
         return self.result.spectrum is not None and self.result.spectrum.linear
 
 
-def _joined(replies: list[_Reply]) -> Answer:
+def _join(replies: list[_Reply]) -> Answer:
     """Return the answers for several models by format; each names its model."""
     from mbstab.report.answers import content
     from mbstab.report.export import to_csv, to_json
@@ -297,19 +297,19 @@ def _failure(reply: _Reply, require: str | None, name: str) -> list[MbstabError]
     return []
 
 
-def _plain(mechanism: Mechanism, method: str, frozen: bool, shapes: bool) -> _Reply:
+def _answer_plain(mechanism: Mechanism, method: str, frozen: bool, shapes: bool) -> _Reply:
     """Answer in double precision."""
     with progress_bar("following the period") as progress:
         result = mechanism.eig(method, frozen, progress, shapes)
-    return _shaped(mechanism, result, shapes)
+    return _answer_modes(mechanism, result, shapes)
 
 
-def _shaped(mechanism: Mechanism, result: EigenResult, shapes: bool) -> _Reply:
+def _answer_modes(mechanism: Mechanism, result: EigenResult, shapes: bool) -> _Reply:
     """Return an answer with or without the shapes of modes."""
-    return _drawn(_told(mechanism, result, result, table={"shapes": shapes}), mechanism, result)
+    return _add_pictures(_reply(mechanism, result, result, table={"shapes": shapes}), mechanism, result)
 
 
-def _drawn(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:
+def _add_pictures(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:
     """Return an answer with the pictures that can be drawn of it."""
 
     def spectrum() -> Any:
@@ -333,7 +333,7 @@ def _drawn(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:
     return replace(reply, pictures={"spectrum": spectrum, "modes": modes})
 
 
-def _few(count: int | None, near: str | None, rightmost: bool) -> complex:
+def _read_shift(count: int | None, near: str | None, rightmost: bool) -> complex:
     """Return the number near which a few eigenvalues are computed, 0 if none is given; refuse invalid options."""
     if count is None and (near is not None or rightmost):
         raise UsageError(f"{'--near' if near is not None else '--rightmost'} says which of a few\nhint: give --modes K")
@@ -350,30 +350,30 @@ def _few(count: int | None, near: str | None, rightmost: bool) -> complex:
     return shift
 
 
-def _precise(mechanism: Mechanism, frozen: bool, digits: int) -> _Reply:
+def _answer_precise(mechanism: Mechanism, frozen: bool, digits: int) -> _Reply:
     """Answer with many digits."""
     with progress_bar("more digits") as progress:
         result = mechanism.eig_precise(digits, frozen, progress)
-    return _told(mechanism, result, result)
+    return _reply(mechanism, result, result)
 
 
-def _told(mechanism: Mechanism, answer: Any, result: Any, **options: Mapping[str, Any]) -> _Reply:
+def _reply(mechanism: Mechanism, answer: Any, result: Any, **options: Mapping[str, Any]) -> _Reply:
     """Write warnings, and return an answer with how it is written."""
     warn(result.warnings)
     return _Reply(mechanism.model, answer, result, result.reasons, options)
 
 
-def _verified(mechanism: Mechanism, frozen: bool) -> _Reply:
+def _answer_verified(mechanism: Mechanism, frozen: bool) -> _Reply:
     """Answer with the eigenvalues, and what the nonlinear motion says about them."""
     with progress_bar("exciting modes") as progress:
         found = mechanism.verify(frozen, progress)
-    reply = _drawn(_told(mechanism, found, found.result), mechanism, found.result)
+    reply = _add_pictures(_reply(mechanism, found, found.result), mechanism, found.result)
     if found.verdict != "contradicted":
         return reply
     return replace(reply, failure=ExpectationError(f"the nonlinear motion contradicts the eigenvalues: {found.reason}"))
 
 
-def _differentiated(mechanism: Mechanism, frozen: bool) -> _Reply:
+def _answer_sensitivities(mechanism: Mechanism, frozen: bool) -> _Reply:
     """Answer with the eigenvalues and their derivatives by the parameters."""
     found = mechanism.sensitivities(frozen)
 
@@ -382,11 +382,11 @@ def _differentiated(mechanism: Mechanism, frozen: bool) -> _Reply:
 
         return sensitivity_bars(found, mechanism.model.title)
 
-    reply = _drawn(_told(mechanism, found, found.result), mechanism, found.result)
+    reply = _add_pictures(_reply(mechanism, found, found.result), mechanism, found.result)
     return replace(reply, pictures={**reply.pictures, "sensitivity": bars})
 
 
-def _certified(mechanism: Mechanism, digits: int) -> _Reply:
+def _answer_certified(mechanism: Mechanism, digits: int) -> _Reply:
     """Answer with enclosures and the verdict, proven or under conditions; without one the command fails."""
     with progress_bar("dividing the interval") as progress:
         result = mechanism.certify(digits, progress)

@@ -27,7 +27,7 @@ class SweepRangesField(MappingsField):
         """Refuse what is no parameter."""
         reading.names.check_parameter(key, path)
 
-    def made(self, reading: Reading) -> SweepRange | None:
+    def build(self, reading: Reading) -> SweepRange | None:
         """Return a range."""
         start, stop, points = reading.values.values()
         return None if start is None or stop is None else SweepRange(start, stop, points)
@@ -115,7 +115,7 @@ class ModesField(MappingsField):
         keys = node.keys if isinstance(node, Mapping) else {}
         return tuple(replace(mode, location=keys[name].location) for name, mode in found.items())
 
-    def made(self, reading: Reading) -> ModeName | None:
+    def build(self, reading: Reading) -> ModeName | None:
         """Return one name, where its key stands."""
         entries, path = reading.node.entries, reading.path
         if ("near" in entries) == ("shape" in entries):
@@ -130,7 +130,7 @@ class EigenvaluesField(ListField):
 
     name = "eigenvalues"
 
-    def made(self, reading: Reading) -> ExpectedEigenvalue:
+    def build(self, reading: Reading) -> ExpectedEigenvalue:
         """Return one of them."""
         return ExpectedEigenvalue(**reading.values)
 
@@ -141,7 +141,7 @@ class CriticalField(MappingField):
     name = "critical"
     expected = "keys with values"
 
-    def made(self, reading: Reading) -> CriticalValue | None:
+    def build(self, reading: Reading) -> CriticalValue | None:
         """Return the value."""
         complete = all(value is not None for value in reading.values.values())
         return CriticalValue(**reading.values, location=reading.node.location) if complete else None
@@ -157,7 +157,7 @@ class ExpectationsField(ListField):
         """Return the expectations; there may be none, as all are commented out."""
         return () if isinstance(node, Scalar) and node.empty else super().read(reading, field, node, path)
 
-    def made(self, reading: Reading) -> Expectation:
+    def build(self, reading: Reading) -> Expectation:
         """Return one of them; refuse one that expects nothing."""
         node, path = reading.node, reading.path
         if not node.entries.keys() - {"at", "tolerance", "frozen", "source"} and not reading.nodes.faulty(path):

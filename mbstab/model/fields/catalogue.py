@@ -66,14 +66,14 @@ def read_keys(quantities: QuantityReader, node: Mapping, path: str, fields: Iter
     return reading
 
 
-def described(field: Field) -> dict[str, Any]:
+def describe_field(field: Field) -> dict[str, Any]:
     """Return the JSON Schema of a field, with what it means and its unit."""
     return {**kind_of(field).schema(field), "description": field.text}
 
 
 def object_schema(fields: Iterable[Field], more: Iterable[str] = ()) -> dict[str, Any]:
     """Return the JSON Schema of a mapping with these keys and no others, of which some must be given, `more` too."""
-    properties = {field.name: described(field) for field in fields if not field.made}
+    properties = {field.name: describe_field(field) for field in fields if not field.made}
     found = {"type": "object", "properties": properties, "additionalProperties": False}
     required = [*more, *(field.name for field in fields if field.required)]
     return {**found, "required": required} if required else found

@@ -146,9 +146,9 @@ class MappingField(FieldKind):
         """Return what the keys say."""
         expected = self.expected or "{" + ", ".join(f"{key.name}: …" for key in field.keys) + "}"
         mapping = reading.nodes.mapping(node, path, expected)
-        return None if mapping is None else self.made(read_keys(reading.quantities, mapping, path, field.keys))
+        return None if mapping is None else self.build(read_keys(reading.quantities, mapping, path, field.keys))
 
-    def made(self, reading: Reading) -> Any:
+    def build(self, reading: Reading) -> Any:
         """Return what the values of the keys make; None after a problem."""
         return reading.values
 

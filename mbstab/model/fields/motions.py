@@ -101,7 +101,7 @@ class SteadyField(MappingField):
     name = "steady"
     expected = "{axis: z, rate: …} or {direction: x, speed: …}"
 
-    def made(self, reading: Reading) -> Steady:
+    def build(self, reading: Reading) -> Steady:
         """Return the motion; refuse keys that mean nothing without another."""
         node, path, complain = reading.node, reading.path, reading.nodes.complain
         entries = node.entries
@@ -132,7 +132,7 @@ class MotionField(MappingField):
             mapping = Mapping({}, {}, reading.node.location)
         else:
             mapping = Mapping(written.entries, written.keys, reading.node.keys[field.name].location)
-        return self.made(read_keys(reading.quantities, mapping, path, field.keys))
+        return self.build(read_keys(reading.quantities, mapping, path, field.keys))
 
 
 class ReferenceField(MotionField):
@@ -140,7 +140,7 @@ class ReferenceField(MotionField):
 
     name = "reference"
 
-    def made(self, reading: Reading) -> Reference:
+    def build(self, reading: Reading) -> Reference:
         """Return the motion; refuse what contradicts what is looked for."""
         entries, find = reading.node.entries, reading.values["find"]
 
@@ -166,6 +166,6 @@ class InitialField(MotionField):
 
     name = "initial"
 
-    def made(self, reading: Reading) -> Initial:
+    def build(self, reading: Reading) -> Initial:
         """Return the start."""
         return Initial(reading.node.location, **reading.values)
