@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mbstab.cli.common import (
-    file_argument,
-    force_option,
-    load_model,
-    parse_settings,
-    progress_bar,
-    refuse_given,
-    set_option,
-)
+from mbstab.cli.common import load_model, model_command, parse_settings, progress_bar, refuse_given
 from mbstab.cli.output import Output, check_size, files, output_options, save_picture, size_option, warn
 from mbstab.errors import UsageError
 
@@ -23,10 +15,7 @@ if TYPE_CHECKING:
     from mbstab.api import Mechanism
 
 
-@click.command()
-@file_argument
-@set_option
-@force_option
+@model_command
 @click.option(
     "--digits", type=click.IntRange(20, 1000), default=50, show_default=True, help="Digits of the truth compared with."
 )

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, load_model, set_option, tracked
+from mbstab.cli.common import load_model, model_command, tracked
 from mbstab.cli.output import Output, output_options, warn
 
 
-@click.command()
-@file_argument
-@set_option
-@force_option
+@model_command
 @click.option(
     "--starts", type=click.IntRange(1, 100_000), default=1, help="Try this many starts, the others at random."
 )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, load_model, set_option, tracked
+from mbstab.cli.common import load_model, model_command, tracked
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -30,10 +30,7 @@ EQUATIONS = ("equations", "composite")
 FORMS = (*EQUATIONS, "pencil", "state-space")
 
 
-@click.command()
-@file_argument
-@set_option
-@force_option
+@model_command
 @click.option(
     "--form",
     type=click.Choice(FORMS),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, listed, load_model, progress_bar, set_option
+from mbstab.cli.common import listed, load_model, model_command, progress_bar
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -29,10 +29,7 @@ if TYPE_CHECKING:
 PICTURES = ("bode", "nyquist", "step", "impulse", "unbalance")
 
 
-@click.command()
-@file_argument
-@set_option
-@force_option
+@model_command
 @click.option("--input", "sources", multiple=True, metavar="NAME", help="From this input; may be repeated; else all.")
 @click.option("--measured", "goals", multiple=True, metavar="NAME", help="To this output; may be repeated; else all.")
 @click.option(
