@@ -34,7 +34,7 @@ FIELDS = [
     )
     for field in kind.fields
 ]
-FIELDS += [section for section in SECTIONS.values() if section.name not in KINDS]
+FIELDS += SECTIONS.values()
 FIELDS += [field for fields in (*EXPLAINED.values(), MARKER, PART, (ALONG,)) for field in fields]
 
 

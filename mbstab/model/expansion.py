@@ -33,8 +33,8 @@ MAX_NODES = 300_000
 MAX_TEXT = 20_000_000
 """Characters of all nodes."""
 MAX_DEPTH = 8
-LEVELS = {"reference": 2, "initial": 2, "ground": 2, "reference.guess.rates": 1}
-"""How many levels of a section, or of what stands in it, are merged, if not one."""
+RATES = "reference.guess.rates"
+"""Names that stand one level deeper than others of their section."""
 _RANGE = "write for: {i: [1, 10]} with the first and the last value"
 _BLOCK = {
     "repeat": ("a block with the key for:", "write repeat: [{for: {i: [1, 10]}, bodies: {…}}]"),
@@ -118,7 +118,7 @@ class _Expansion:
             if _section(key.text).once:
                 self.nodes.complain(key, key.text, f"the section {key.text!r} cannot be {what}", "write it in the file")
             else:
-                self._put(found, key, node, key.text, LEVELS.get(key.text, 1))
+                self._put(found, key, node, key.text, 2 if kind_of(_section(key.text)).names == "fields" else 1)
 
     def _put(self, found: Mapping, key: Scalar, node: YamlNode, path: str, levels: int) -> None:
         """Put a node under a key; mappings are merged on so many levels, below which a name may stand once only."""
@@ -128,7 +128,7 @@ class _Expansion:
         elif levels and isinstance(other, Mapping) and isinstance(node, Mapping):
             for inner, value in node.pairs():
                 place = f"{path}.{inner.text}"
-                self._put(other, inner, value, place, LEVELS.get(place, levels - 1))
+                self._put(other, inner, value, place, 1 if place == RATES else levels - 1)
         elif not (isinstance(node, Scalar) and node.empty) and not self._told(key):
             first = found.keys[key.text].location
             message = f"the name {key.text!r} is there already, from {first.file}:{first.line}"
@@ -319,7 +319,7 @@ class _Expansion:
         """Return the names that a part gives."""
         own: list[str] = []
         for section, node in part.entries.items():
-            if section not in KINDS and kind_of(_section(section)).names not in ("keys", "fields by name"):
+            if kind_of(_section(section)).names not in ("keys", "fields by name"):
                 continue
             for key in node.keys.values() if isinstance(node, Mapping) else ():
                 if key.text in _reserved():

@@ -15,9 +15,8 @@ def schema(section: str | None, output: Output) -> None:
     """Print the JSON Schema with which editors complete and check model files.
 
     With SECTION (bodies, joints, contacts, drives, forces) print its types and their keys as text; with a type, such as
-    revolute or joints.revolute, only that one. Sections without types (parameters, ground, constraints, reference,
-    reference.steady, initial, shape, sweep, expect, expect.critical) print their keys, and functions what expressions
-    may call.
+    revolute or joints.revolute, only that one. Sections without types, such as reference, and keys with keys of their
+    own, such as reference.steady and shape, print these, and functions what expressions may call.
 
     Example: mbstab schema -o mbstab.schema.json
     """

@@ -6,10 +6,11 @@ import math
 from typing import Any, ClassVar
 
 from mbstab.mechanics.catalogue import Field
+from mbstab.mechanics.elements import KINDS
 from mbstab.model.arithmetic import FLOAT
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.fields.base import BY_NAME, NUMBER, TEXT, FieldKind, NamesIn, Reading
-from mbstab.model.fields.catalogue import object_schema, read_keys
+from mbstab.model.fields.catalogue import object_schema, read_keys, typed_schema
 from mbstab.model.keys import VERSION
 from mbstab.model.nodes import single
 from mbstab.model.schema import Quantity, constant
@@ -207,6 +208,18 @@ class ParametersField(MappingsField):
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of values and mappings."""
         return by_name({"anyOf": [NUMBER, object_schema(field.keys)]})
+
+
+class EntriesField(FieldKind):
+    """Entries by name, each with a type and the keys of this."""
+
+    name = "entries"
+    names = "fields by name"
+
+    def schema(self, field: Field) -> dict[str, Any]:
+        """Return the schema of all types of a section."""
+        kinds = {id(kind): kind for kind in KINDS[field.name].values()}.values()
+        return by_name({"anyOf": [typed_schema(kind.name, kind.doc, kind.fields) for kind in kinds]})
 
 
 class VersionField(FieldKind):

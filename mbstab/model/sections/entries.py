@@ -308,8 +308,7 @@ class EntryReader:
     def _entry(self, section: str, name: str, kind: Kind, node: Mapping) -> Entry:
         path = f"{section}.{name}"
         fields = [field for field in kind.fields if self.names.dimension in field.dimensions and not field.made]
-        typed = [] if kind is STATE_KIND else ["type"]
-        known = [*typed, *[field.name for field in fields]]
+        known = [*(["type"] if section in KINDS else []), *(field.name for field in fields)]
         misspelt = self.nodes.known_keys(
             node, path, known, partial(self._of_another, section), ELSEWHERE, partial(self._not_here, section, kind)
         )
@@ -443,12 +442,8 @@ class EntryReader:
         if len(given) != 1:
             self.nodes.complain(mapping, path, "give one of 'holonomic' and 'nonholonomic'")
             return None
-        kind, item = CONSTRAINT_KINDS[given[0]], mapping.entries[given[0]]
-        reading = Reading(self.quantities, mapping, path)
-        read_fields(reading, kind.fields)
-        if not reading.values:
-            return None
-        return Entry("constraints", key.text, kind, reading.values, mapping.location, {given[0]: item.location})
+        entry = self._entry("constraints", key.text, CONSTRAINT_KINDS[given[0]], mapping)
+        return entry if entry.values else None
 
 
 def home(word: str) -> str:
