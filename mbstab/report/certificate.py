@@ -8,7 +8,6 @@ from typing import Any
 from mbstab.analysis.proof.certify import Certificate
 from mbstab.analysis.verdict.spectrum import Modulo
 from mbstab.model.schema import Model
-from mbstab.report import width
 from mbstab.report.eigenvalue_data import spectrum_data
 from mbstab.report.export import attributes
 from mbstab.report.tables import decimals, table, wrap_lines
@@ -135,7 +134,7 @@ def _in_unit(x: Fraction, result: Certificate) -> str:
 
 
 def _wrapped(text: str, indent: str) -> list[str]:
-    return wrap_lines(text, width=width(), initial_indent=indent, subsequent_indent=indent + "  " if indent else "")
+    return wrap_lines(text, indent, indent + "  " if indent else "")
 
 
 def _number(x: Any) -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 from mbstab.errors import visible
 from mbstab.records import dataclass
 from mbstab.report import width
-from mbstab.report.tables import wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.expectations import Outcome
@@ -51,7 +51,7 @@ def tested_text(models: Sequence[Tested], failures_only: bool) -> str:
         for x in model.outcomes:
             if not (x.passed and failures_only):
                 place = f"{'ok  ' if x.passed else 'FAIL'} {x.location}: "
-                lines += wrap_lines(
+                lines += wrap(
                     f"{x.what}: {x.detail}",
                     width=width(),
                     initial_indent=place,

@@ -59,14 +59,13 @@ class ParameterReader:
 
     def _written(self, node: YamlNode, path: str) -> _Written:
         keys = SECTIONS["parameters"].keys
-        if not isinstance(node, Mapping):
-            value = kind_of(keys[0]).read(
-                Reading(self.quantities, Mapping({}, {}, node.location), path), keys[0], node, path
-            )
-            return _Written(value or Scalar("1", node.location))
-        found = read_keys(self.quantities, node, path, keys).values
+        if isinstance(node, Mapping):
+            found = read_keys(self.quantities, node, path, keys).values
+        else:
+            alone = Reading(self.quantities, Mapping({}, {}, node.location), path)
+            found = {"value": kind_of(keys[0]).read(alone, keys[0], node, path)}
         value = found["value"] or Scalar("1", node.location)
-        return _Written(value, found["unit"], found["description"], found["sign"] or "any")
+        return _Written(value, found.get("unit", ""), found.get("description", ""), found.get("sign") or "any")
 
     def _order(self, written: dict[str, _Written]) -> list[str]:
         """Return the parameters so that each comes after those it needs; circles are refused."""
