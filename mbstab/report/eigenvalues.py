@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import groupby
-from textwrap import fill
 from typing import TYPE_CHECKING
 
 from mbstab.analysis.linear.methods import DEFAULT
@@ -213,7 +212,7 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
     rows += f"{counted(c.n_nonholonomic - states, 'nonholonomic row')} (rank {c.rank_nonholonomic - states})"
     critical = f", {c.critical} critical" if c.critical else ""
     found = f"{c.expected} expected, {c.found} found, {c.neutral} of them neutral{critical}; method {result.method}"
-    rows = fill(rows, "", "  ")
+    rows = "\n".join(wrap_lines(rows, "", "  "))
     lines = [rows, *wrap_lines(f"finite eigenvalues: {found}", "", "  ")]
     if c.massless:
         lines += wrap_lines(f"without mass: {'; '.join(c.massless)}", "", "  ")
