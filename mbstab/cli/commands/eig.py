@@ -179,7 +179,7 @@ def _write(replies: list[_Reply], several: bool, output: Output, paths: Mapping[
     if several:
         output.write(_join(replies))
     else:
-        output.answer(replies[0].answer, replies[0].model, **replies[0].options)
+        output.answer(replies[0].answer, replies[0].model, False, **replies[0].options)
     for picture, path in paths.items():
         save_picture(replies[0].pictures[picture], path)
 
