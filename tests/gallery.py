@@ -25,7 +25,7 @@ WORDS = ("verdict", "modulo", "in_place", "evidence", "frame", "period", "counts
 def printed(path):
     """Return eigenvalues (kind, real and imaginary part in 1/s) and verdict of a model as printed."""
     mechanism = mbstab.load(path)
-    data = json.loads(to_json(eigen_data(mechanism.eig(), mechanism.model, mechanism.parameters())))
+    data = json.loads(to_json(eigen_data(mechanism.eig(), mechanism.model)))
     values = [[e["kind"], e["real"], e["imag"]] for e in data["eigenvalues"]]
     return {"eigenvalues": values, **{key: data[key] for key in WORDS}}
 

@@ -517,7 +517,7 @@ def test_rows_that_may_repeat_others_are_a_condition():
     assert result.status == "conditional"
     assert not result.proven
     assert result.statement.startswith("proven stable, provided that these rows repeat others: joint 'b'")
-    data = certificate_data(result, "", "")
+    data = certificate_data(result, None)
     assert data["verdict"] == "stable"
     assert data["evidence"] == "numerical"
     assert data["status"] == "conditional"
@@ -560,7 +560,7 @@ def test_a_shift_of_the_linear_equations_alone_explains_no_zero():
     cubic = free_point("-u", "-v + y**3").certify()
     assert cubic.status == "not provable"
     assert "nothing explains: p.y" in cubic.reasons
-    assert certificate_text(cubic, "").count("nothing explains") == 1
+    assert certificate_text(cubic, None).count("nothing explains") == 1
     assert [e.why for e in cubic.eigenvalues if e.kind == "zero"] == ["the position p.x"]
     tiny = free_point("-1e6*u", "-1e6*v + 1e-40*y**3").certify()
     assert tiny.status == "not provable"
@@ -939,9 +939,8 @@ def test_the_command_as_json():
     data = json.loads(found.stdout)
     assert data["proven"]
     assert Fraction(data["eigenvalues"][0]["imag"]["radius"]) < Fraction(1, 10**28)
-    assert data == json.loads(
-        json.dumps(certificate_data(mbstab.load("pendulum.yaml").certify(30), data["model"], data["title"]))
-    )
+    named = {key: data[key] for key in ("model", "title")}
+    assert data == named | json.loads(json.dumps(certificate_data(mbstab.load("pendulum.yaml").certify(30), None)))
 
 
 def test_exit_codes(monkeypatch):

@@ -342,14 +342,6 @@ def test_output_without_colour_and_without_a_terminal_is_the_same():
     assert piped.stdout == run("eig", "top").stdout
 
 
-def test_the_command_line_offers_what_the_library_has():
-    # Written twice so that --help imports no numerics.
-    from mbstab.cli.commands import linearize
-    from mbstab.report import export
-
-    assert linearize.FORMS == export.FORMS
-
-
 def test_what_is_required_is_an_order_of_verdicts():
     from mbstab.model.words import REQUIRED, UNDECIDED, UNSTABLE, WORDS
 

@@ -310,7 +310,7 @@ def test_the_table_fits_eighty_columns_and_says_what_is_missing(model):
 def test_many_eigenvalues_take_several_tables(heavy_chain):
     from mbstab.report.comparison import compare_text
 
-    text = compare_text(heavy_chain, "")
+    text = compare_text(heavy_chain, None)
     assert max(map(len, text.splitlines())) <= 80
     assert text.count("eigenvalue (1/s)") > 1
 

@@ -13,7 +13,7 @@ import mbstab
 from mbstab.cli.main import main
 from mbstab.errors import ModelFileError
 from mbstab.model.units import per_second
-from mbstab.report.simulation import simulation_csv
+from mbstab.report.simulation import simulation_rows
 
 
 def close(found, expected, part):
@@ -438,7 +438,7 @@ def test_a_coefficient_in_a_wrong_unit_is_told_at_its_key(forces, place, message
 def test_plots_and_tables_tell_the_units_of_states():
     forces = "u: {type: pid, joint: axle, of: angle(axle), P: K, I: Ki, lag: T}"
     model = mbstab.loads(UNITS_OF_PARTS.replace("FORCES", forces))
-    heads = simulation_csv(model.simulate(to=0.1, points=2)).splitlines()[0]
+    heads = simulation_rows(model.simulate(to=0.1, points=2), model.model)[0]
     for head in ("u_integral (rad*s)", "rate(u_integral) (rad)", "acceleration(u_effort) (N*m/s^2)"):
         assert head in heads
     with pytest.raises(ModelFileError, match="'ky' has the unit N/m, expected N\\*m"):

@@ -25,11 +25,12 @@ from mbstab.analysis.sweep.chart import _ends
 from mbstab.analysis.verdict.rule import WORDS
 from mbstab.errors import UsageError
 from mbstab.model.parameters import settings_in_si
-from mbstab.report.export import sweep_csv, sweep_data, to_json
+from mbstab.report.export import to_csv, to_json
 from mbstab.report.pictures.bifurcation import _pieces, bifurcation, shown_names
 from mbstab.report.pictures.curves import INK
 from mbstab.report.pictures.scales import Axis
 from mbstab.report.pictures.sweep_curves import SweepCurves
+from mbstab.report.sweep_data import sweep_data, sweep_rows
 
 SWEEPS = [
     ("rotating_pendulum", {"Omega": (5.0, 20.0)}),
@@ -710,11 +711,11 @@ def test_given_references_have_none():
 
 
 def test_csv_and_json_have_the_coordinates(truss):
-    rows = list(csv.DictReader(io.StringIO(sweep_csv(truss, "N", 1.0))))
+    rows = list(csv.DictReader(io.StringIO(to_csv(*sweep_rows(truss, TRUSS.model)))))
     column = [float(row["apex.y (m)"] or "nan") for row in rows]
     whole = np.concatenate([path.reference["apex.y"] for path in (truss, *truss.beyond)])
     assert np.array_equal(column, whole, equal_nan=True)
-    data = json.loads(to_json(sweep_data(truss, "N", 1.0, "truss", "")))
+    data = json.loads(to_json(sweep_data(truss, TRUSS.model)))
     assert data["beyond"][1]["reference"]["apex.y"] == truss.beyond[1].reference["apex.y"].tolist()
 
 

@@ -16,6 +16,7 @@ from mbstab.mechanics.elements import KINDS
 from mbstab.model.fields.base import FieldKind, Reading
 from mbstab.model.fields.catalogue import FIELD_KINDS
 from mbstab.model.json_schema import json_schema
+from mbstab.model.keys import ALONG, EXPLAINED, MARKER, PART, SECTIONS
 from mbstab.model.reader import read_model_text
 from mbstab.model.scene import Scene
 from mbstab.model.sections.entries import CONSTRAINT_KINDS, MADE_STATE_KIND, STATE_KIND
@@ -33,6 +34,8 @@ FIELDS = [
     )
     for field in kind.fields
 ]
+FIELDS += SECTIONS.values()
+FIELDS += [field for fields in (*EXPLAINED.values(), MARKER, PART, (ALONG,)) for field in fields]
 
 
 def read(text: str) -> Scene:

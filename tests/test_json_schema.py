@@ -13,8 +13,8 @@ import yaml
 
 from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.elements import KINDS
-from mbstab.model import schema
 from mbstab.model.json_schema import json_schema
+from mbstab.model.keys import SECTIONS
 
 ROOT = Path(__file__).parents[1]
 FILES = [
@@ -176,4 +176,4 @@ def test_every_shape_is_in_the_schema_with_its_own_lengths() -> None:
 
 
 def test_every_section_of_a_file_is_in_the_schema() -> None:
-    assert list(SCHEMA["properties"]) == list(schema.SECTIONS)
+    assert list(SCHEMA["properties"]) == list(SECTIONS)

@@ -20,8 +20,8 @@ from mbstab.cli.main import COMMANDS
 from mbstab.errors import UsageError
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.functions import FUNCTIONS
+from mbstab.model.keys import EXPLAINED, SECTIONS
 from mbstab.model.library import installed_models
-from mbstab.model.schema import SECTION_FIELDS, SECTIONS
 from mbstab.model.words import WORDS
 
 ROOT = Path(__file__).parents[1]
@@ -129,8 +129,8 @@ def every_word():
                 yield f"{path} {choice}", f"commands: {path}"
     for name in SECTIONS:
         yield name, ""
-    for fields in SECTION_FIELDS.values():
-        yield from ((key, "") for key in fields)
+    for fields in EXPLAINED.values():
+        yield from ((field.name, "") for field in fields)
     for section, kinds in KINDS.items():
         for (name, _), kind in kinds.items():
             yield f"{section} {name}", f"keys: {section}"

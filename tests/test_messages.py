@@ -888,7 +888,7 @@ def written(kind, **keys):
 
 
 def test_all_kinds_and_keys_are_asked():
-    assert {name for name, _ in controllers.KINDS} == set(GOOD)
+    assert {kind.name for kind in controllers.KINDS} == set(GOOD)
     for (name, _), kind in controllers.KINDS.items():
         keys = {field.name for field in kind.fields if not field.made} - {"motion", "coordinate"}
         assert keys == set(GOOD[name])

@@ -13,7 +13,7 @@ import mbstab
 from mbstab.analysis.sweep import named_branches
 from mbstab.cli import main
 from mbstab.errors import ModelFileError
-from mbstab.model.sections.modes import complex_number
+from mbstab.model.fields.answers import complex_number
 
 BICYCLE = "whipple_bicycle.yaml"
 

@@ -27,10 +27,9 @@ import mbstab
 from mbstab.analysis.simulate.mode_shape import swing
 from mbstab.cli import main
 from mbstab.errors import OutputError, UsageError
+from mbstab.mechanics import contacts, joints
 from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.catalogue import Form
-from mbstab.mechanics.contacts import KINDS as CONTACT_KINDS
-from mbstab.mechanics.joints import KINDS as JOINT_KINDS
 from mbstab.model.library import installed_models
 from mbstab.report.animation import movie_files, outlines
 from mbstab.report.animation.frames import FINE, Frames, motion_frames, swing_frames
@@ -321,9 +320,9 @@ def test_nothing_is_cut_off_or_covered(pendulum, text):
 def test_every_shape_contact_and_joint_can_be_drawn():
     for shape in SHAPES.values():
         assert outlines.outline_of(shape.form(*(0.5 for _ in shape.fields))).strokes
-    assert all(kind.look for kind in CONTACT_KINDS.values())
+    assert all(kind.look for kind in contacts.KINDS)
     # Bodies that are fixed to each other look like one.
-    assert {name for (name, _), kind in JOINT_KINDS.items() if kind.look is None} == {"fixed"}
+    assert {kind.name for kind in joints.KINDS if kind.look is None} == {"fixed"}
 
 
 def test_shapes_have_the_sizes_and_axes_of_the_file():

@@ -529,7 +529,7 @@ def narrowed(columns, text):
 def test_tables_fit_a_narrow_terminal_and_keep_their_numbers(name, columns):
     mechanism = mbstab.load(name)
     result = mechanism.eig()
-    whole, narrow = (narrowed(n, lambda: eigen_text(result, "")) for n in (200, columns))
+    whole, narrow = (narrowed(n, lambda: eigen_text(result, None)) for n in (200, columns))
     assert max(map(len, whole.splitlines())) <= 80
     assert max(map(len, narrow.splitlines())) <= columns
     for e in (e for e in result.eigenvalues if e.value.imag >= 0.0 and not e.exact):

@@ -40,7 +40,7 @@ def test_a_flutter_pair_of_a_conservative_system_is_a_pair():
     np.testing.assert_array_equal(np.sort_complex(values), np.sort_complex(-np.conj(values)))
     exact = mbstab.load(MODELS["top"]).eig_precise(16, omega=5.5677284416).values()
     assert max(s.real for s in values) == pytest.approx(float(max(s.real for s in exact)), abs=5e-9)
-    assert re.search(r"^ 1\.548e-05 ± 3\.52387876i", eigen_text(result, ""), re.M)
+    assert re.search(r"^ 1\.548e-05 ± 3\.52387876i", eigen_text(result, None), re.M)
 
 
 PLANES = """

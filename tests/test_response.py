@@ -164,7 +164,7 @@ def test_a_step_that_overflows_is_refused_with_the_time():
 def test_on_a_pole_there_is_no_phase():
     found = answer(mbstab.loads(UNDAMPED % "-4*a.x").state_space(), ends=(1.0, 4.0), points=3)
     assert np.isinf(found.values[0][1])
-    data = response_data(found, "", "")["channels"][0]
+    data = response_data(found, None)["channels"][0]
     assert np.isnan(data["imag"][1])
     np.testing.assert_array_equal(np.isnan(phase(found.values[0])), [False, True, False])
 
@@ -216,7 +216,7 @@ def test_only_what_nothing_leads_to_is_said_not_to_respond():
     assert 72.0 < peak.imag < 73.0
     # The sum of 1 and of this response has traces of its eigenvalues close to them only.
     assert found.margins[1].closed is True
-    assert "does not respond" in response_text(found, "")
+    assert "does not respond" in response_text(found, None)
     cut = answer(mbstab.loads(LOOSE).state_space(e=0), goals=("far",), points=2)
     assert all(x.vanishes for x in cut.zeros)
 
@@ -329,7 +329,7 @@ def test_the_first_frequency_is_not_a_rounding_error():
 
 def test_a_pair_of_zeros_is_printed_once():
     result = answer(mbstab.loads(TWO_MASSES).state_space(), points=2)
-    (line,) = [x for x in response_text(result, "").splitlines() if x.startswith("zeros")]
+    (line,) = [x for x in response_text(result, None).splitlines() if x.startswith("zeros")]
     assert len(result.zeros[0].values) == 2
     assert line.count("±") == 2  # of the pair, and of its error
 

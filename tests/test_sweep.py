@@ -30,7 +30,6 @@ from mbstab.analysis.verdict.rule import STRENGTH
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model.ranges import sweep_values
-from mbstab.report.sweeps import sweep_text
 
 SQRT2 = math.sqrt(2.0)
 
@@ -644,10 +643,10 @@ def test_a_window_between_points_may_be_missed_and_the_text_says_on_how_many_the
         f"forces: {{f: {{type: expression, on: {{p.x: -p.x - {damping}*rate(p.x), p.y: -p.y - rate(p.y)}}}}}}\n"
         "reference: {coordinates: {p: {x: 0, y: 0}}}\n"
     )
-    seen, missed = (sweep_text(model.sweep("k", np.linspace(a, 1.0, 11)), "", 1.0, "") for a in (0.06, 0.0))
+    seen, missed = (str(model.sweep("k", np.linspace(a, 1.0, 11))) for a in (0.06, 0.0))
     assert "0.527502 to 0.532498: unstable (2)" in seen
     assert "  0 to 1: asymptotically stable\n(as 11 points show: what is narrower than their distance" in missed
-    alone = sweep_text(model.sweep("k", np.array([0.53])), "", 1.0, "")
+    alone = str(model.sweep("k", np.array([0.53])))
     assert "at 0.53: unstable (2)" in alone
     assert "show" not in alone
 
@@ -1448,9 +1447,7 @@ def test_every_pair_that_crosses_at_a_value_is_named(tmp_path, inertias, values)
 def test_the_table_has_the_order_that_was_asked_for():
     """From high to low speeds: what happens on the way down, and the verdicts in between."""
     model = mbstab.load("whipple_bicycle.yaml")
-    rising, falling = (
-        sweep_text(model.sweep("v", np.linspace(*ends, 15)), "m/s", 1.0, "") for ends in ((1, 8), (8, 1))
-    )
+    rising, falling = (str(model.sweep("v", np.linspace(*ends, 15))) for ends in ((1, 8), (8, 1)))
     found = re.findall(r"([\d.]+)  (divergence|flutter) .*?(\d → \d)", falling)
     assert [row[1:] for row in found] == [("divergence", "1 → 0"), ("flutter", "0 → 2")]
     assert [float(row[0]) for row in found] == pytest.approx([CAPSIZE, WEAVE], rel=1e-12)

@@ -48,6 +48,11 @@ force_option = remembered_flag(
 """Handled by `load_model`."""
 
 
+def model_command(function: Callable[..., Any]) -> click.Command:
+    """Make a command of a function that asks about one model: FILE, --set and --force come first."""
+    return click.command()(file_argument(set_option(force_option(function))))
+
+
 def load_model(file: str, settings: tuple[str, ...] = ()) -> Mechanism:
     """Load a model file, an installed example (named on stderr), or the model on standard input.
 

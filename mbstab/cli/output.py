@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -23,6 +23,9 @@ from mbstab.records import dataclass
 from mbstab.report import WIDTH, set_width
 from mbstab.report.files import whole_file
 from mbstab.report.picture_sizes import SIZES, sized
+
+if TYPE_CHECKING:
+    from mbstab.model.schema import Model
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -279,6 +282,12 @@ class Output:
         if path is None and format_ in BINARY:
             raise UsageError(f"--format {format_} is binary: name a file with --output")
         return cls(path, format_)
+
+    def answer(self, answer: Any, model: Model, summary: bool = False, **options: Mapping[str, Any]) -> None:
+        """Write an answer about a model; `options` are those of its writers, by format."""
+        from mbstab.report.answers import bind_writers
+
+        self.write(bind_writers(answer, model, **options), summary)
 
     def write(self, answer: Answer, summary: bool = False) -> None:
         """Write an answer to stdout or to the file, which is written completely or not at all.

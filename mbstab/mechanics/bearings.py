@@ -97,8 +97,8 @@ _FIELDS = (
     ),
 )
 
-KINDS: dict[tuple[str, int], Kind] = {
-    ("rotor_bearing", dimension): Kind(
+KINDS: tuple[Kind, ...] = tuple(
+    Kind(
         "rotor_bearing",
         "bearing or seal of a rotor with eight coefficients: the force on the shaft is -[kxx, kxy; kyx, kyy]*(x, y) "
         "- [cxx, cxy; cyx, cyy]*(rates of x and y), with its displacement (x, y) across the axis in the axes of the "
@@ -111,4 +111,4 @@ KINDS: dict[tuple[str, int], Kind] = {
         look=_look,
     )
     for dimension in (2, 3)
-}
+)

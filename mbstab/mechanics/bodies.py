@@ -243,33 +243,30 @@ def _no_elements(item: Item) -> Iterable[ElementUse]:
     return ()
 
 
-KINDS: dict[str, Kind] = {
-    kind.name: kind
-    for kind in (
-        Kind("planar", "rigid body in the plane: x, y, theta", (2,), (*_DISTRIBUTION, *_GEOMETRY), _no_elements),
-        Kind(
-            "spatial",
-            "rigid body in space: x, y, z and Euler X-Y-Z angles phi, theta, psi; psi is the spin about its z",
-            (3,),
-            (
-                *_DISTRIBUTION,
-                Field(
-                    "measured",
-                    "flag",
-                    "whether an inertia that no body can have, one moment larger than the sum of the other two, is "
-                    "taken as it is, with a warning",
-                    default="false",
-                    needs=("inertia",),
-                ),
-                *_GEOMETRY,
-                Field("axes", "angles", "Euler X-Y-Z angles of a constant rotation before phi, theta, psi", "rad"),
+KINDS: tuple[Kind, ...] = (
+    Kind("planar", "rigid body in the plane: x, y, theta", (2,), (*_DISTRIBUTION, *_GEOMETRY), _no_elements),
+    Kind(
+        "spatial",
+        "rigid body in space: x, y, z and Euler X-Y-Z angles phi, theta, psi; psi is the spin about its z",
+        (3,),
+        (
+            *_DISTRIBUTION,
+            Field(
+                "measured",
+                "flag",
+                "whether an inertia that no body can have, one moment larger than the sum of the other two, is "
+                "taken as it is, with a warning",
+                default="false",
+                needs=("inertia",),
             ),
-            _no_elements,
+            *_GEOMETRY,
+            Field("axes", "angles", "Euler X-Y-Z angles of a constant rotation before phi, theta, psi", "rad"),
         ),
-        Kind("planar_point", "point mass in the plane: x, y", (2,), (_MASS,), _no_elements),
-        Kind("point", "point mass in space: x, y, z", (3,), (_MASS,), _no_elements),
-    )
-}
+        _no_elements,
+    ),
+    Kind("planar_point", "point mass in the plane: x, y", (2,), (_MASS,), _no_elements),
+    Kind("point", "point mass in space: x, y, z", (3,), (_MASS,), _no_elements),
+)
 
 BODY_COORDINATES: dict[str, tuple[str, ...]] = {
     "planar": ("x", "y", "theta"),

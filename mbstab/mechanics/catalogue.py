@@ -145,6 +145,8 @@ class Field:
         Of curves: the numbers of the entry that may be columns of the file instead.
     instead : str
         What to write instead of a number of the wrong sign.
+    keys : tuple of Field
+        Of a mapping: its own keys.
     """
 
     name: str
@@ -163,6 +165,12 @@ class Field:
     columns: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     instead: str = ""
+    keys: tuple[Field, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """What it means, and its unit."""
+        return self.doc + (f" ({self.unit})" if self.unit not in ("", "1") else "")
 
     def along(self, motion: str) -> Field:
         """Return the field with the unit for a motion, ``angle`` or ``displacement``, if it depends on it."""

@@ -312,113 +312,105 @@ _MOVING = (
 _CENTER = Field("center", "marker", "centre of the wheel: body or body.point", required=True)
 _RADIUS = Field("radius", "number", "radius of the wheel", "m", required=True, sign="positive")
 _MOTION = Field(
-    "motion",
-    "choice",
-    "rolling, or sliding without friction",
-    default="rolling",
-    choices=("rolling", "frictionless"),
+    "motion", "choice", "rolling, or sliding without friction", default="rolling", choices=("rolling", "frictionless")
 )
 
-KINDS: dict[tuple[str, int], Kind] = {
-    (kind.name, dimension): kind
-    for kind in (
-        Kind(
-            "disk",
-            "disk on a straight line, at rest or a moving belt",
-            (2,),
-            (
-                _CENTER,
-                _RADIUS,
-                Field("normal", "ground direction", "normal of the line, towards the disk", default="y"),
-                _ORIGIN,
-                _MOTION,
-                _MOVING[0],
-            ),
-            _disk,
-            look=_disk_look,
+KINDS: tuple[Kind, ...] = (
+    Kind(
+        "disk",
+        "disk on a straight line, at rest or a moving belt",
+        (2,),
+        (
+            _CENTER,
+            _RADIUS,
+            Field("normal", "ground direction", "normal of the line, towards the disk", default="y"),
+            _ORIGIN,
+            _MOTION,
+            _MOVING[0],
         ),
-        Kind(
-            "rollers",
-            "two disks that roll on each other, also on the ground or inside of a ring (roller rig, cam follower)",
-            (2,),
-            (
-                Field("between", "markers", "centres of both disks", required=True),
-                Field("radii", "radii", "radii of both disks", "m", required=True, sign="positive"),
-                Field("internal", "flag", "whether the first rolls inside of the second, a ring", default="false"),
-                _MOTION,
-            ),
-            _rollers,
-            look=_rollers_look,
+        _disk,
+        look=_disk_look,
+    ),
+    Kind(
+        "rollers",
+        "two disks that roll on each other, also on the ground or inside of a ring (roller rig, cam follower)",
+        (2,),
+        (
+            Field("between", "markers", "centres of both disks", required=True),
+            Field("radii", "radii", "radii of both disks", "m", required=True, sign="positive"),
+            Field("internal", "flag", "whether the first rolls inside of the second, a ring", default="false"),
+            _MOTION,
         ),
-        Kind(
-            "wheel",
-            "wheel with a knife edge or a round tread on a plane, at rest or moving (treadmill, turntable)",
-            (3,),
-            (
-                _CENTER,
-                Field("axle", "direction", "axis of the wheel in the frame of its body", required=True),
-                Field(
-                    "radius",
-                    "number",
-                    "radius of the circle in the middle of the tread",
-                    "m",
-                    required=True,
-                    sign="positive",
-                ),
-                Field(
-                    "tube",
-                    "number",
-                    "radius of the round tread; 0 is a knife edge. The centre of an upright wheel is at the height "
-                    "radius + tube above the plane, and it rolls with this radius",
-                    "m",
-                    default="0",
-                    sign="nonnegative",
-                ),
-                Field("normal", "ground direction", "normal of the plane, towards the wheel", default="z"),
-                _ORIGIN,
-                Field(
-                    "motion",
-                    "choice",
-                    "rolling: no slip; skate: slips along its track only; "
-                    "sideways: slips across it only; frictionless: slips freely",
-                    default="rolling",
-                    choices=tuple(_ROWS),
-                ),
-                *_MOVING,
+        _rollers,
+        look=_rollers_look,
+    ),
+    Kind(
+        "wheel",
+        "wheel with a knife edge or a round tread on a plane, at rest or moving (treadmill, turntable)",
+        (3,),
+        (
+            _CENTER,
+            Field("axle", "direction", "axis of the wheel in the frame of its body", required=True),
+            Field(
+                "radius",
+                "number",
+                "radius of the circle in the middle of the tread",
+                "m",
+                required=True,
+                sign="positive",
             ),
-            _wheel_elements,
-            look=_wheel_look,
-        ),
-        Kind(
-            "ellipsoid",
-            "ellipsoid or ball on a plane, at rest or moving, its semi-axes along the axes of its body (rattleback)",
-            (3,),
-            (
-                Field("center", "marker", "centre of the ellipsoid: body or body.point", required=True),
-                *(
-                    Field(name, "number", f"semi-axis along {axis} of the body", "m", required=True, sign="positive")
-                    for name, axis in zip("abc", "xyz", strict=True)
-                ),
-                Field("normal", "ground direction", "normal of the plane, towards the ellipsoid", default="z"),
-                _ORIGIN,
-                _MOTION,
-                *_MOVING,
+            Field(
+                "tube",
+                "number",
+                "radius of the round tread; 0 is a knife edge. The centre of an upright wheel is at the height "
+                "radius + tube above the plane, and it rolls with this radius",
+                "m",
+                default="0",
+                sign="nonnegative",
             ),
-            _ellipsoid_elements,
-            look=_ellipsoid_look,
-        ),
-        Kind(
-            "knife_edge",
-            "a point that moves only along a direction of its body (sleigh, skate, towed wheel)",
-            (2, 3),
-            (
-                Field("at", "marker", "the point: body or body.point", required=True),
-                Field("along", "direction", "direction of the blade in the frame of the body", required=True),
-                Field("normal", "ground direction", "normal of the plane of motion", default="z", dimensions=(3,)),
+            Field("normal", "ground direction", "normal of the plane, towards the wheel", default="z"),
+            _ORIGIN,
+            Field(
+                "motion",
+                "choice",
+                "rolling: no slip; skate: slips along its track only; "
+                "sideways: slips across it only; frictionless: slips freely",
+                default="rolling",
+                choices=tuple(_ROWS),
             ),
-            _knife_edge_elements,
-            look=_blade_look,
+            *_MOVING,
         ),
-    )
-    for dimension in kind.dimensions
-}
+        _wheel_elements,
+        look=_wheel_look,
+    ),
+    Kind(
+        "ellipsoid",
+        "ellipsoid or ball on a plane, at rest or moving, its semi-axes along the axes of its body (rattleback)",
+        (3,),
+        (
+            Field("center", "marker", "centre of the ellipsoid: body or body.point", required=True),
+            *(
+                Field(name, "number", f"semi-axis along {axis} of the body", "m", required=True, sign="positive")
+                for name, axis in zip("abc", "xyz", strict=True)
+            ),
+            Field("normal", "ground direction", "normal of the plane, towards the ellipsoid", default="z"),
+            _ORIGIN,
+            _MOTION,
+            *_MOVING,
+        ),
+        _ellipsoid_elements,
+        look=_ellipsoid_look,
+    ),
+    Kind(
+        "knife_edge",
+        "a point that moves only along a direction of its body (sleigh, skate, towed wheel)",
+        (2, 3),
+        (
+            Field("at", "marker", "the point: body or body.point", required=True),
+            Field("along", "direction", "direction of the blade in the frame of the body", required=True),
+            Field("normal", "ground direction", "normal of the plane of motion", default="z", dimensions=(3,)),
+        ),
+        _knife_edge_elements,
+        look=_blade_look,
+    ),
+)

@@ -174,7 +174,7 @@ def _kind(name: str, doc: str, fields: tuple[Field, ...], part: Callable[..., Pa
     return Kind(name, doc, (2, 3), own, _none, one_of=(("joint", "coordinate"),), written="force", part=part)
 
 
-_CONTROLLERS = (
+KINDS: tuple[Kind, ...] = (
     _kind(
         "pid",
         "controller: P*e + I*(integral of e) - D*(rate of what is controlled), with e = target - of; states "
@@ -275,5 +275,4 @@ _CONTROLLERS = (
         _motor,
     ),
 )
-KINDS: dict[tuple[str, int], Kind] = {(kind.name, d): kind for kind in _CONTROLLERS for d in kind.dimensions}
 """What ``forces:`` may contain besides springs, forces and torques."""

@@ -93,8 +93,8 @@ _FIELDS = (
     Field("load", "number", "load of the axle, for gravitational stiffness", "N", default="0"),
 )
 
-KINDS: dict[tuple[str, int], Kind] = {
-    ("creep", dimension): Kind(
+KINDS: tuple[Kind, ...] = tuple(
+    Kind(
         "creep",
         f"wheelset with conical wheels on straight rails{where}: Kalker's linear creep on both wheels, and "
         "gravitational stiffness",
@@ -105,4 +105,4 @@ KINDS: dict[tuple[str, int], Kind] = {
         look=_look,
     )
     for dimension, where in ((2, ", seen from above"), (3, ", carried by a joint"))
-}
+)

@@ -134,39 +134,36 @@ def _point_effort(item: Item) -> Effort:
 _LAW = (POSITION, VELOCITY)
 _ONE = (("position", "velocity"),)
 
-KINDS: dict[str, Kind] = {
-    kind.name: kind
-    for kind in (
-        Kind(
-            "coordinate",
-            "prescribes one coordinate of a body",
-            (2, 3),
-            (Field("coordinate", "coordinate", "the coordinate, written body.psi", required=True), *_LAW),
-            _coordinate,
-            one_of=_ONE,
-            effort=_coordinate_effort,
+KINDS: tuple[Kind, ...] = (
+    Kind(
+        "coordinate",
+        "prescribes one coordinate of a body",
+        (2, 3),
+        (Field("coordinate", "coordinate", "the coordinate, written body.psi", required=True), *_LAW),
+        _coordinate,
+        one_of=_ONE,
+        effort=_coordinate_effort,
+    ),
+    Kind(
+        "joint",
+        "prescribes the angle or the travel of a joint",
+        (2, 3),
+        (Field("joint", "joint", "name of the joint", required=True), MOTION, *_LAW),
+        _joint,
+        one_of=_ONE,
+        effort=_joint_effort,
+    ),
+    Kind(
+        "point",
+        "prescribes the place of a point along a fixed direction",
+        (2, 3),
+        (
+            Field("at", "marker", "the point: body or body.point", required=True),
+            Field("direction", "ground direction", "the direction, in ground axes", required=True),
+            *(field.along("displacement") for field in _LAW),
         ),
-        Kind(
-            "joint",
-            "prescribes the angle or the travel of a joint",
-            (2, 3),
-            (Field("joint", "joint", "name of the joint", required=True), MOTION, *_LAW),
-            _joint,
-            one_of=_ONE,
-            effort=_joint_effort,
-        ),
-        Kind(
-            "point",
-            "prescribes the place of a point along a fixed direction",
-            (2, 3),
-            (
-                Field("at", "marker", "the point: body or body.point", required=True),
-                Field("direction", "ground direction", "the direction, in ground axes", required=True),
-                *(field.along("displacement") for field in _LAW),
-            ),
-            _point,
-            one_of=_ONE,
-            effort=_point_effort,
-        ),
-    )
-}
+        _point,
+        one_of=_ONE,
+        effort=_point_effort,
+    ),
+)

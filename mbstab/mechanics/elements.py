@@ -33,21 +33,18 @@ def kernel_name(element: str, dimension: int) -> str:
     return f"{'coordinate' if 'coordinate' in frames else FRAMES[dimension]}_{element}"
 
 
-def _by_type(module: ModuleType) -> dict[tuple[str, int], Kind]:
-    kinds: dict[tuple[str, int], Kind] = module.KINDS
-    return kinds
-
-
-def _by_dimension(module: ModuleType) -> dict[tuple[str, int], Kind]:
-    return {(kind.name, dimension): kind for kind in module.KINDS.values() for dimension in kind.dimensions}
+def list_kinds(module: ModuleType) -> dict[tuple[str, int], Kind]:
+    """Return the types that a module defines, under (name, dimension of the scene)."""
+    kinds: tuple[Kind, ...] = module.KINDS
+    return {(kind.name, dimension): kind for kind in kinds for dimension in kind.dimensions}
 
 
 KINDS: dict[str, Gathered[tuple[str, int], Kind]] = {
-    "bodies": Gathered(__package__, "bodies", _by_dimension),
-    "joints": Gathered(__package__, "joints gears", _by_type),
-    "contacts": Gathered(__package__, "contacts", _by_type),
-    "drives": Gathered(__package__, "drives", _by_dimension),
-    "forces": Gathered(__package__, "forces bearings tyres creep controllers", _by_type),
-    "inputs": Gathered(__package__, "inputs", _by_type),
+    "bodies": Gathered(__package__, "bodies", list_kinds),
+    "joints": Gathered(__package__, "joints gears", list_kinds),
+    "contacts": Gathered(__package__, "contacts", list_kinds),
+    "drives": Gathered(__package__, "drives", list_kinds),
+    "forces": Gathered(__package__, "forces bearings tyres creep controllers", list_kinds),
+    "inputs": Gathered(__package__, "inputs", list_kinds),
 }
 """Types by section of a model file, under (name, dimension of the scene)."""

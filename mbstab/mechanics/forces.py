@@ -279,185 +279,177 @@ _FRAME = Field(
 
 _EFFORT = "force in N or torque in N*m; may depend on the time t, on states, coordinates and measures"
 
-KINDS: dict[tuple[str, int], Kind] = {
-    (kind.name, dimension): kind
-    for kind in (
+KINDS: tuple[Kind, ...] = (
+    Kind(
+        "spring",
+        "spring and damper along the line between two points; damping needs a distance between them, "
+        "else use a bearing",
+        (2, 3),
+        (
+            _ENDS,
+            _STIFFNESS,
+            Field("length", "number", "length without force", "m", default="0", sign="nonnegative"),
+            _DAMPING,
+        ),
+        _spring_elements,
+        some_of=("stiffness", "damping"),
+        effort=_spring_effort,
+        look=_spring_look,
+    ),
+    Kind(
+        "bearing",
+        "spring and damper between two points that may coincide, the same in all directions: the force on the "
+        "first is -stiffness*gap - damping*(rate of the gap in the axes of the second body)",
+        (2, 3),
+        (_ENDS, _STIFFNESS, _DAMPING),
+        _bearing_element,
+        some_of=("stiffness", "damping"),
+        effort=_bearing_effort,
+        look=_spring_look,
+    ),
+    *(
         Kind(
-            "spring",
-            "spring and damper along the line between two points; damping needs a distance between them, "
-            "else use a bearing",
-            (2, 3),
+            "bushing",
+            "elastic mount: springs and dampers along and about three axes of the second body, with a preload; "
+            + (
+                "the turn is the difference of the angles",
+                "a turn by the angle a about the unit vector n counts as 2*sin(a/2)*n, less than half a turn",
+            )[dimension - 2],
+            (dimension,),
             (
                 _ENDS,
-                _STIFFNESS,
-                Field("length", "number", "length without force", "m", default="0", sign="nonnegative"),
-                _DAMPING,
-            ),
-            _spring_elements,
-            some_of=("stiffness", "damping"),
-            effort=_spring_effort,
-            look=_spring_look,
-        ),
-        Kind(
-            "bearing",
-            "spring and damper between two points that may coincide, the same in all directions: the force on the "
-            "first is -stiffness*gap - damping*(rate of the gap in the axes of the second body)",
-            (2, 3),
-            (_ENDS, _STIFFNESS, _DAMPING),
-            _bearing_element,
-            some_of=("stiffness", "damping"),
-            effort=_bearing_effort,
-            look=_spring_look,
-        ),
-        *(
-            Kind(
-                "bushing",
-                "elastic mount: springs and dampers along and about three axes of the second body, with a preload; "
-                + (
-                    "the turn is the difference of the angles",
-                    "a turn by the angle a about the unit vector n counts as 2*sin(a/2)*n, less than half a turn",
-                )[dimension - 2],
-                (dimension,),
-                (
-                    _ENDS,
-                    *(field for field in _MOUNT_AXES if dimension in field.dimensions),
-                    replace(_STIFFNESS, shape="vector", doc=_EACH),
-                    replace(_DAMPING, shape="vector", doc=_EACH),
-                    Field("preload", "vector", "force on the first body where the ends meet", "N", default="0"),
-                    *(
-                        Field(name, shape, doc, unit, default="0", sign=sign, instead=ANY_SIGN)
-                        for name, doc, unit, sign in _TURNS
-                    ),
-                ),
-                _bushing,
-                some_of=("stiffness", "damping", "preload", *(name for name, *_ in _TURNS)),
-                transmits=True,
-                look=_spring_look,
-            )
-            for dimension, shape in ((2, "number"), (3, "vector"))
-        ),
-        Kind(
-            "joint_spring",
-            "spring and damper on the angle or the travel of a joint",
-            (2, 3),
-            (
-                _JOINT,
-                MOTION,
-                Field(
-                    "stiffness",
-                    "number",
-                    "stiffness in N/m or N*m/rad",
-                    "",
-                    default="0",
-                    sign="nonnegative",
-                    units=("N*m/rad", "N/m"),
-                    instead=ANY_SIGN,
-                ),
-                Field(
-                    "rest",
-                    "number",
-                    "travel or angle without force; in space angles are taken within half a turn of it",
-                    "",
-                    default="0",
-                    units=("rad", "m"),
-                ),
-                Field(
-                    "damping",
-                    "number",
-                    "viscous damping in N*s/m or N*m*s/rad",
-                    "",
-                    default="0",
-                    sign="nonnegative",
-                    units=("N*m*s/rad", "N*s/m"),
-                    instead=ANY_SIGN,
+                *(field for field in _MOUNT_AXES if dimension in field.dimensions),
+                replace(_STIFFNESS, shape="vector", doc=_EACH),
+                replace(_DAMPING, shape="vector", doc=_EACH),
+                Field("preload", "vector", "force on the first body where the ends meet", "N", default="0"),
+                *(
+                    Field(name, shape, doc, unit, default="0", sign=sign, instead=ANY_SIGN)
+                    for name, doc, unit, sign in _TURNS
                 ),
             ),
-            _joint_spring,
-            some_of=("stiffness", "damping"),
-            effort=_joint_spring_effort,
+            _bushing,
+            some_of=("stiffness", "damping", "preload", *(name for name, *_ in _TURNS)),
+            transmits=True,
+            look=_spring_look,
+        )
+        for dimension, shape in ((2, "number"), (3, "vector"))
+    ),
+    Kind(
+        "joint_spring",
+        "spring and damper on the angle or the travel of a joint",
+        (2, 3),
+        (
+            _JOINT,
+            MOTION,
+            Field(
+                "stiffness",
+                "number",
+                "stiffness in N/m or N*m/rad",
+                "",
+                default="0",
+                sign="nonnegative",
+                units=("N*m/rad", "N/m"),
+                instead=ANY_SIGN,
+            ),
+            Field(
+                "rest",
+                "number",
+                "travel or angle without force; in space angles are taken within half a turn of it",
+                "",
+                default="0",
+                units=("rad", "m"),
+            ),
+            Field(
+                "damping",
+                "number",
+                "viscous damping in N*s/m or N*m*s/rad",
+                "",
+                default="0",
+                sign="nonnegative",
+                units=("N*m*s/rad", "N*s/m"),
+                instead=ANY_SIGN,
+            ),
         ),
-        Kind(
+        _joint_spring,
+        some_of=("stiffness", "damping"),
+        effort=_joint_spring_effort,
+    ),
+    Kind(
+        "actuator",
+        "force or torque along a joint, on the first body against the second",
+        (2, 3),
+        (_JOINT, MOTION, Field("effort", "law", _EFFORT, "", required=True, units=("N*m", "N"))),
+        _actuator,
+        effort=_actuator_effort,
+        following=Kind(
             "actuator",
-            "force or torque along a joint, on the first body against the second",
+            "the same with an effort that depends on the motion or on states",
             (2, 3),
             (
                 _JOINT,
                 MOTION,
-                Field("effort", "law", _EFFORT, "", required=True, units=("N*m", "N")),
+                Field("effort", "signal", _EFFORT, "", required=True, units=("N*m", "N")),
+                Field("on", "loads", "the effort along the motion of the joint", made=True),
             ),
-            _actuator,
-            effort=_actuator_effort,
-            following=Kind(
-                "actuator",
-                "the same with an effort that depends on the motion or on states",
-                (2, 3),
-                (
-                    _JOINT,
-                    MOTION,
-                    Field("effort", "signal", _EFFORT, "", required=True, units=("N*m", "N")),
-                    Field("on", "loads", "the effort along the motion of the joint", made=True),
-                ),
-                lambda item: (),
-                written="force",
-                part=lambda along, name, given: Part({}, given["effort"]),
-            ),
-        ),
-        Kind(
-            "force",
-            "force at a point of a body; with frame: body it follows the body",
-            (2, 3),
-            (
-                Field("at", "marker", "the point: body or body.point", required=True),
-                Field("vector", "law vector", "components; may depend on the time t", "N", required=True),
-                _FRAME,
-            ),
-            _force,
-        ),
-        Kind(
-            "expression",
-            "generalized forces written as expressions of coordinates, rates and time",
-            (2, 3),
-            (Field("on", "loads", "generalized force by coordinate: {body.x: expression}", "", required=True),),
             lambda item: (),
             written="force",
+            part=lambda along, name, given: Part({}, given["effort"]),
         ),
-        Kind(
-            "potential",
-            "forces with a written potential energy V: -∂V/∂q",
-            (2, 3),
-            (Field("energy", "energy", "V, an expression of coordinates and measures of places", "J", required=True),),
-            lambda item: (),
-            written="potential",
+    ),
+    Kind(
+        "force",
+        "force at a point of a body; with frame: body it follows the body",
+        (2, 3),
+        (
+            Field("at", "marker", "the point: body or body.point", required=True),
+            Field("vector", "law vector", "components; may depend on the time t", "N", required=True),
+            _FRAME,
         ),
-        Kind(
-            "dissipation",
-            "forces with a written dissipation function D: -∂D/∂u",
-            (2, 3),
-            (Field("function", "dissipation", "D, half the power of linear dampers", "W", required=True),),
-            lambda item: (),
-            written="dissipation",
+        _force,
+    ),
+    Kind(
+        "expression",
+        "generalized forces written as expressions of coordinates, rates and time",
+        (2, 3),
+        (Field("on", "loads", "generalized force by coordinate: {body.x: expression}", "", required=True),),
+        lambda item: (),
+        written="force",
+    ),
+    Kind(
+        "potential",
+        "forces with a written potential energy V: -∂V/∂q",
+        (2, 3),
+        (Field("energy", "energy", "V, an expression of coordinates and measures of places", "J", required=True),),
+        lambda item: (),
+        written="potential",
+    ),
+    Kind(
+        "dissipation",
+        "forces with a written dissipation function D: -∂D/∂u",
+        (2, 3),
+        (Field("function", "dissipation", "D, half the power of linear dampers", "W", required=True),),
+        lambda item: (),
+        written="dissipation",
+    ),
+    Kind(
+        "torque",
+        "torque on a body",
+        (2,),
+        (
+            Field("body", "body", "the body", required=True),
+            Field("value", "law", "counter-clockwise; may depend on the time t", "N*m", required=True),
         ),
-        Kind(
-            "torque",
-            "torque on a body",
-            (2,),
-            (
-                Field("body", "body", "the body", required=True),
-                Field("value", "law", "counter-clockwise; may depend on the time t", "N*m", required=True),
-            ),
-            _torque,
+        _torque,
+    ),
+    Kind(
+        "torque",
+        "torque on a body; with frame: body it follows the body",
+        (3,),
+        (
+            Field("body", "body", "the body", required=True),
+            Field("vector", "law vector", "components; may depend on the time t", "N*m", required=True),
+            _FRAME,
         ),
-        Kind(
-            "torque",
-            "torque on a body; with frame: body it follows the body",
-            (3,),
-            (
-                Field("body", "body", "the body", required=True),
-                Field("vector", "law vector", "components; may depend on the time t", "N*m", required=True),
-                _FRAME,
-            ),
-            _torque,
-        ),
-    )
-    for dimension in kind.dimensions
-}
+        _torque,
+    ),
+)

@@ -389,80 +389,76 @@ _RATIO = Field(
 _WHEELS = (_TEETH, _RADII, _RATIO)
 _ONE = (("teeth", "radii", "ratio"),)
 
-KINDS: dict[tuple[str, int], Kind] = {
-    (kind.name, dimension): kind
-    for kind in (
-        Kind(
-            "gear",
-            "two wheels in mesh: they turn in opposite senses, with internal: true in the same; with a stiffness or "
-            "damping the teeth are elastic",
-            (2, 3),
-            _fields(
-                ANGLES,
-                "the joints about which the two wheels turn",
-                *_WHEELS,
-                Field("internal", "flag", "whether one of them is a ring gear with internal teeth", default="false"),
-                *_elastic_fields("of the mesh, along the pitch circles", ("radii",)),
-                unit="rad",
-                rest="angle 1 + ratio*angle 2 (-, if internal)",
-            ),
-            _gear,
-            one_of=_ONE,
-            transmits=True,
-            look=_wheels,
+KINDS: tuple[Kind, ...] = (
+    Kind(
+        "gear",
+        "two wheels in mesh: they turn in opposite senses, with internal: true in the same; with a stiffness or "
+        "damping the teeth are elastic",
+        (2, 3),
+        _fields(
+            ANGLES,
+            "the joints about which the two wheels turn",
+            *_WHEELS,
+            Field("internal", "flag", "whether one of them is a ring gear with internal teeth", default="false"),
+            *_elastic_fields("of the mesh, along the pitch circles", ("radii",)),
+            unit="rad",
+            rest="angle 1 + ratio*angle 2 (-, if internal)",
         ),
-        Kind(
-            "belt",
-            "belt or chain around two wheels: they turn in the same sense, with crossed: true in opposite ones; with "
-            "a stiffness or damping it is elastic",
-            (2, 3),
-            _fields(
-                ANGLES,
-                "the joints about which the two wheels turn",
-                *_WHEELS,
-                Field("crossed", "flag", "whether the belt is crossed between the wheels", default="false"),
-                *_elastic_fields("of each of the two spans", ("radii",)),
-                unit="rad",
-                rest="angle 1 - ratio*angle 2 (+, if crossed)",
-            ),
-            _gear,
-            one_of=_ONE,
-            transmits=True,
-            look=_belt_look,
+        _gear,
+        one_of=_ONE,
+        transmits=True,
+        look=_wheels,
+    ),
+    Kind(
+        "belt",
+        "belt or chain around two wheels: they turn in the same sense, with crossed: true in opposite ones; with "
+        "a stiffness or damping it is elastic",
+        (2, 3),
+        _fields(
+            ANGLES,
+            "the joints about which the two wheels turn",
+            *_WHEELS,
+            Field("crossed", "flag", "whether the belt is crossed between the wheels", default="false"),
+            *_elastic_fields("of each of the two spans", ("radii",)),
+            unit="rad",
+            rest="angle 1 - ratio*angle 2 (+, if crossed)",
         ),
-        Kind(
-            "rack",
-            "rack and pinion: travel = radius*angle; with a stiffness or damping the teeth are elastic",
-            (2, 3),
-            _fields(
-                TRAVEL_AND_ANGLE,
-                "the joint along which the rack slides, and that about which the pinion turns",
-                Field("radius", "number", "of the pitch circle, negative if the rack lies on the other side", "m",
-                      required=True, sign="nonzero"),
-                *_elastic_fields("of the mesh, along the rack"),
-                unit="m",
-                rest="travel - radius*angle",
-            ),
-            _rack,
-            transmits=True,
-            look=lambda item: _circles(item, (item.number("radius"),)),
+        _gear,
+        one_of=_ONE,
+        transmits=True,
+        look=_belt_look,
+    ),
+    Kind(
+        "rack",
+        "rack and pinion: travel = radius*angle; with a stiffness or damping the teeth are elastic",
+        (2, 3),
+        _fields(
+            TRAVEL_AND_ANGLE,
+            "the joint along which the rack slides, and that about which the pinion turns",
+            Field("radius", "number", "of the pitch circle, negative if the rack lies on the other side", "m",
+                  required=True, sign="nonzero"),
+            *_elastic_fields("of the mesh, along the rack"),
+            unit="m",
+            rest="travel - radius*angle",
         ),
-        Kind(
-            "differential",
-            "the case turns by the mean of both sides, which get equal torques; with teeth: a planetary set, "
-            "(n1 + n2)*carrier = n1*sun + n2*ring",
-            (2, 3),
-            _fields(
-                SIDES,
-                "the joints of the case and of the two sides, or of carrier, sun and ring",
-                replace(_TEETH, doc="numbers of teeth of both sides, if they differ"),
-                unit="rad",
-                rest="angle of the case - mean of the sides",
-            ),
-            _differential,
-            transmits=True,
-            look=_sides_look,
+        _rack,
+        transmits=True,
+        look=lambda item: _circles(item, (item.number("radius"),)),
+    ),
+    Kind(
+        "differential",
+        "the case turns by the mean of both sides, which get equal torques; with teeth: a planetary set, "
+        "(n1 + n2)*carrier = n1*sun + n2*ring",
+        (2, 3),
+        _fields(
+            SIDES,
+            "the joints of the case and of the two sides, or of carrier, sun and ring",
+            replace(_TEETH, doc="numbers of teeth of both sides, if they differ"),
+            unit="rad",
+            rest="angle of the case - mean of the sides",
         ),
-    )
-    for dimension in kind.dimensions
-}  # fmt: skip
+        _differential,
+        transmits=True,
+        look=_sides_look,
+    ),
+)  # fmt: skip

@@ -34,40 +34,36 @@ def _joint(item: Item) -> Iterable[ElementUse]:
     yield ElementUse(f"{motion}_effort", (first.body, second.body), motion_parameters(joint, motion), (1.0,))
 
 
-KINDS: dict[tuple[str, int], Kind] = {
-    (kind.name, dimension): kind
-    for kind in (
-        Kind(
-            "force",
-            "a force at a point of a body (N)",
-            (2, 3),
-            (Field("at", "marker", "the point: body or body.point", required=True), _DIRECTION, _FRAME),
-            _force,
-        ),
-        Kind("torque", "a torque on a body, counter-clockwise (N*m)", (2,), (_BODY,), _torque),
-        Kind("torque", "a torque on a body (N*m)", (3,), (_BODY, _DIRECTION, _FRAME), _torque),
-        Kind(
-            "joint",
-            "a torque (N*m) or a force (N) along a joint, on the first body against the second",
-            (2, 3),
-            (Field("joint", "joint", "name of the joint", required=True), MOTION),
-            _joint,
-        ),
-        Kind(
-            "drive",
-            "is added to the function of time of a drive",
-            (2, 3),
-            (Field("drive", "drive", "name of the drive", required=True),),
-            lambda item: (),
-        ),
-        Kind(
-            "parameter",
-            "is added to a parameter, which then changes with time",
-            (2, 3),
-            (Field("parameter", "parameter", "name of the parameter", required=True),),
-            lambda item: (),
-        ),
-    )
-    for dimension in kind.dimensions
-}
+KINDS: tuple[Kind, ...] = (
+    Kind(
+        "force",
+        "a force at a point of a body (N)",
+        (2, 3),
+        (Field("at", "marker", "the point: body or body.point", required=True), _DIRECTION, _FRAME),
+        _force,
+    ),
+    Kind("torque", "a torque on a body, counter-clockwise (N*m)", (2,), (_BODY,), _torque),
+    Kind("torque", "a torque on a body (N*m)", (3,), (_BODY, _DIRECTION, _FRAME), _torque),
+    Kind(
+        "joint",
+        "a torque (N*m) or a force (N) along a joint, on the first body against the second",
+        (2, 3),
+        (Field("joint", "joint", "name of the joint", required=True), MOTION),
+        _joint,
+    ),
+    Kind(
+        "drive",
+        "is added to the function of time of a drive",
+        (2, 3),
+        (Field("drive", "drive", "name of the drive", required=True),),
+        lambda item: (),
+    ),
+    Kind(
+        "parameter",
+        "is added to a parameter, which then changes with time",
+        (2, 3),
+        (Field("parameter", "parameter", "name of the parameter", required=True),),
+        lambda item: (),
+    ),
+)
 """What ``inputs:`` may contain; `build` gives the elements of a signal of size 1, with numbers in the place of laws."""

@@ -234,132 +234,113 @@ def _rod(item: Item) -> tuple[Look, ...]:
 
 _FREE_AXIS = Field(AXIS.name, AXIS.shape, "direction held parallel, in the frame of each body", default="x")
 
-KINDS: dict[tuple[str, int], Kind] = {
-    (kind.name, dimension): kind
-    for kind in (
-        _joint("revolute", "turns about an axis", _COINCIDENT, *_PARALLEL, motions=("angle",), look=_pin),
-        _joint(
-            "revolute", "turns about a point", _COINCIDENT, dimensions=(2,), fields=(), motions=("angle",), look=_pin
-        ),
-        _joint(
-            "prismatic",
-            "slides along an axis",
-            *_ON_LINE,
-            *_PARALLEL,
-            _NO_TURN,
-            motions=("displacement",),
-            look=_slider,
-        ),
-        _joint(
-            "prismatic",
-            "slides along an axis",
-            Primitive("in_plane", "v2"),
-            Primitive("aligned"),
-            dimensions=(2,),
-            fields=(AXIS,),
-            motions=("displacement",),
-            look=_slider,
-        ),
-        _joint(
-            "cylindrical",
-            "turns about and slides along an axis",
-            *_ON_LINE,
-            *_PARALLEL,
-            motions=("angle", "displacement"),
-            look=_slider,
-        ),
-        _joint(
-            "universal",
-            "Hooke's joint: the axes of the two bodies meet at a right angle",
-            _COINCIDENT,
-            Primitive("perpendicular", "v1", "v1"),
-            look=_pin,
-        ),
-        _joint(
-            "constant_velocity",
-            "homokinetic joint: the shafts along the axes of the two bodies turn equally at any bend between them",
-            _COINCIDENT,
-            Primitive("equal_turns"),
-            look=_pin,
-        ),
-        _joint(
-            "spherical", "turns in every direction about a point", _COINCIDENT, dimensions=(2, 3), fields=(), look=_pin
-        ),
-        _joint(
-            "planar",
-            "slides and turns in the plane across the axis",
-            Primitive("in_plane", "v1"),
-            Primitive("perpendicular", "v1", "v2"),
-            Primitive("perpendicular", "v1", "v3"),
-            motions=("angle",),
-            look=_slider,
-        ),
-        _joint(
-            "fixed",
-            "holds the bodies together; their axes coincide",
-            _COINCIDENT,
-            *_PARALLEL,
-            _NO_TURN,
-            fields=(Field(AXIS.name, AXIS.shape, AXIS.doc, default="z"), ZERO),
-        ),
-        _joint(
-            "fixed",
-            "holds the bodies together",
-            _COINCIDENT,
-            Primitive("aligned"),
-            dimensions=(2,),
-            fields=(_FREE_AXIS,),
-        ),
-        _joint(
-            "point_on_line",
-            "a point of the second body slides along an axis of the first, turning freely",
-            *_ON_LINE,
-            look=_slider,
-        ),
-        _joint(
-            "point_on_line",
-            "a point of the second body slides along an axis of the first, turning freely",
-            Primitive("in_plane", "v2"),
-            dimensions=(2,),
-            fields=(AXIS,),
-            look=_slider,
-        ),
-        _joint(
-            "point_on_plane",
-            "a point of the second body stays in the plane across an axis of the first, turning freely",
-            Primitive("in_plane", "v1"),
-            fields=(AXIS,),
-            look=_slider,
-        ),
-        _joint(
-            "distance",
-            "massless rod: keeps two points at a distance",
-            Primitive("distance"),
-            dimensions=(2, 3),
-            fields=(Field("length", "number", "the distance", "m", required=True, sign="positive"),),
-            look=_rod,
-        ),
-        _joint(
-            "screw",
-            "turns about an axis and advances by the lead in each turn",
-            *_ON_LINE,
-            *_PARALLEL,
-            Primitive("screw"),
-            fields=(
-                AXIS,
-                ZERO,
-                Field(
-                    "lead",
-                    "number",
-                    "advance in one turn, negative for a left-hand thread",
-                    "m",
-                    required=True,
-                    sign="nonzero",
-                ),
+KINDS: tuple[Kind, ...] = (
+    _joint("revolute", "turns about an axis", _COINCIDENT, *_PARALLEL, motions=("angle",), look=_pin),
+    _joint("revolute", "turns about a point", _COINCIDENT, dimensions=(2,), fields=(), motions=("angle",), look=_pin),
+    _joint(
+        "prismatic", "slides along an axis", *_ON_LINE, *_PARALLEL, _NO_TURN, motions=("displacement",), look=_slider
+    ),
+    _joint(
+        "prismatic",
+        "slides along an axis",
+        Primitive("in_plane", "v2"),
+        Primitive("aligned"),
+        dimensions=(2,),
+        fields=(AXIS,),
+        motions=("displacement",),
+        look=_slider,
+    ),
+    _joint(
+        "cylindrical",
+        "turns about and slides along an axis",
+        *_ON_LINE,
+        *_PARALLEL,
+        motions=("angle", "displacement"),
+        look=_slider,
+    ),
+    _joint(
+        "universal",
+        "Hooke's joint: the axes of the two bodies meet at a right angle",
+        _COINCIDENT,
+        Primitive("perpendicular", "v1", "v1"),
+        look=_pin,
+    ),
+    _joint(
+        "constant_velocity",
+        "homokinetic joint: the shafts along the axes of the two bodies turn equally at any bend between them",
+        _COINCIDENT,
+        Primitive("equal_turns"),
+        look=_pin,
+    ),
+    _joint("spherical", "turns in every direction about a point", _COINCIDENT, dimensions=(2, 3), fields=(), look=_pin),
+    _joint(
+        "planar",
+        "slides and turns in the plane across the axis",
+        Primitive("in_plane", "v1"),
+        Primitive("perpendicular", "v1", "v2"),
+        Primitive("perpendicular", "v1", "v3"),
+        motions=("angle",),
+        look=_slider,
+    ),
+    _joint(
+        "fixed",
+        "holds the bodies together; their axes coincide",
+        _COINCIDENT,
+        *_PARALLEL,
+        _NO_TURN,
+        fields=(Field(AXIS.name, AXIS.shape, AXIS.doc, default="z"), ZERO),
+    ),
+    _joint(
+        "fixed", "holds the bodies together", _COINCIDENT, Primitive("aligned"), dimensions=(2,), fields=(_FREE_AXIS,)
+    ),
+    _joint(
+        "point_on_line",
+        "a point of the second body slides along an axis of the first, turning freely",
+        *_ON_LINE,
+        look=_slider,
+    ),
+    _joint(
+        "point_on_line",
+        "a point of the second body slides along an axis of the first, turning freely",
+        Primitive("in_plane", "v2"),
+        dimensions=(2,),
+        fields=(AXIS,),
+        look=_slider,
+    ),
+    _joint(
+        "point_on_plane",
+        "a point of the second body stays in the plane across an axis of the first, turning freely",
+        Primitive("in_plane", "v1"),
+        fields=(AXIS,),
+        look=_slider,
+    ),
+    _joint(
+        "distance",
+        "massless rod: keeps two points at a distance",
+        Primitive("distance"),
+        dimensions=(2, 3),
+        fields=(Field("length", "number", "the distance", "m", required=True, sign="positive"),),
+        look=_rod,
+    ),
+    _joint(
+        "screw",
+        "turns about an axis and advances by the lead in each turn",
+        *_ON_LINE,
+        *_PARALLEL,
+        Primitive("screw"),
+        fields=(
+            AXIS,
+            ZERO,
+            Field(
+                "lead",
+                "number",
+                "advance in one turn, negative for a left-hand thread",
+                "m",
+                required=True,
+                sign="nonzero",
             ),
-            motions=("angle", "displacement"),
-            look=_slider,
         ),
-    )
-    for dimension in kind.dimensions
-}
+        motions=("angle", "displacement"),
+        look=_slider,
+    ),
+)

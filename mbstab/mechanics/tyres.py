@@ -364,8 +364,8 @@ _STIFFNESS = (
     ),
 )
 
-KINDS: dict[tuple[str, int], Kind] = {
-    ("tyre", dimension): Kind(
+KINDS: tuple[Kind, ...] = tuple(
+    Kind(
         "tyre",
         "side force and aligning moment of a rolling wheel, " + ("seen from above", "with a contact")[dimension - 2],
         (dimension,),
@@ -378,4 +378,4 @@ KINDS: dict[tuple[str, int], Kind] = {
         ),
     )
     for dimension, where in _WHERE.items()
-}
+)

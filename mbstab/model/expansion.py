@@ -22,24 +22,19 @@ from typing import Any
 from mbstab.errors import UsageError, alternatives
 from mbstab.mechanics.elements import KINDS
 from mbstab.model.arithmetic import CONSTANTS
+from mbstab.model.fields.catalogue import kind_of
 from mbstab.model.functions import CALLED
+from mbstab.model.keys import INCLUDE, SECTIONS, Section
 from mbstab.model.nodes import NAME, NodeReader
 from mbstab.model.renaming import Renaming, states_of_force
-from mbstab.model.schema import INCLUDE_FIELDS, SECTIONS
 from mbstab.model.yamlfile import Document, Mapping, Scalar, Sequence, YamlNode, parse_part, read_beside
 
 MAX_NODES = 300_000
 MAX_TEXT = 20_000_000
 """Characters of all nodes."""
 MAX_DEPTH = 8
-EXPANDED = ("counts", "repeat", "include", "needs")
-"""Sections that are gone after the expansion."""
-ONLY_ONCE = ("mbstab", "title", "source", "gravity", "sweep", "expect")
-"""Sections that only the file itself has."""
-LEVELS = {"reference": 2, "initial": 2, "ground": 2, "reference.guess.rates": 1}
-"""How many levels of a section, or of what stands in it, are merged, if not one."""
-NAMED = (*KINDS, "parameters", "tables", "definitions", "constraints", "states", "outputs", "modes")
-"""Sections whose keys are names."""
+RATES = "reference.guess.rates"
+"""Names that stand one level deeper than others of their section."""
 _RANGE = "write for: {i: [1, 10]} with the first and the last value"
 _BLOCK = {
     "repeat": ("a block with the key for:", "write repeat: [{for: {i: [1, 10]}, bodies: {…}}]"),
@@ -67,13 +62,18 @@ def expanded(document: Document, root: Mapping) -> Mapping:
     ModelFileError
         If a part cannot be read, or there would be more than `MAX_NODES` nodes.
     """
-    if not any(key in root.entries for key in EXPANDED):
+    if not any(_section(key).expanded for key in root.entries):
         return root
     if "needs" in root.entries:
         names = ", ".join(NodeReader(document).optional_pairs(root.entries["needs"], "needs"))
         hint = "another file takes it: include: [{file: …, prefix: …, with: {…}}]"
         document.fail(root.keys["needs"].location, "", f"this is a part of a model: it needs {names}", hint)
     return _Expansion(document).of(root, {}, ())
+
+
+def _section(name: str) -> Section:
+    """Return what is known of a section; of one that does not exist, nothing."""
+    return SECTIONS.get(name, Section(name, "text", ""))
 
 
 class _Expansion:
@@ -91,7 +91,7 @@ class _Expansion:
         numbers = {**numbers, **self._counts(root.entries.get("counts"), numbers, given or {})}
         found = Mapping({}, {}, root.location)
         for key, node in root.pairs():
-            if key.text not in EXPANDED:
+            if not _section(key.text).expanded:
                 self._put(found, key, self._written(node, numbers, key.text), key.text, 0)
         for block in self._blocks(root.entries.get("repeat"), "repeat"):
             for values in self._values(block, numbers):
@@ -115,10 +115,10 @@ class _Expansion:
     def _add(self, found: Mapping, part: Mapping, what: str) -> None:
         """Merge the sections of a block into those of a file."""
         for key, node in part.pairs():
-            if key.text in ONLY_ONCE:
+            if _section(key.text).once:
                 self.nodes.complain(key, key.text, f"the section {key.text!r} cannot be {what}", "write it in the file")
             else:
-                self._put(found, key, node, key.text, LEVELS.get(key.text, 1))
+                self._put(found, key, node, key.text, 2 if kind_of(_section(key.text)).names == "fields" else 1)
 
     def _put(self, found: Mapping, key: Scalar, node: YamlNode, path: str, levels: int) -> None:
         """Put a node under a key; mappings are merged on so many levels, below which a name may stand once only."""
@@ -128,7 +128,7 @@ class _Expansion:
         elif levels and isinstance(other, Mapping) and isinstance(node, Mapping):
             for inner, value in node.pairs():
                 place = f"{path}.{inner.text}"
-                self._put(other, inner, value, place, LEVELS.get(place, levels - 1))
+                self._put(other, inner, value, place, 1 if place == RATES else levels - 1)
         elif not (isinstance(node, Scalar) and node.empty) and not self._told(key):
             first = found.keys[key.text].location
             message = f"the name {key.text!r} is there already, from {first.file}:{first.line}"
@@ -239,7 +239,7 @@ class _Expansion:
     def _part(self, block: Mapping, numbers: dict[str, int], chain: tuple[str, ...]) -> Mapping | None:
         """Return the sections of a part, with its names prefixed."""
         block = _as_mapping(self._written(block, numbers, "include"))
-        self.nodes.known_keys(block, "include", INCLUDE_FIELDS)
+        self.nodes.known_keys(block, "include", [field.name for field in INCLUDE])
         node = self.nodes.required(block, "file", "include", "the name of a file in the folder of the model")
         name = None if node is None else self.nodes.word(node, "include.file", "the name of a file")
         if node is None or name is None:
@@ -318,8 +318,9 @@ class _Expansion:
     def _own(self, part: Mapping) -> list[str]:
         """Return the names that a part gives."""
         own: list[str] = []
-        for section in NAMED:
-            node = part.entries.get(section)
+        for section, node in part.entries.items():
+            if kind_of(_section(section)).names not in ("keys", "fields by name"):
+                continue
             for key in node.keys.values() if isinstance(node, Mapping) else ():
                 if key.text in _reserved():
                     message = f"{key.text!r} is a word of the file format: a part cannot use it as a name"

@@ -9,22 +9,23 @@ from collections.abc import Mapping as MappingType
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mbstab.errors import ModelFileError, UsageError
-from mbstab.model.expansion import EXPANDED, expanded
+from mbstab.model.expansion import expanded
+from mbstab.model.fields.base import Reading
+from mbstab.model.fields.catalogue import kind_of
 from mbstab.model.garbage import uncollected
+from mbstab.model.keys import SECTIONS, VERSION
 from mbstab.model.names import Names
 from mbstab.model.nodes import NodeReader
 from mbstab.model.parameters import bound
 from mbstab.model.quantities import QuantityReader
-from mbstab.model.schema import SECTIONS, VERSION, Model
+from mbstab.model.schema import Model
 from mbstab.model.sections.definitions import DefinitionReader
 from mbstab.model.sections.entries import EntryReader, home
-from mbstab.model.sections.expectations import ExpectationReader
-from mbstab.model.sections.modes import ModeReader
 from mbstab.model.sections.outputs import read_outputs
 from mbstab.model.sections.parameters import ParameterReader
-from mbstab.model.sections.reference import ReferenceReader
 from mbstab.model.sections.tables import TableReader
 from mbstab.model.yamlfile import Document, Mapping, Opened, Scalar, not_told, parse_yaml, read_text, yaml_text
 
@@ -156,7 +157,7 @@ def _read(document: Document, root: Mapping) -> Model:
     nodes = NodeReader(document)
     quantities = QuantityReader(Names(nodes))
     top = root.entries
-    nodes.known_keys(root, "", [key for key in SECTIONS if key not in EXPANDED], home)
+    nodes.known_keys(root, "", [name for name, x in SECTIONS.items() if not x.expanded], home)
     _check_version(nodes, root)
     quantities.names.tables = TableReader(nodes).read(top.get("tables"))
     ParameterReader(quantities).read(top.get("parameters"))
@@ -169,28 +170,28 @@ def _read(document: Document, root: Mapping) -> Model:
     entry_reader.find_states(top)
     entries = entry_reader.read(top, definitions)
     inputs = entries.pop("inputs")
-    reference, expectations = ReferenceReader(quantities), ExpectationReader(quantities)
-    gravity = Scalar("0", root.location) if "gravity" not in top else top["gravity"]
+    reading = Reading(quantities, root, "")
+
+    def value(name: str, absent: str = "") -> Any:
+        section = SECTIONS[name]
+        return kind_of(section).read(reading, section, top.get(name, Scalar(absent, root.location)), name)
+
     return Model(
         document=document,
         dimension=quantities.names.dimension,
         order=tuple(
             dict.fromkeys([*(key for key in top if key in entries), *(["states"] if entries["states"] else [])])
         ),
-        title=nodes.text(top.get("title"), "title"),
-        source=nodes.text(top.get("source"), "source"),
+        title=value("title"),
+        source=value("source"),
         parameters=quantities.names.parameters,
-        gravity=quantities.vector(gravity, "gravity", "m/s^2"),
+        gravity=value("gravity", "0"),
         ground=quantities.names.geometry[None][0],
         bodies=bodies,
         entries=entries,
         inputs=inputs,
         outputs=read_outputs(quantities, top.get("outputs"), entries),
-        reference=reference.reference(root),
-        initial=reference.initial(root),
-        sweep=expectations.sweep(top.get("sweep")),
-        modes=ModeReader(quantities, expectations).read(top.get("modes")),
-        expect=expectations.expect(top.get("expect")),
+        **{name: value(name) for name in ("reference", "initial", "sweep", "modes", "expect")},
         measures=quantities.names.measures,
         definitions=quantities.names.definitions,
         tables=quantities.names.tables,

@@ -7,20 +7,22 @@ columns of files and units stay, also where a name of the part is spelled the sa
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from collections.abc import Mapping as MappingType
 from contextlib import suppress
+from dataclasses import replace
 
-from mbstab.mechanics.catalogue import Kind, PartError
+from mbstab.mechanics.catalogue import Field, Kind, PartError
 from mbstab.mechanics.elements import KINDS
-from mbstab.model.fields.base import FieldKind, FormError
+from mbstab.model.fields.base import FormError
 from mbstab.model.fields.catalogue import kind_of
+from mbstab.model.keys import ALONG, CURVES, SECTIONS
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 
 _TOKEN = re.compile(r"(?<![\w.])(ground\.)?([A-Za-z_]\w*)")
 _BARE = re.compile(r"-?[A-Za-z_]\w*")
-_WORDS = ("type", "unit", "sign", "description", "along", "file", "function")
-"""Keys below a section, or within a field, whose values are words of the file format or texts."""
+_WORDS = ("type", *(field.name for field in (ALONG, *CURVES) if field.shape != "number"))
+"""Keys within a field of an entry whose values are words of the file format or texts."""
 
 
 class Renaming:
@@ -61,62 +63,53 @@ class Renaming:
         ground, name = match[1], match[2]
         return f"{ground}{self.points.get(name, name)}" if ground else self.words.get(name, name)
 
-    # --- sections -----------------------------------------------------------------------------------------------------
+    # --- keys ---------------------------------------------------------------------------------------------------------
 
     def _section(self, section: str, node: YamlNode) -> YamlNode:
         if section == "ground":
             return self._mapped(node, self._places)
         if section in KINDS:
-            return self._mapped(node, lambda _, entry: self._entry(section, entry), self.text)
-        if section == "tables":
-            return self._mapped(node, lambda _, table: table, self.text)
-        if section == "modes":
-            return self._mapped(node, lambda _, mode: self._mapped(mode, self._of_mode), self.text)
-        if section in ("reference", "initial"):
-            return self._mapped(node, self._of_motion)
-        return self._mapped(node, lambda _, item: self._values(item), self.text)
+            return self._mapped(node, lambda _, entry: self._fields(_fields_of(section, entry), entry), self.text)
+        return self._field(SECTIONS[section], node, node) if section in SECTIONS else self._values(node)
 
     def _places(self, group: str, node: YamlNode) -> YamlNode:
         names = self.points if group == "points" else self.directions
         return self._mapped(node, lambda _, place: self._values(place), lambda name: names.get(name, name))
 
-    def _of_mode(self, key: str, node: YamlNode) -> YamlNode:
-        if key == "near":
-            return node
-        return self._mapped(node, lambda _, x: x if key == "shape" else self._values(x), self.text)
+    def _fields(self, fields: Iterable[Field], node: YamlNode) -> YamlNode:
+        known = {field.name: field for field in fields}
+        return self._mapped(
+            node, lambda key, x: self._field(known[key], x, node) if key in known else self._other(key, x)
+        )
 
-    def _of_motion(self, key: str, node: YamlNode) -> YamlNode:
-        if key == "find":
-            return node
-        if key == "guess":
-            return self._mapped(
-                node, lambda x, item: self._of_motion(x, item) if x == "rates" else self._values(item), self.text
-            )
-        if key == "steady":
-            return self._mapped(
-                node, lambda x, item: self._direction(item) if x in ("axis", "direction") else self._values(item)
-            )
-        return self._mapped(node, lambda _, item: self._values(item), self.text)
+    def _other(self, key: str, node: YamlNode) -> YamlNode:
+        """Return the value of a key that is no field."""
+        return node if key == "type" else self._values(node)
 
-    # --- entries ------------------------------------------------------------------------------------------------------
-
-    def _entry(self, section: str, entry: YamlNode) -> YamlNode:
-        if not isinstance(entry, Mapping):
-            return self._values(entry)
-        kinds = _fields(section, entry)
-        return self._mapped(entry, lambda key, node: self._field(kinds.get(key), key, node, entry))
-
-    def _field(self, kind: FieldKind | None, key: str, node: YamlNode, entry: Mapping) -> YamlNode:
-        names = "values" if kind is None else kind.names
-        if key == "type" or names == "none":
-            return node
-        if names == "keys":
-            return self._mapped(node, lambda _, item: self._values(item), self.text)
-        if names == "ground direction":
-            return self._direction(node)
-        if names == "direction":
-            return self._of_body(node)
-        return self._directions(node, entry) if names == "directions" else self._values(node)
+    def _field(self, field: Field, node: YamlNode, entry: YamlNode) -> YamlNode:
+        match kind_of(field).names:
+            case "none":
+                return node
+            case "keys":
+                return self._mapped(node, lambda _, item: self._values(item), self.text)
+            case "only keys":
+                return self._mapped(node, lambda _, item: item, self.text)
+            case "guess":
+                rates = replace(field, shape="rates")
+                return self._mapped(
+                    node, lambda key, x: self._field(rates, x, node) if key == "rates" else self._values(x), self.text
+                )
+            case "fields":
+                return self._fields(field.keys, node)
+            case "fields by name":
+                return self._mapped(node, lambda _, item: self._fields(field.keys, item), self.text)
+            case "ground direction":
+                return self._direction(node)
+            case "direction":
+                return self._of_body(node)
+            case "directions":
+                return self._directions(node, entry)
+        return self._values(node)
 
     def _direction(self, node: YamlNode) -> YamlNode:
         """Return a direction in the axes of the ground."""
@@ -128,9 +121,9 @@ class Renaming:
         """Return a direction in the frame of a body."""
         return node if isinstance(node, Scalar) else self._values(node)
 
-    def _directions(self, node: YamlNode, entry: Mapping) -> YamlNode:
+    def _directions(self, node: YamlNode, entry: YamlNode) -> YamlNode:
         """Return a direction in the frames of two bodies, one of which may be the ground, or a list of two."""
-        between = entry.entries.get("between")
+        between = entry.entries.get("between") if isinstance(entry, Mapping) else None
         grounds = [self._is_ground(x) for x in between.items] if isinstance(between, Sequence) else []
         if len(grounds) != 2 or (isinstance(node, Sequence) and not self._is_pair(node)):
             return self._values(node)
@@ -191,12 +184,12 @@ def states_of_force(name: str, entry: Mapping) -> Iterator[str]:
                 yield from part_of(kind, name, entry).states
 
 
-def _fields(section: str, entry: Mapping) -> dict[str, FieldKind]:
-    return {field.name: kind_of(field) for kind in _kinds(section, entry) for field in kind.fields}
+def _fields_of(section: str, entry: YamlNode) -> list[Field]:
+    return [field for kind in _kinds(section, entry) for field in kind.fields]
 
 
-def _kinds(section: str, entry: Mapping) -> list[Kind]:
+def _kinds(section: str, entry: YamlNode) -> list[Kind]:
     """Return the kind of an entry, in the plane and in space; none if its type is unknown."""
-    node = entry.entries.get("type")
+    node = entry.entries.get("type") if isinstance(entry, Mapping) else None
     kinds = [KINDS[section].get((node.text, d)) for d in (2, 3)] if isinstance(node, Scalar) else []
     return [kind for kind in kinds if kind is not None]

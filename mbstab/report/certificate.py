@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from textwrap import wrap
 from typing import Any
 
 from mbstab.analysis.proof.certify import Certificate
 from mbstab.analysis.verdict.spectrum import Modulo
-from mbstab.report import width
+from mbstab.model.schema import Model
 from mbstab.report.eigenvalue_data import spectrum_data
-from mbstab.report.tables import decimals, table
+from mbstab.report.export import attributes
+from mbstab.report.tables import decimals, table, wrap_lines
 
 SHOWN = 20
 """Digits of a midpoint in a table."""
@@ -28,7 +28,7 @@ WORDS = {
 }
 
 
-def certificate_data(result: Certificate, model: str, title: str) -> dict[str, Any]:
+def certificate_data(result: Certificate, model: Model) -> dict[str, Any]:
     """Return the JSON object of ``mbstab eig --certify``.
 
     Keys: ``model``, ``title``, ``verdict``, ``status`` (``proven``, ``conditional``: the verdict
@@ -42,35 +42,22 @@ def certificate_data(result: Certificate, model: str, title: str) -> dict[str, A
     ``reason``, ``at_low`` and ``at_high``: enclosures of the coordinates that were solved for).
     """
     return {
-        "model": model,
-        "title": title,
-        "verdict": result.verdict,
-        "status": result.status,
-        "proven": result.proven,
-        "conditions": result.conditions,
-        "statement": result.statement,
+        **attributes(result, "verdict status proven conditions statement"),
         "modulo": _modulo(result.modulo),
         "in_place": result.in_place,
         "reason": "; ".join(result.judged.reasons if result.judged is not None else result.reasons),
-        "evidence": result.evidence,
-        "warnings": result.warnings,
+        **attributes(result, "evidence warnings"),
         "eigenvalues": [
             {
                 "real": decimals(e.real, result.digits),
                 "imag": decimals(e.imag, result.digits),
-                "count": e.count,
-                "kind": e.kind,
-                "why": e.why,
+                **attributes(e, "count kind why"),
             }
             for e in result.eigenvalues
         ],
-        "assumed": result.assumed,
-        "reasons": result.reasons,
-        "notes": result.notes,
+        **attributes(result, "assumed reasons notes"),
         "spectrum": spectrum_data(result.spectrum),
-        "digits": result.digits,
-        "parameter": result.parameter,
-        "followed": result.followed,
+        **attributes(result, "digits parameter followed"),
         "parts": [
             {
                 "low": str(part.low),
@@ -90,9 +77,9 @@ def _modulo(modulo: Modulo) -> dict[str, tuple[str, ...]]:
     return {"symmetries": modulo.symmetries, "family": modulo.family}
 
 
-def certificate_text(result: Certificate, title: str) -> str:
+def certificate_text(result: Certificate, model: Model) -> str:
     """Return the answer of ``mbstab eig --certify`` as text."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     if result.eigenvalues:
         rows = [
             [_number(e.real), _number(e.imag), f"{e.radius:.0e}" if e.wide else "0", str(e.count), WORDS[e.kind]]
@@ -147,7 +134,7 @@ def _in_unit(x: Fraction, result: Certificate) -> str:
 
 
 def _wrapped(text: str, indent: str) -> list[str]:
-    return wrap(text, width=width(), initial_indent=indent, subsequent_indent=indent + "  " if indent else "")
+    return wrap_lines(text, indent, indent + "  " if indent else "")
 
 
 def _number(x: Any) -> str:

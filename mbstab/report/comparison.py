@@ -4,38 +4,39 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.report import width
-from mbstab.report.tables import eigenvalue, number, table
+from mbstab.report.export import Rows
+from mbstab.report.tables import eigenvalue, fill_lines, number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.methods import Comparison, Outcome
 
 
-def compare_text(result: Comparison, title: str) -> str:
+def compare_text(result: Comparison, model: Model) -> str:
     """Return the answer of ``mbstab compare`` as text."""
     truth, outcomes = result.truth, result.outcomes
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     heads = ["", "method", "largest\nerror", "method\nalone", "claimed\nbound", "time\n(ms)", "memory\n(kB)", "lost"]
     lines.append(
         table([*heads, "invented"], [_outcome_row(n, x, truth.digits) for n, x in enumerate(outcomes, 1)], left=(1,))
     )
-    lines += _filled(
+    lines += fill_lines(
         f"errors: relative to the modulus of each eigenvalue, against {truth.digits} digits, which took "
         f"{truth.seconds:.2g} s"
     )
     if len(result.rounding) and not _unknown(result):
-        lines += _filled(
+        lines += fill_lines(
             f"rounding of parameters and matrices to double moves eigenvalues by up to "
             f"{_size(max(result.rounding), truth.digits)}; "
             "method alone: error against the exact eigenvalues of these matrices"
         )
     elif len(result.rounding):
-        lines += _filled("method alone: not known, as rounding makes redundant constraints contradict each other")
-    lines += _filled(
+        lines += fill_lines("method alone: not known, as rounding makes redundant constraints contradict each other")
+    lines += fill_lines(
         "time: from the reference motion to eigenvalues and vectors (the motion and checks before that: "
         f"{1e3 * result.seconds:.3g} ms); with more digits, of everything"
     )
@@ -47,9 +48,9 @@ def compare_text(result: Comparison, title: str) -> str:
     lines.append(f"Verdict with {truth.digits} digits: {truth.verdict}")
     different = [f"{n} {x.method} ({x.verdict})" for n, x in enumerate(outcomes, 1) if _differs(x, result)]
     if different:
-        lines += _filled(f"another verdict by {', '.join(different)}")
+        lines += fill_lines(f"another verdict by {', '.join(different)}")
     if result.chosen is not None:
-        lines += ["", *_filled(_choice(result))]
+        lines += ["", *fill_lines(_choice(result))]
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
@@ -72,10 +73,6 @@ def _outcome_row(n: int, x: Outcome, digits: int) -> list[str]:
         str(x.lost),
         str(x.invented),
     ]
-
-
-def _filled(text: str) -> list[str]:
-    return wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
 
 
 ROUNDING = "rounding of data"
@@ -120,7 +117,9 @@ def _failures(outcomes: Sequence[Outcome]) -> list[str]:
         if x.failure:
             text = x.failure.splitlines()[0].removeprefix(f"--method {x.method} ")
             texts.setdefault(text, []).append(str(n))
-    return [line for text, numbers in texts.items() for line in _filled(f"no answer by {', '.join(numbers)}: {text}")]
+    return [
+        line for text, numbers in texts.items() for line in fill_lines(f"no answer by {', '.join(numbers)}: {text}")
+    ]
 
 
 def _remarks(outcomes: Sequence[Outcome]) -> list[str]:
@@ -133,7 +132,7 @@ def _remarks(outcomes: Sequence[Outcome]) -> list[str]:
         parts += ["an error above its bound"] if x.exceeded else []
         if parts:
             texts.setdefault(", ".join(parts), []).append(str(n))
-    found = [line for text, numbers in texts.items() for line in _filled(f"{', '.join(numbers)}: {text}")]
+    found = [line for text, numbers in texts.items() for line in fill_lines(f"{', '.join(numbers)}: {text}")]
     return [*(["besides:"] if found else []), *(f"  {line}" for line in found)]
 
 
@@ -161,3 +160,60 @@ def _choice(result: Comparison) -> str:
     text = f"{chosen.method} keeps {tolerance:g}: error {error} in {1e3 * chosen.seconds:.3g} ms"
     missed = ", ".join(f"{x.method} ({_size(x.error) if math.isfinite(x.error) else 'wrong'})" for x in faster)
     return f"{text}; faster ones do not: {missed}" if faster else f"{text}, and none is faster"
+
+
+def compare_data(result: Comparison, model: Model) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab compare``.
+
+    Keys: ``model``, ``title``, ``digits``, ``truth`` (``real`` and ``imag`` of each eigenvalue as
+    decimal text, 1/s), ``neutral``, ``verdict``, ``rounding`` (change by the rounding of the data to
+    double precision alone, of each eigenvalue), ``seconds`` (reference motion and linearized
+    equations with their checks), ``methods`` (see below), ``tolerance`` and ``chosen`` (a method).
+
+    Of each method: ``method``, ``values`` (``real``, ``imag``; 1/s), ``errors``, ``own_errors``
+    (from the eigenvalues of the rounded data) and ``bounds``, one for each of ``truth`` and
+    relative to its modulus; ``error``, ``own_error``, ``bound`` (the largest ones), ``exceeded``
+    (an error is larger than its bound), ``lost``, ``invented``, ``zeros`` and ``drift`` (1/s: largest
+    error of a neutral eigenvalue and of one of constraint drift), ``besides``,
+    ``verdict``, ``seconds``, ``memory`` (bytes), ``failure`` (why there is no answer). Null stands
+    for missing values: ``error`` is null if an eigenvalue is lost or invented.
+    """
+    return {
+        "digits": result.truth.digits,
+        "truth": [{"real": e.real, "imag": e.imag} for e in result.truth.eigenvalues],
+        "neutral": result.truth.neutral,
+        "verdict": result.truth.verdict,
+        "rounding": result.rounding,
+        "seconds": result.seconds,
+        "methods": [_outcome(x) for x in result.outcomes],
+        "tolerance": result.tolerance,
+        "chosen": None if result.chosen is None else result.chosen.method,
+    }
+
+
+def _outcome(x: Outcome) -> dict[str, Any]:
+    values = [{"real": s.real, "imag": s.imag} for s in x.values]
+    largest = {"error": x.error, "own_error": x.own_error, "bound": x.bound, "exceeded": x.exceeded}
+    if x.failure:
+        counts: dict[str, Any] = dict.fromkeys(("lost", "invented", "zeros", "drift", "besides", "verdict"))
+    else:
+        counts = {key: getattr(x, key) for key in ("lost", "invented", "zeros", "drift", "besides", "verdict")}
+    cost = {"seconds": x.seconds, "memory": x.memory or None, "failure": x.failure or None}
+    errors = {"errors": x.errors, "own_errors": x.own_errors, "bounds": x.bounds}
+    return {"method": x.method, "values": values} | errors | largest | counts | cost
+
+
+def compare_rows(result: Comparison, model: Model) -> Rows:
+    """Return one line for each method and true eigenvalue."""
+    heads = [
+        "method", "true real (1/s)", "true imag (1/s)", "real (1/s)", "imag (1/s)", "relative error",
+        "own relative error", "claimed bound", "seconds", "bytes", "failure",
+    ]  # fmt: skip
+    rows: list[list[Any]] = []
+    for x in result.outcomes:
+        failure = x.failure.partition("\n")[0]
+        columns = (result.truth.eigenvalues, x.values, x.errors, x.own_errors, x.bounds)
+        for e, s, *numbers in zip(*columns, strict=True):
+            found = [float(y) for y in (s.real, s.imag, *numbers)]
+            rows.append([x.method, e.real, e.imag, *found, x.seconds, x.memory or "", failure])
+    return heads, rows

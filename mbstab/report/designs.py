@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import NumericalError, counted
@@ -12,8 +11,7 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import evaluate_parameters
 from mbstab.model.reader import read_model_text
 from mbstab.model.schema import Model, after_number
-from mbstab.report import width
-from mbstab.report.tables import eigenvalue, number, table
+from mbstab.report.tables import eigenvalue, number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.design.design import Design
@@ -26,19 +24,16 @@ SHOWN = 1e-12
 """A goal smaller than this fraction of the eigenvalues is rounding, and shown as zero."""
 
 
-def design_text(found: Design, model: Model, given: Mapping[str, str], proofs: Sequence[Certificate]) -> str:
+def design_text(found: Design, model: Model, proofs: Sequence[Certificate] = ()) -> str:
     """Return the answer of ``mbstab design`` as text.
 
     Parameters
     ----------
-    given : mapping
-        All parameters that are to be set, as texts in their declared units.
     proofs : sequence of Certificate
         What is proven about the result: over an interval, or at the values at which it is checked.
     """
     task = found.task
-    lines = [model.title, ""] if model.title else []
-    lines += [*wrap(_goal(found, model), width()), ""]
+    lines = [*wrap_lines(_goal(found, model)), ""]
     rows = []
     for name, value in found.values.items():
         parameter = model.parameters[name]
@@ -50,12 +45,20 @@ def design_text(found: Design, model: Model, given: Mapping[str, str], proofs: S
     if found.active:
         lines.append("limited by")
         lines += [f"  {_active(x, model)}" for x in found.active]
-    lines += wrap("; ".join([counted(found.steps, "step"), *filter(None, [found.ended])]), width())
-    lines += [*wrap(f"checked {_at(found.worst, model)}: {found.result.verdict}", width(), subsequent_indent="  ")]
+    lines += wrap_lines("; ".join([counted(found.steps, "step"), *filter(None, [found.ended])]))
+    lines += [*wrap_lines(f"checked {_at(found.worst, model)}: {found.result.verdict}", "", "  ")]
     for text in _statements(proofs, found, model):
-        lines += wrap(f"proof {text}", width(), subsequent_indent="  ")
-    lines += ["", "again: " + " ".join(f"--set {name}={text}" for name, text in given.items())]
+        lines += wrap_lines(f"proof {text}", "", "  ")
+    lines += ["", "again: " + " ".join(f"--set {name}={text}" for name, text in _settings(found, model).items())]
     return "\n".join(lines) + "\n"
+
+
+def _settings(found: Design, model: Model) -> dict[str, str]:
+    """Return all parameters that are to be set, as texts in their declared units."""
+    from mbstab.analysis.design.design import settings
+
+    values = evaluate_parameters(model, {}, FLOAT)
+    return settings(model, {name: values[name] for name in model.settings} | found.values)
 
 
 def _goal(found: Design, model: Model) -> str:
@@ -100,7 +103,7 @@ def _gain(found: Design, model: Model) -> list[str]:
         lines.append(f"(as {found.checked} values show: what is narrower than their distance may be missed)")
     if task.limits.least is not None:
         lines.append(f"at least {task.limits.least:g} was asked for: {'' if found.reached else 'not '}reached")
-    return [part for line in lines for part in wrap(line, width(), subsequent_indent="  ")]
+    return [part for line in lines for part in wrap_lines(line, "", "  ")]
 
 
 def _active(x: Active, model: Model) -> str:
@@ -122,7 +125,7 @@ def _statements(proofs: Sequence[Certificate], found: Design, model: Model) -> l
     return [f"{place}: {proof.statement}" for place, proof in zip(where, proofs, strict=True)]
 
 
-def design_data(found: Design, model: Model, given: Mapping[str, str], proofs: Sequence[Certificate]) -> dict[str, Any]:
+def design_data(found: Design, model: Model, proofs: Sequence[Certificate] = ()) -> dict[str, Any]:
     """Return the JSON object of ``mbstab design``.
 
     Keys: ``model``, ``title``, ``goal``, ``parameter`` (of a range, else null), ``parameters`` (by name: ``unit``,
@@ -142,8 +145,6 @@ def design_data(found: Design, model: Model, given: Mapping[str, str], proofs: S
         return {name: value / factors[name] for name, value in values.items()}
 
     return {
-        "model": model.name,
-        "title": model.title,
         "goal": task.goal,
         "parameter": task.parameter or None,
         "parameters": {
@@ -170,8 +171,13 @@ def design_data(found: Design, model: Model, given: Mapping[str, str], proofs: S
         "proofs": _statements(proofs, found, model),
         "steps": found.steps,
         "ended": found.ended,
-        "set": dict(given),
+        "set": _settings(found, model),
     }
+
+
+def design_file(found: Design, model: Model) -> str:
+    """Return the text of the model file with the values that are found."""
+    return with_values(model, _settings(found, model))
 
 
 def with_values(model: Model, given: Mapping[str, str]) -> str:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mbstab.model.schema import Model
-from mbstab.report.export import parameters_data, polar
+from mbstab.report.export import Rows, attributes, parameters_data, polar
 
 if TYPE_CHECKING:
     from mbstab.analysis.spectrum.mode_energy import EnergyBalance, EnergyShare
@@ -18,19 +17,17 @@ if TYPE_CHECKING:
     from mbstab.analysis.verdict.spectrum import Spectrum
 
 
-def _asked(result: EigenResult | PreciseResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
+def _asked(result: EigenResult | PreciseResult, model: Model) -> dict[str, Any]:
     """Return what eigenvalues belong to as the first part of their JSON object."""
     return {
-        "model": model.name,
-        "title": model.title,
-        "parameters": parameters_data(model, values),
+        "parameters": parameters_data(model),
         "method": result.method,
         "frame": result.frame,
         "frozen_time": result.frozen,
     }
 
 
-def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
+def eigen_data(result: EigenResult, model: Model) -> dict[str, Any]:
     """Return the JSON object of ``mbstab eig``.
 
     Keys: ``model``, ``title``, ``parameters`` (see `parameters_data`), ``method``, ``frame`` (the steady
@@ -52,23 +49,17 @@ def eigen_data(result: EigenResult, model: Model, values: Mapping[str, float]) -
     ``participation`` empty.
     """
     return {
-        **_asked(result, model, values),
+        **_asked(result, model),
         "period": result.period,
         **verdict_data(result.judged),
         "eigenvalues": [
             {
                 "real": e.value.real,
                 "imag": e.value.imag,
-                "kind": e.kind,
-                "frequency": e.frequency,
-                "damping_ratio": e.damping_ratio,
+                **attributes(e, "kind frequency damping_ratio"),
                 "time_to_double": e.time_to_double if e.time_to_double > 0 else math.nan,
                 "time_to_half": -e.time_to_double if e.time_to_double < 0 else math.nan,
-                "multiplier": None if e.multiplier is None else {"real": e.multiplier.real, "imag": e.multiplier.imag},
-                "error_bound": e.error_bound,
-                "condition": e.condition,
-                "backward_error": e.backward_error,
-                "participation": e.participation,
+                **attributes(e, "multiplier error_bound condition backward_error participation"),
                 "vector": None if e.vector is None else polar(e.vector),
                 "motions": [{"name": name, **polar(x)} for name, x in e.motions],
                 "whirl": e.whirl or None,
@@ -138,13 +129,7 @@ def spectrum_data(spectrum: Spectrum | None) -> dict[str, Any] | None:
         return None
     chains = spectrum.chains
     return {
-        "right": spectrum.right,
-        "left": spectrum.left,
-        "axis": spectrum.axis,
-        "open": spectrum.open,
-        "not_right": spectrum.not_right,
-        "zeros": spectrum.zeros,
-        "explained": spectrum.explained,
+        **attributes(spectrum, "right left axis open not_right zeros explained"),
         "turning": 0 if chains is None else chains.turning,
         "chains": None if chains is None else chains.zeros,
         "drifting": [{"name": name, "power": k} for name, k in (() if chains is None else chains.drifting)],
@@ -152,7 +137,7 @@ def spectrum_data(spectrum: Spectrum | None) -> dict[str, Any] | None:
     }
 
 
-def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
+def eigen_rows(result: EigenResult, model: Model) -> Rows:
     """Return heads and rows of a CSV file: one eigenvalue per row, with magnitude and phase of every coordinate.
 
     Shapes have the scale of `mbstab.report.modes.shapes_text`: the coordinate that moves most has 1 and phase 0. (Modes
@@ -182,7 +167,7 @@ def eigen_rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
     return heads, rows
 
 
-def precise_data(result: PreciseResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
+def precise_data(result: PreciseResult, model: Model) -> dict[str, Any]:
     """Return the JSON object of ``mbstab eig --precision``.
 
     Keys: ``model``, ``title``, ``parameters`` (see `parameters_data`, rounded to doubles), ``method``, ``frame``,
@@ -194,10 +179,8 @@ def precise_data(result: PreciseResult, model: Model, values: Mapping[str, float
     ``double_precision`` (``verdict`` there), ``warnings``.
     """
     return {
-        **_asked(result, model, values),
-        "digits": result.digits,
-        "working_digits": result.working_digits,
-        "seconds": result.seconds,
+        **_asked(result, model),
+        **attributes(result, "digits working_digits seconds"),
         **verdict_data(result.judged),
         "eigenvalues": [
             {"real": e.real, "imag": e.imag, "kind": e.kind, "error_bound": e.bound} for e in result.eigenvalues
@@ -211,7 +194,7 @@ def precise_data(result: PreciseResult, model: Model, values: Mapping[str, float
     }
 
 
-def precise_rows(result: PreciseResult) -> tuple[list[str], list[list[Any]]]:
+def precise_rows(result: PreciseResult, model: Model) -> Rows:
     """Return heads and lines of a CSV file of eigenvalues with many digits."""
     rows = [[e.real, e.imag, e.kind, e.bound] for e in result.eigenvalues]
     return ["real (1/s)", "imag (1/s)", "kind", "error bound (1/s)"], rows

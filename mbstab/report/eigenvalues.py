@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import groupby
-from textwrap import fill, wrap
 from typing import TYPE_CHECKING
 
 from mbstab.analysis.linear.methods import DEFAULT
 from mbstab.analysis.verdict.rule import Verdict
 from mbstab.analysis.verdict.wording import show
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.report import width
 from mbstab.report.modes import UNKNOWN, modes_table, shapes_text, value_text
-from mbstab.report.tables import number, table
+from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.spectrum.precise import PreciseResult
@@ -24,9 +24,9 @@ ZERO = 1e-3
 """An eigenvalue that may be zero is printed as 0 if its error bound is below this fraction of the largest one."""
 
 
-def eigen_text(result: EigenResult, title: str, shapes: bool = False) -> str:
+def eigen_text(result: EigenResult, model: Model, shapes: bool = False) -> str:
     """Return the answer of ``mbstab eig`` as text, with all shapes of modes if these are asked for."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     shown = _pairs(result)
     fill = _multipliers if result.period is not None else _eigenvalues
     lines.append(fill(result, shown) if shown else "no finite eigenvalues: the motion is fully prescribed\n")
@@ -34,7 +34,7 @@ def eigen_text(result: EigenResult, title: str, shapes: bool = False) -> str:
     told = [e for e, _ in shown if e.motions]
     if len(bodies) > 1:
         if not shapes and any(len(e.motions) > 1 for e in told):
-            lines += wrap("Motion of each mode, relative to the largest and to the size of the scene:", width())
+            lines += wrap_lines("Motion of each mode, relative to the largest and to the size of the scene:")
             lines.append(modes_table(told))
         lines.append("Share of the kinetic energy of each mode:")
         lines.append(_participation(shown, bodies))
@@ -49,15 +49,15 @@ def verdict_lines(judged: Verdict) -> list[str]:
     """Return a verdict and its grounds, in sentences."""
     lines = [f"Verdict: {judged.word}"]
     for reason in judged.reasons:
-        lines += wrap(reason, width=width(), initial_indent="  ", subsequent_indent="  ")
+        lines += wrap_lines(reason, "  ", "  ")
     for sentence in () if judged.spectrum is None else judged.spectrum.sentences():
-        lines += wrap(sentence, width=width(), subsequent_indent="  ")
+        lines += wrap_lines(sentence, "", "  ")
     return lines
 
 
-def precise_text(result: PreciseResult, title: str) -> str:
+def precise_text(result: PreciseResult, model: Model) -> str:
     """Return the answer of ``mbstab eig --precision`` as text: real and imaginary parts on lines of their own."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     rows = []
     for e in result.eigenvalues:
         if e.imag.startswith("-"):
@@ -74,10 +74,9 @@ def precise_text(result: PreciseResult, title: str) -> str:
         rows.append(["0", "-", f"neutral, {result.zeros}×"])
     lines.append(table(["eigenvalue\n(1/s)", "error\nbound", "type"], rows, left=(2,)) if rows else "no eigenvalues\n")
     lines += [*verdict_lines(result.judged), "", *_counts(result)]
-    lines += wrap(
+    lines += wrap_lines(
         f"{result.digits} digits, computed with {result.working_digits} in {result.seconds:.1f} s; smallest pivot that "
-        f"counts {result.kept}, largest that counts as zero {result.dropped}, relative to the matrix",
-        width=width(),
+        f"counts {result.kept}, largest that counts as zero {result.dropped}, relative to the matrix"
     )
     return "\n".join(lines) + "\n"
 
@@ -100,7 +99,7 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
     heads = ["eigenvalue\n(1/s)", "freq.\n(Hz)", "damping\nratio", "doubles or\nhalves in s", "error\nbound", "type"]
     named = [f"{e.name} {value_text(e)}" for e, _ in shown if e.name]
     text = table(heads, rows, left=(5,))
-    return text + "".join(f"{line}\n" for line in wrap(f"named: {', '.join(named)}", width())) if named else text
+    return text + "".join(f"{line}\n" for line in wrap_lines(f"named: {', '.join(named)}")) if named else text
 
 
 def _eigenvalue_row(e: Eigenvalue) -> list[str]:
@@ -190,7 +189,7 @@ def _without_shape(shown: Sequence[tuple[Eigenvalue, int]]) -> list[str]:
             "has no mode shape of its own" if len(members) == 1 else f"{len(members)}× have no mode shapes of their own"
         )
         text = f"{value} {none}: {members[0].together} eigenvalues are not told apart there, and share those listed"
-        lines += [*wrap(text, width=width()), ""]
+        lines += [*wrap_lines(text), ""]
     return lines
 
 
@@ -213,18 +212,18 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
     rows += f"{counted(c.n_nonholonomic - states, 'nonholonomic row')} (rank {c.rank_nonholonomic - states})"
     critical = f", {c.critical} critical" if c.critical else ""
     found = f"{c.expected} expected, {c.found} found, {c.neutral} of them neutral{critical}; method {result.method}"
-    rows = fill(rows, width(), subsequent_indent="  ")
-    lines = [rows, *wrap(f"finite eigenvalues: {found}", width=width(), subsequent_indent="  ")]
+    rows = "\n".join(wrap_lines(rows, "", "  "))
+    lines = [rows, *wrap_lines(f"finite eigenvalues: {found}", "", "  ")]
     if c.massless:
-        lines += wrap(f"without mass: {'; '.join(c.massless)}", width=width(), subsequent_indent="  ")
+        lines += wrap_lines(f"without mass: {'; '.join(c.massless)}", "", "  ")
     if c.counted:
         number = "not counted" if c.unstable_proven is None else str(c.unstable_proven)
         lines = [rows, f"finite eigenvalues: {c.expected}, of which {c.found} were looked for; method {result.method}"]
-        lines += wrap(f"right of the imaginary axis: {number}, {c.counted}", width=width())
+        lines += wrap_lines(f"right of the imaginary axis: {number}, {c.counted}")
     if result.period is not None:
         lines.append(f"period {result.period:.6g} s; frequencies count up to whole multiples of its inverse")
     if result.frame:
-        lines += wrap(f"in the frame of the steady motion: {result.frame}", width=width(), subsequent_indent="  ")
+        lines += wrap_lines(f"in the frame of the steady motion: {result.frame}", "", "  ")
     if result.shifts:
         lines.append("neutral pairs are shifts and tilts that rotate with the motion")
     if c.infinite or c.undefined:
@@ -242,5 +241,5 @@ def _counts(result: EigenResult | PreciseResult) -> list[str]:
             f"independent holonomic row and one for each nonholonomic row; their exact values are {where}, the "
             f"largest error is {c.extra_error:.0e} 1/s"
         )
-        lines += wrap(text, width=width())
+        lines += wrap_lines(text)
     return lines

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
-from mbstab.report import width
-from mbstab.report.tables import number, table
+from mbstab.model.schema import Model
+from mbstab.report.export import Rows, attributes
+from mbstab.report.tables import fill_lines, number, table
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.integrators import Integration, Integrations
 
 
-def integrations_text(result: Integrations, title: str) -> str:
+def integrations_text(result: Integrations, model: Model) -> str:
     """Return the answer of ``mbstab compare --simulate`` as text."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     heads = ["integrator", "tolerance\nper step", "global\nerror", "time\n(ms)", "steps", "evalua-\ntions"]
     heads += ["energy", "constraints"]
     lines.append(table(heads, [_row(x) for x in result.runs], left=(0,)))
@@ -23,25 +23,25 @@ def integrations_text(result: Integrations, title: str) -> str:
         (x.name, x.failure): x for x in reversed(result.runs) if x.failure and not x.failure.startswith("not tried")
     }
     for (name, failure), x in reversed(failures.items()):
-        lines += _filled(f"{name} with {x.tol:g}: {failure}")
+        lines += fill_lines(f"{name} with {x.tol:g}: {failure}")
     if any("given up after" in failure for _, failure in failures):
-        lines += _filled("--force gives them more time")
+        lines += fill_lines("--force gives them more time")
     disturbed = ", ".join(f"{name} = {value}" for name, value in result.disturbance.items())
-    lines += _filled(
+    lines += fill_lines(
         f"motion from {number(result.start, 9)} to {number(result.end, 9)} s"
         + (f", disturbed by {disturbed}" if disturbed else "")
     )
-    lines += _filled(
+    lines += fill_lines(
         f"error: the largest of positions, orientations and speeds at any output time, as in mbstab simulate; against "
         f"{result.reference}, whose error is estimated at {result.known:.0e}"
     )
-    lines += _filled(
+    lines += fill_lines(
         "energy: largest imbalance, relative to the exchanged energy; constraints: largest residual after a step; "
         "time: of one run with this tolerance, without control of the global error"
     )
     if result.chosen is not None:
         x = result.chosen
-        lines += ["", *_filled(
+        lines += ["", *fill_lines(
             f"Chosen for {result.tolerance:g}: {x.name} with {x.tol:g}, {1e3 * x.seconds:.3g} ms, error {x.error:.1e}"
         )]  # fmt: skip
     return "\n".join(lines) + "\n"
@@ -56,11 +56,7 @@ def _row(x: Integration) -> list[str]:
     ]  # fmt: skip
 
 
-def _filled(text: str) -> list[str]:
-    return wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
-
-
-def integrations_data(result: Integrations, model: str, title: str) -> dict[str, Any]:
+def integrations_data(result: Integrations, model: Model) -> dict[str, Any]:
     """Return the JSON object of ``mbstab compare --simulate``.
 
     Keys: ``model``, ``title``, ``start`` and ``end`` (s), ``disturbance``, ``reference`` (an integrator), ``known``
@@ -70,15 +66,8 @@ def integrations_data(result: Integrations, model: str, title: str) -> dict[str,
     """
     chosen = result.chosen
     return {
-        "model": model,
-        "title": title,
-        "start": result.start,
-        "end": result.end,
-        "disturbance": result.disturbance,
-        "reference": result.reference,
-        "known": result.known,
-        "tolerance": result.tolerance,
-        "chosen": None if chosen is None else {key: getattr(chosen, key) for key in ("method", "solver", "tol")},
+        **attributes(result, "start end disturbance reference known tolerance"),
+        "chosen": None if chosen is None else attributes(chosen, "method solver tol"),
         "runs": [{head: value for head, value in zip(HEADS, _values(x), strict=True)} for x in result.runs],
     }
 
@@ -94,8 +83,6 @@ def _values(x: Integration) -> list[Any]:
     return [None if isinstance(value, float) and math.isnan(value) else value for value in found]
 
 
-def integrations_csv(result: Integrations) -> str:
+def integrations_rows(result: Integrations, model: Model) -> Rows:
     """Return one line for each integrator and tolerance."""
-    from mbstab.report.export import to_csv
-
-    return to_csv(list(HEADS), [["" if value is None else value for value in _values(x)] for x in result.runs])
+    return list(HEADS), [["" if value is None else value for value in _values(x)] for x in result.runs]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from textwrap import wrap
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from mbstab.mechanics.bodies import SHAPES
 from mbstab.mechanics.catalogue import Field, Kind
 from mbstab.model.fields.catalogue import kind_of
-from mbstab.model.schema import ALONG, PART_FIELDS
-from mbstab.report import width
+from mbstab.model.keys import ALONG, PART
+from mbstab.report.tables import wrap_lines
 
 SCENES = {(2,): "planar scenes", (3,): "spatial scenes", (2, 3): "all scenes"}
 
@@ -18,9 +18,9 @@ def kinds_text(kinds: Sequence[Kind]) -> str:
     """Return the description and the keys of each type."""
     lines: list[str] = []
     for kind in kinds:
-        lines += wrap(f"{kind.name}: {kind.doc} ({SCENES[kind.dimensions]})", width(), subsequent_indent="  ")
+        lines += wrap_lines(f"{kind.name}: {kind.doc} ({SCENES[kind.dimensions]})", "", "  ")
         for field in (field for field in kind.fields if not field.made):
-            lines += wrap(_field(field), width(), initial_indent="  ", subsequent_indent="      ")
+            lines += wrap_lines(_field(field), "  ", "      ")
         lines.append("")
     return "\n".join(lines)
 
@@ -29,24 +29,22 @@ def shapes_text() -> str:
     """Return the shapes of bodies and of their parts, with their keys."""
     lines: list[str] = []
     for kind in SHAPES.values():
-        lines += wrap(f"{kind.name}: {kind.doc}", width(), subsequent_indent="  ")
-        for field in kind.fields:
-            lines += wrap(_field(field), width(), initial_indent="  ", subsequent_indent="      ")
-        if kind.axis is not None:
-            text = f"along: {ALONG} [default {'xyz'[kind.axis]}]"
-            lines += wrap(text, width(), initial_indent="  ", subsequent_indent="      ")
+        lines += wrap_lines(f"{kind.name}: {kind.doc}", "", "  ")
+        along = [] if kind.axis is None else [replace(ALONG, default="xyz"[kind.axis])]
+        for field in (*kind.fields, *along):
+            lines += wrap_lines(_field(field), "  ", "      ")
         lines.append("")
     lines.append("entries of parts: have besides (those of drawing only: at)")
-    for key, doc in PART_FIELDS.items():
-        lines += wrap(f"{key}: {doc}", width(), initial_indent="  ", subsequent_indent="      ")
+    for field in PART:
+        lines += wrap_lines(f"{field.name}: {field.text}", "  ", "      ")
     return "\n".join(lines) + "\n"
 
 
-def keys_text(keys: Mapping[str, str]) -> str:
+def keys_text(keys: Iterable[Field]) -> str:
     """Return the keys of a section without types, with their meaning."""
     lines: list[str] = []
-    for key, doc in keys.items():
-        lines += wrap(f"{key}: {doc}", width(), subsequent_indent="    ")
+    for field in keys:
+        lines += wrap_lines(f"{field.name}: {field.text}", "", "    ")
     return "\n".join(lines) + "\n"
 
 

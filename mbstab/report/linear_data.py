@@ -6,7 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from mbstab.report.export import to_csv
+from mbstab.model.schema import Model
+from mbstab.report.export import Rows
 
 if TYPE_CHECKING:
     from mbstab.analysis.linear.linearize import Linearization
@@ -68,7 +69,7 @@ def _rows(linear: Linearization) -> list[str]:
     return [f"{row.name}: {row.label}" for row in linear.rows]
 
 
-def linearize_data(control: ControlModel, model: str, title: str) -> dict[str, Any]:
+def linearize_data(control: ControlModel, model: Model) -> dict[str, Any]:
     """Return the JSON object of ``mbstab linearize``.
 
     Keys: ``model``, ``title``, ``coordinates``, ``rows``, ``reference`` (``q``, ``u``, ``a``,
@@ -83,8 +84,6 @@ def linearize_data(control: ControlModel, model: str, title: str) -> dict[str, A
         for name, (i, k) in zip(control.signals, control.orders, strict=True)
     ]
     return {
-        "model": model,
-        "title": title,
         "coordinates": linear.names,
         "rows": [{"name": row.name, "label": row.label, "unit": row.unit} for row in linear.rows],
         "frame": str(linear.generator) if linear.generator is not None and linear.generator.turns else "",
@@ -104,8 +103,8 @@ def _named(names: Sequence[str], units: Sequence[str]) -> list[dict[str, str]]:
     return [{"name": name, "unit": unit} for name, unit in zip(names, units, strict=True)]
 
 
-def linearize_csv(control: ControlModel) -> str:
-    """Return all nonzero entries of all matrices as CSV, one entry per line."""
+def linearize_rows(control: ControlModel, model: Model) -> Rows:
+    """Return all nonzero entries of all matrices, one entry per line."""
     rows = [
         [form, name, i + 1, j + 1, row, column, float(matrix[i][j])]
         for form, group in forms(control).items()
@@ -114,10 +113,10 @@ def linearize_csv(control: ControlModel) -> str:
         for j, column in enumerate(columns)
         if matrix[i][j] != 0.0
     ]
-    return to_csv(["form", "matrix", "row", "column", "row name", "column name", "value"], rows)
+    return ["form", "matrix", "row", "column", "row name", "column name", "value"], rows
 
 
-def linearize_arrays(control: ControlModel) -> dict[str, Any]:
+def linearize_arrays(control: ControlModel, model: Model) -> dict[str, Any]:
     """Return all matrices and the names of what they belong to, for npz and mat files; A, B, C, D are of the states."""
     import numpy as np
 
@@ -139,7 +138,7 @@ def linearize_arrays(control: ControlModel) -> dict[str, Any]:
     return arrays | {key: np.array(values, dtype=str) for key, values in names.items()}
 
 
-def linearize_latex(control: ControlModel) -> str:
+def linearize_latex(control: ControlModel, model: Model) -> str:
     """Return A, B, C and D as LaTeX equations with numbers, and the vectors of states, signals and outputs."""
     found = forms(control)["state-space"]
     lines = []

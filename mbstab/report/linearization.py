@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.report import width
-from mbstab.report.tables import table
+from mbstab.report.tables import table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.linear.linearize import Linearization
@@ -41,20 +41,21 @@ def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[s
     return text
 
 
-def linearize_text(
-    linear: Linearization, control: ControlModel | None, form: str, title: str, full: bool = False
-) -> str:
+def linearize_text(answer: Linearization | ControlModel, model: Model, form: str = "", full: bool = False) -> str:
     """Return the answer of ``mbstab linearize`` as text; large matrices only if `full` is set.
 
-    Pencil and state space need a control model.
+    Pencil and state space need a control model. Without a form it is the equations, or the state space of a control
+    model.
     """
+    from mbstab.analysis.linear.linearize import Linearization
     from mbstab.report.linear_data import equation_forms, forms
 
-    lines = [title, ""] if title else []
-    lines += _linear_summary(linear)
-    if control is not None and form == "state-space":
-        lines += _signals(control)
-    matrices = (equation_forms(linear) if control is None else forms(control))[form]
+    if isinstance(answer, Linearization):
+        lines, known, form = _linear_summary(answer), equation_forms(answer), form or "equations"
+    else:
+        lines, known, form = _linear_summary(answer.linear), forms(answer), form or "state-space"
+        lines += _signals(answer) if form == "state-space" else []
+    matrices = known[form]
     hidden = {} if full else {name: m for name, m in matrices.items() if max(len(m[1]), len(m[2])) > LARGE}
     lines += [matrix_text(name, *m) for name, m in matrices.items() if name not in hidden]
     if hidden:
@@ -63,7 +64,7 @@ def linearize_text(
             for name, m in hidden.items()
         ]
         lines.append(table(["matrix", "size", "not zero", "largest"], rows, left=(0,)))
-        lines += wrap(f"matrices with more than {LARGE} rows or columns: --full shows them", width=width())
+        lines += wrap_lines(f"matrices with more than {LARGE} rows or columns: --full shows them")
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
@@ -72,9 +73,9 @@ def _linear_summary(linear: Linearization) -> list[str]:
     n_n = len(linear.J) - linear.n_h
     rows = f"{counted(linear.n_h, 'holonomic row')}, {counted(n_n, 'nonholonomic row')}"
     text = f"{counted(len(linear.M), 'coordinate')}, {rows}, {counted(linear.n_f, 'state')} after deflation"
-    lines = wrap(text, width=width())
+    lines = wrap_lines(text)
     if linear.generator is not None and linear.generator.turns:
-        lines += wrap(f"in the frame of the steady motion: {linear.generator}", width=width(), subsequent_indent="  ")
+        lines += wrap_lines(f"in the frame of the steady motion: {linear.generator}", "", "  ")
     return [*lines, ""]
 
 
@@ -90,5 +91,5 @@ def _signals(control: ControlModel) -> list[str]:
             name + (f" ({unit})" if unit not in ("", "1") else "") for name, unit in zip(names, units, strict=True)
         ]
         text = f"{what}: {', '.join(shown) or 'none'}"
-        lines += wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
+        lines += wrap_lines(text, "", "  ", hyphens=False)
     return [*lines, ""]

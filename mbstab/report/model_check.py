@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from textwrap import wrap
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
-from mbstab.report import width
-from mbstab.report.tables import number, table
+from mbstab.model.schema import Model
+from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.check import CheckReport
 
 
-def check_text(report: CheckReport, title: str) -> str:
+def check_text(report: CheckReport, model: Model) -> str:
     """Return the answer of ``mbstab check`` as text."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     kind = "planar" if report.dimension == 2 else "spatial"
     states = report.states  # each has a row of its own
     coordinates = sum(len(own) for _, own, _ in report.bodies)
@@ -53,9 +53,19 @@ def check_text(report: CheckReport, title: str) -> str:
         if items:
             lines += ["", f"{head}:"]
             for item in items:
-                lines += wrap(item, width=width(), initial_indent="  ", subsequent_indent="    ")
+                lines += wrap_lines(item, "  ", "    ")
     return "\n".join(lines) + "\n"
 
 
 def _gap(gap: float) -> str:
     return "" if math.isinf(gap) else f" (gap {gap:.0e})"
+
+
+def check_data(report: CheckReport, model: Model) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab check``: the fields of `CheckReport`, bodies and constraints as objects."""
+    data = {**asdict(report), "degrees_of_freedom": report.degrees_of_freedom}
+    data["bodies"] = [{"name": n, "coordinates": c, "mass": m} for n, c, m in report.bodies]
+    data["constraints"] = [
+        {"name": n, "type": k, "holonomic": h, "nonholonomic": nh} for n, k, h, nh in report.constraints
+    ]
+    return data

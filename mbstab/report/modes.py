@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from mbstab.analysis.verdict.wording import show
-from mbstab.report import width
-from mbstab.report.tables import number, table
+from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.spectrum.mode_energy import EnergyBalance
@@ -62,7 +60,7 @@ def shapes_text(result: EigenResult) -> str:
         assert e.vector is not None
         lines += [f"Mode {n}{f' ({e.name})' if e.name else ''}: {value_text(e)} 1/s", ""]
         if e.motions:
-            lines += [*wrap(told_text(e), width(), initial_indent="  ", subsequent_indent="  "), ""]
+            lines += [*wrap_lines(told_text(e), "  ", "  "), ""]
         rows = [
             [name, number(abs(x), 6), unit, number(round(math.degrees(math.atan2(x.imag, x.real)), 3), 6)]
             for name, unit, x in zip(result.coordinates, result.units, e.vector.tolist(), strict=True)
@@ -79,7 +77,7 @@ def shapes_text(result: EigenResult) -> str:
         "too; load: geometric stiffness of weight, reactions, preload and turning; circulation: the skew part of the "
         "stiffness; reaction: that of rows on speeds, whose direction the mode changes."
     )
-    return "\n".join([*lines, *wrap(note, width())]) + "\n"
+    return "\n".join([*lines, *wrap_lines(note)]) + "\n"
 
 
 def _energy_text(balance: EnergyBalance) -> str:
@@ -102,4 +100,4 @@ def _energy_text(balance: EnergyBalance) -> str:
     product, power = (x if abs(x) > rounding else 0.0 for x in (product, power))
     closed = f"2 Re λ · energy = {number(product, 6)} 1/s, power {number(power, 6)} 1/s; they differ by "
     closed += f"{balance.defect:.0e} of the largest term"
-    return table(heads, rows, left=(0,)) + "\n" + "\n".join(wrap(closed, width())) + "\n"
+    return table(heads, rows, left=(0,)) + "\n" + "\n".join(wrap_lines(closed)) + "\n"

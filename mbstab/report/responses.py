@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.model.words import UNSTABLE
-from mbstab.report import width
-from mbstab.report.export import in_unit, to_csv
-from mbstab.report.tables import eigenvalue, number, table
+from mbstab.report.export import Rows, in_unit
+from mbstab.report.tables import eigenvalue, number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.response.margins import LargestGain, Margins
@@ -78,9 +77,9 @@ def unit(channel: Channel, kind: str) -> str:
     return f"{goal}/({source})" if any(x in source for x in "*/") else f"{goal}/{source}"
 
 
-def response_text(result: Response, title: str) -> str:
+def response_text(result: Response, model: Model) -> str:
     """Return the answer of ``mbstab response`` as text."""
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     rows = _rows(len(result.x))
     for i, (channel, values, zeros) in enumerate(zip(result.channels, result.values, result.zeros, strict=True)):
         own = unit(channel, result.kind)
@@ -132,20 +131,20 @@ def _frequency_row(omega: float, value: complex, error: float) -> list[str]:
 
 def _zeros_text(zeros: Zeros) -> list[str]:
     if zeros.doubt:
-        return wrap(f"zeros: not decided: {zeros.doubt}", width())
+        return wrap_lines(f"zeros: not decided: {zeros.doubt}")
     if zeros.vanishes:
         return ["the output does not respond to the input: nothing but gains of 0 leads from one to the other"]
     # One of each pair stands for both.
     pairs = [(z if abs(z) > e else 0j, e) for z, e in zip(zeros.values, zeros.errors, strict=True) if z.imag >= 0.0]
     each = [f"{eigenvalue(z)} ± {e:.0e}" for z, e in pairs]
-    lines = wrap(f"zeros (1/s, with errors): {', '.join(each) or 'none'}", width())
+    lines = wrap_lines(f"zeros (1/s, with errors): {', '.join(each) or 'none'}")
     words = {True: "minimum phase", False: "not minimum phase", None: "whether it is minimum phase is not decided"}
     reserve = ", as far as rounding errors tell" if zeros.hidden and zeros.minimum_phase is not None else ""
     lines.append(words[zeros.minimum_phase] + reserve)
     if zeros.hidden:
         what = "that the input does not reach or the output does not see, as far as rounding errors tell"
         listed = ", ".join(eigenvalue(s) for s in zeros.hidden if s.imag >= 0.0)
-        lines += wrap(f"{counted(len(zeros.hidden), 'eigenvalue')} {what}: {listed}", width())
+        lines += wrap_lines(f"{counted(len(zeros.hidden), 'eigenvalue')} {what}: {listed}")
     return lines
 
 
@@ -153,7 +152,7 @@ def _largest_text(found: LargestGain) -> list[str]:
     what = f"{found.value:.10g} {_at(found.frequency)}, relative error at most {found.tolerance:g}"
     if not np.isfinite(found.value):
         what = f"{'none' if np.isnan(found.value) else 'infinite'}: {found.reason}"
-    return wrap(f"largest gain (H∞ norm): {what}", width())
+    return wrap_lines(f"largest gain (H∞ norm): {what}")
 
 
 def _at(frequency: float) -> str:
@@ -173,25 +172,25 @@ def _margins_text(found: Margins, zeros: Zeros) -> list[str]:
         said = f"{loop} {'stable' if found.closed else 'unstable'}"
         if found.closed and not zeros.hidden_decaying:
             said += ", apart from hidden eigenvalues that do not decay"
-    lines = wrap(said, width())
+    lines = wrap_lines(said)
     if found.doubt:
-        return lines + wrap(f"margins: not decided: {found.doubt}", width())
+        return lines + wrap_lines(f"margins: not decided: {found.doubt}")
     if found.always_real:
         lines.append("gain margins: none; the response is real at all frequencies")
     else:
         each = [
             f"× {number(x.factor, 6, x.error)} ({decibels(x.factor):.4g} dB) {_at(x.frequency)}" for x in found.gain
         ]
-        lines += wrap(f"gain margins: {', '.join(each) or 'none'}", width())
+        lines += wrap_lines(f"gain margins: {', '.join(each) or 'none'}")
     each = [
         f"{number(x.phase, 6, x.error)}° (delay {number(x.delay, 6, np.radians(x.error) / x.frequency)} s) at "
         f"{x.frequency:.6g} rad/s"
         for x in found.phase
     ]
-    lines += wrap(f"phase margins: {', '.join(each) or 'none'}", width())
+    lines += wrap_lines(f"phase margins: {', '.join(each) or 'none'}")
     if found.no_delay:
         said = "any delay, however small, makes the loop unstable: the gain stays above 1 at high frequencies"
-        lines += wrap(said, width())
+        lines += wrap_lines(said)
     return lines
 
 
@@ -218,7 +217,7 @@ def _margins_data(found: Margins, largest: LargestGain) -> dict[str, Any]:
     }
 
 
-def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
+def response_data(result: Response, model: Model) -> dict[str, Any]:
     """Return the JSON object of ``mbstab response``.
 
     Keys: ``model``, ``title``, ``kind``, ``frequency`` (rad/s) or ``time`` (s), ``poles`` and ``channels``: ``input``,
@@ -254,8 +253,6 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
             }
         )
     return {
-        "model": model,
-        "title": title,
         "kind": result.kind,
         "frequency" if result.kind == "frequency" else "time": result.x,
         "poles": [{"real": s.real, "imag": s.imag} for s in result.poles.tolist()],
@@ -263,13 +260,14 @@ def response_data(result: Response, model: str, title: str) -> dict[str, Any]:
     }
 
 
-def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: float) -> str:
-    """Return the answer of ``mbstab response --unbalance`` as text, speeds in `unit`, which is `factor` rad/s."""
-    lines = [title, ""] if title else []
+def unbalance_text(result: UnbalanceResponse, model: Model) -> str:
+    """Return the answer of ``mbstab response --unbalance`` as text."""
+    lines = []
+    unit, factor = spin_unit(result, model)
     rows, speeds = _rows(len(result.speeds)), result.speeds / factor
     whole = zip(result.outputs, result.units, result.values, result.peaks, result.further, strict=True)
     for name, own, values, peak, others in whole:
-        lines += wrap(f"From {_sources(result)} to {name}" + (f" ({own})" if own else ""), width())
+        lines += wrap_lines(f"From {_sources(result)} to {name}" + (f" ({own})" if own else ""))
         angle = angles(values)
         body = [
             [f"{speeds[k]:.6g}", f"{abs(values[k]):.6g}", _degrees(angle[k]), UNSTABLE if result.unstable[k] else ""]
@@ -280,16 +278,21 @@ def unbalance_text(result: UnbalanceResponse, title: str, unit: str, factor: flo
         lines += [table(heads[:shown], [row[:shown] for row in body]), *_left_out(len(speeds), "speeds")]
         for which in (peak, *others):
             text = _peak_text(which, unit, factor)
-            lines += wrap(text if which is peak else f"further {text}", width())
+            lines += wrap_lines(text if which is peak else f"further {text}")
         lines.append("")
     if np.any(result.unstable):
         ends = " to ".join(f"{x:.6g}" for x in np.unique(speeds[result.unstable][[0, -1]]))
-        lines += wrap(
+        lines += wrap_lines(
             f"Unstable at {int(np.sum(result.unstable))} of {len(speeds)} speeds, {ends} {unit}: these amplitudes are "
-            "those of the steady solution, which the rotor leaves.",
-            width(),
+            "those of the steady solution, which the rotor leaves."
         )
     return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def spin_unit(result: UnbalanceResponse, model: Model) -> tuple[str, float]:
+    """Return the unit of the spin, and the factor to rad/s."""
+    spin = model.parameters[result.parameter]
+    return spin.unit or "rad/s", spin.factor
 
 
 def _sources(result: UnbalanceResponse) -> str:
@@ -314,7 +317,7 @@ def _peak_text(peak: Peak, unit: str, factor: float) -> str:
     return f"peak: {shown}" if peak.inside else f"no peak inside of the range; largest: {shown}"
 
 
-def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[str, Any]:
+def unbalance_data(result: UnbalanceResponse, model: Model) -> dict[str, Any]:
     """Return the JSON object of ``mbstab response --unbalance``.
 
     Keys: ``model``, ``title``, ``kind``, ``point`` (or several), ``parameter``, ``unbalances`` (``point``, ``real`` and
@@ -337,7 +340,7 @@ def unbalance_data(result: UnbalanceResponse, model: str, title: str) -> dict[st
         )
     ]
     given = [{"point": place, "real": z.real, "imag": z.imag} for place, z in result.unbalances.items()]
-    head = {"model": model, "title": title, "kind": "unbalance", "point": result.point, "parameter": result.parameter}
+    head = {"kind": "unbalance", "point": result.point, "parameter": result.parameter}
     return head | {"unbalances": given, "speed": result.speeds, "outputs": found, "verdicts": list(result.verdicts)}
 
 
@@ -346,18 +349,19 @@ def _peak_data(peak: Peak) -> dict[str, Any]:
     return {"speed": peak.speed, **known, "error": None if peak.bounded else peak.error, "inside": peak.inside}
 
 
-def unbalance_csv(result: UnbalanceResponse, unit: str, factor: float) -> str:
-    """Return one line for each speed, in `unit`, which is `factor` rad/s, with all outputs."""
+def unbalance_rows(result: UnbalanceResponse, model: Model) -> Rows:
+    """Return one line for each speed with all outputs."""
+    unit, factor = spin_unit(result, model)
     heads = [f"{result.parameter} ({unit})"]
     for name, own in zip(result.outputs, result.units, strict=True):
         heads += [f"{name} {part}" + (f" ({own})" if own else "") for part in ("real", "imag", "amplitude")]
         heads.append(f"{name} phase (deg)")
     columns = [part for values in result.values for part in (values.real, values.imag, np.abs(values), angles(values))]
     lines = np.column_stack([in_unit(result.speeds, factor), *columns]).tolist()
-    return to_csv([*heads, "verdict"], [[*line, verdict] for line, verdict in zip(lines, result.verdicts, strict=True)])
+    return [*heads, "verdict"], [[*line, verdict] for line, verdict in zip(lines, result.verdicts, strict=True)]
 
 
-def response_csv(result: Response) -> str:
+def response_rows(result: Response, model: Model) -> Rows:
     """Return one line for each frequency or time, with all channels."""
     names = [f"{c.goal}/{c.source}" for c in result.channels]
     units = [f" ({own})" if (own := unit(c, result.kind)) else "" for c in result.channels]
@@ -371,4 +375,4 @@ def response_csv(result: Response) -> str:
         columns = [part for values, errors in pairs for part in (values.real, values.imag, errors)]
     else:
         heads, columns = ["time (s)", *map("".join, named)], list(result.values)
-    return to_csv(heads, np.column_stack([result.x, *columns]).tolist())
+    return heads, np.column_stack([result.x, *columns]).tolist()

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mbstab.errors import counted
 from mbstab.model.schema import Model, after_number
-from mbstab.report import width
+from mbstab.report.eigenvalue_data import eigen_data
+from mbstab.report.eigenvalues import eigen_text
+from mbstab.report.export import Rows
 from mbstab.report.modes import value_text
-from mbstab.report.tables import number, table
+from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.spectrum.sensitivity import Derivatives, Sensitivities
@@ -21,13 +22,13 @@ if TYPE_CHECKING:
 
 
 def sensitivity_text(found: Sensitivities, model: Model) -> str:
-    """Return a table for each eigenvalue: what moves it most, first."""
+    """Return the eigenvalues, and a table for each: what moves it most, first."""
     lines = ["Derivatives by the parameters, and the change for one percent more of each:", ""]
     for item in found.derivatives:
         e = found.eigenvalue(item)
         lines.append(f"{e.name}{': ' if e.name else ''}{value_text(e)} 1/s")
         if item.missing:
-            lines += [*wrap(f"no derivatives: {item.missing}", width(), initial_indent="  "), ""]
+            lines += [*wrap_lines(f"no derivatives: {item.missing}", "  "), ""]
             continue
         rows = [row for _, row in _rows(found, item, model)]
         if rows:
@@ -38,8 +39,8 @@ def sensitivity_text(found: Sensitivities, model: Model) -> str:
         else:
             lines += ["  no parameter moves it", ""]
     for name, reason in found.missing.items():
-        lines += wrap(f"{name}: no derivatives: {reason}", width(), subsequent_indent="  ")
-    return "\n".join(lines) + "\n"
+        lines += wrap_lines(f"{name}: no derivatives: {reason}", "", "  ")
+    return f"{eigen_text(found.result, model)}\n" + "\n".join(lines) + "\n"
 
 
 def _rows(found: Sensitivities, item: Derivatives, model: Model) -> Iterator[tuple[int, list[str]]]:
@@ -66,15 +67,15 @@ def _complex(x: complex, real: bool, digits: int, error: float) -> str:
 
 
 def sensitivity_data(found: Sensitivities, model: Model) -> dict[str, Any]:
-    """Return the key ``sensitivity`` of the JSON object of ``mbstab eig --sensitivity``.
+    """Return the JSON object of ``mbstab eig --sensitivity``: that of ``mbstab eig``, and an object ``sensitivity``.
 
-    Keys: ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``missing``: why there are no derivatives, and
+    Keys of the latter: ``eigenvalues`` (``real`` and ``imag`` in 1/s, ``missing``: why there are no derivatives, and
     ``derivatives`` by the names of the parameters, what moves the eigenvalue most first), ``missing`` (why there
     are none by some parameters). A derivative has ``real``, ``imag`` and ``error`` in 1/s per declared unit of the
     parameter, ``unit``, and ``percent_real`` and ``percent_imag``, the change in 1/s for one percent more of the
     parameter, null if that is zero.
     """
-    return {
+    return eigen_data(found.result, model) | {
         "sensitivity": {
             "eigenvalues": [
                 {
@@ -109,7 +110,7 @@ def _entries(found: Sensitivities, item: Derivatives, model: Model) -> Iterator[
         )
 
 
-def sensitivity_rows(found: Sensitivities, model: Model) -> tuple[list[str], list[list[Any]]]:
+def sensitivity_rows(found: Sensitivities, model: Model) -> Rows:
     """Return the heads and the lines of a CSV file: one line for each eigenvalue and parameter."""
     heads = ["real", "imag", "parameter", "unit", "derivative_real", "derivative_imag", "error", "percent_real"]
     rows = []
@@ -128,7 +129,7 @@ def critical_text(result: Sweep, model: Model) -> str:
     for c, slopes in _critical(result):
         lines.append(f"{own.name} = {number(c.value / own.factor, 10)}{after_number(own.unit)}, {c.kind}")
         if slopes.missing:
-            lines += [*wrap(f"no derivatives: {slopes.missing}", width(), initial_indent="  "), ""]
+            lines += [*wrap_lines(f"no derivatives: {slopes.missing}", "  "), ""]
             continue
         entries = dict(_critical_entries(slopes, model, own.factor))
         rows = [
@@ -139,7 +140,7 @@ def critical_text(result: Sweep, model: Model) -> str:
         heads = ["parameter", "unit", f"d{own.name}/dp", "per percent", "error"]
         lines += [table(heads, rows, left=(0, 1))] if rows else ["  no parameter moves it", ""]
         for name, reason in slopes.reasons.items():
-            lines += wrap(f"{name}: no derivative: {reason}", width(), subsequent_indent="  ")
+            lines += wrap_lines(f"{name}: no derivative: {reason}", "", "  ")
     if len(lines) == 2:
         lines.append("there is no critical value")
     return "\n".join(lines).rstrip("\n") + "\n"
@@ -169,7 +170,7 @@ def critical_data(result: Sweep, model: Model) -> dict[str, Any]:
     }
 
 
-def critical_rows(result: Sweep, model: Model) -> tuple[list[str], list[list[Any]]]:
+def critical_rows(result: Sweep, model: Model) -> Rows:
     """Return the heads and the lines of a CSV file: one line for each critical value and parameter."""
     factor = model.parameters[result.parameter].factor
     keys = ["unit", "derivative", "error", "percent"]

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.simulate.result import Simulation
 from mbstab.analysis.simulate.tolerances import TOLERANCES as SIMULATE
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
-from mbstab.report import width
-from mbstab.report.export import npz_bytes, to_csv, to_json
-from mbstab.report.tables import number, table
+from mbstab.report.export import Rows, attributes
+from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.compiler.system import Array
@@ -81,16 +80,16 @@ OUTPUTS = (
 """The contents of files, in the order of their columns."""
 
 
-def simulation_csv(sim: Simulation) -> str:
+def simulation_rows(sim: Simulation, model: Model) -> Rows:
     """Return one line for each output time: the columns of `OUTPUTS`."""
     import numpy as np
 
     columns = np.hstack([np.reshape(out.values(sim), (len(sim.times), -1)) for out in OUTPUTS])
-    return to_csv([head for out in OUTPUTS for head in out.heads(sim)], columns.tolist())
+    return [head for out in OUTPUTS for head in out.heads(sim)], columns.tolist()
 
 
-def simulation_npz(sim: Simulation) -> bytes:
-    """Return `OUTPUTS` as arrays of a NumPy archive, with the positions and orientations of bodies and all names."""
+def simulation_arrays(sim: Simulation, model: Model) -> dict[str, Any]:
+    """Return `OUTPUTS` as arrays, with the positions and orientations of bodies and all names."""
     import numpy as np
 
     arrays: dict[str, Any] = {out.name: out.values(sim) for out in OUTPUTS}
@@ -98,35 +97,24 @@ def simulation_npz(sim: Simulation) -> bytes:
     arrays |= {"positions": sim.positions, "rotations": sim.rotations, "velocities": sim.velocities}
     arrays |= {"spins": sim.spins, "multipliers": sim.nu}
     arrays |= {"coordinates": np.array(sim.names), "bodies": np.array(sim.bodies), "rows": np.array(sim.rows)}
-    arrays |= {key: np.array(value) for key, value in _summary(sim).items() if not isinstance(value, dict | list)}
-    return npz_bytes(arrays)
+    summary = {key: value for key, value in _summary(sim).items() if not isinstance(value, dict | list)}
+    return arrays | {key: np.array(value) for key, value in summary.items()}
 
 
 def _summary(sim: Simulation) -> dict[str, Any]:
     return {
-        "method": sim.method,
-        "solver": sim.solver,
-        "tol": sim.tol,
+        **attributes(sim, "method solver tol"),
         "step": math.nan if sim.step is None else sim.step,
-        "error_estimate": sim.error_estimate,
-        "complete": sim.complete,
-        "failure": sim.failure,
+        **attributes(sim, "error_estimate complete failure"),
         "start": float(sim.times[0]),
         "end": float(sim.times[-1]),
-        "end_state": sim.end_state,
-        "max_constraint_residual": sim.max_constraint_residual,
-        "energy_drift": sim.energy_drift,
-        "conservative": sim.conservative,
-        "steps": sim.steps,
-        "rejected": sim.rejected,
-        "evaluations": sim.evaluations,
-        "runs": sim.runs,
-        "charts": sim.charts,
+        **attributes(sim, "end_state max_constraint_residual energy_drift conservative"),
+        **attributes(sim, "steps rejected evaluations runs charts"),
         "warnings": list(sim.warnings),
     }
 
 
-def simulation_json(sim: Simulation, model: str, title: str, full: bool) -> str:
+def simulation_data(sim: Simulation, model: Model, whole: bool = False) -> dict[str, Any]:
     """Return the JSON object of ``mbstab simulate``.
 
     Keys: ``model``, ``title``, ``method``, ``solver``, ``tol`` (null with fixed steps), ``step`` (s),
@@ -137,13 +125,8 @@ def simulation_json(sim: Simulation, model: str, title: str, full: bool) -> str:
     ``energy_drift`` (relative), ``conservative``, ``steps``, ``rejected``, ``evaluations``, ``runs``, ``charts``,
     ``warnings``; in a file also ``columns`` (names with units) and ``rows`` (a list for each output time).
     """
-    data: dict[str, Any] = {"model": model, "title": title, **_summary(sim)}
-    if full:
-        import numpy as np
-
-        data["columns"] = [head for out in OUTPUTS for head in out.heads(sim)]
-        data["rows"] = np.hstack([np.reshape(out.values(sim), (len(sim.times), -1)) for out in OUTPUTS])
-    return to_json(data)
+    heads, rows = simulation_rows(sim, model) if whole else ([], [])
+    return _summary(sim) | ({"columns": heads, "rows": rows} if whole else {})
 
 
 STILL = 1e-9
@@ -156,11 +139,10 @@ MOST = 40
 """Maximum number of coordinates in the summary unless all are requested."""
 
 
-def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
+def simulation_text(sim: Simulation, model: Model, full: bool = False) -> str:
     """Return the summary of ``mbstab simulate``."""
     import numpy as np
 
-    lines = [title, ""] if title else []
     rows = []
     for i, (name, unit) in enumerate(zip(sim.names, sim.units, strict=True)):
         q, u, size = sim.q[:, i], sim.u[:, i], float(sim.sizes[i])
@@ -173,7 +155,7 @@ def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
         size = float(np.max(np.abs(y)))
         rows.append([name, unit, *(_shown(x, size) for x in (y[0], y[-1], y.min(), y.max())), ""])
     heads = ["coordinate", "unit", "at first", "at last", "least", "largest", "last rate\n(unit/s)"]
-    lines.append(table(heads, rows, left=(0, 1)))
+    lines = [table(heads, rows, left=(0, 1))]
     if hidden:
         lines += [f"{hidden} more coordinates; --full shows all", ""]
     what = f"{sim.method}{f' ({sim.solver})' if sim.solver else ''}"
@@ -186,7 +168,7 @@ def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
         f"work done     {steps}, {sim.evaluations} evaluations in {counted(sim.runs, 'run')}",
         f"error         {_error(sim)}",
         f"constraints   largest residual {sim.max_constraint_residual:.1e} of the sizes in the scene",
-        *wrap(f"energy        {_energy(sim)}", width=width(), subsequent_indent=" " * 14),
+        *wrap_lines(f"energy        {_energy(sim)}", "", " " * 14),
     ]
     if sim.charts:
         lines.append(f"orientation   Euler angles replaced by others {counted(sim.charts, 'time')}")
@@ -194,10 +176,10 @@ def simulation_text(sim: Simulation, title: str, full: bool = False) -> str:
         text = "nothing moves: the motion starts at rest, and all is in balance there"
         lines += [
             "",
-            *wrap(f"{text}; --perturb, such as mode:1=0.1, or initial: in the file disturb it", width=width()),
+            *wrap_lines(f"{text}; --perturb, such as mode:1=0.1, or initial: in the file disturb it"),
         ]
     if not sim.complete:
-        lines += ["", *wrap(f"ended early, at t = {number(float(sim.times[-1]), 9)} s", width=width())]
+        lines += ["", *wrap_lines(f"ended early, at t = {number(float(sim.times[-1]), 9)} s")]
     return "\n".join(lines) + "\n"
 
 

@@ -7,14 +7,15 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from itertools import groupby, pairwise
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS
 from mbstab.errors import counted
+from mbstab.model.schema import Model
 from mbstab.records import dataclass
-from mbstab.report import width
-from mbstab.report.tables import decimals, number, table
+from mbstab.report.export import unit_factors
+from mbstab.report.sensitivity import critical_text
+from mbstab.report.tables import decimals, number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.sweep.chart import Chart
@@ -34,10 +35,10 @@ SHOWN = 13
 """Digits of a proven critical value, which `decimals` shows with a few more: its row has room for them."""
 
 
-def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
+def sweep_text(result: Sweep, model: Model, sensitivity: bool = False) -> str:
     """Return the summary of ``mbstab sweep``: where stability changes, and the verdicts in between."""
-    lines = [title, ""] if title else []
-    label = f"{result.parameter} ({unit})" if unit else result.parameter
+    ((unit, factor),) = unit_factors(model, result.parameter)
+    lines, label = [], f"{result.parameter} ({unit})" if unit else result.parameter
     first, last = (number(float(result.values[k]) / factor, 6) for k in (0, -1))
     count = result.branches.shape[1]
     lines.append(f"{label} from {first} to {last}, {len(result.values)} points")
@@ -46,11 +47,11 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
         numbers.setdefault(name, []).append(str(b))
     named = "; ".join(f"{', '.join(own)} {name}" for name, own in numbers.items() if name)
     branches = counted(count, "branch", "branches") + (f" ({named})" if named else "")
-    lines += wrap(f"{branches}, {counted(result.neutral, 'neutral eigenvalue')} besides", width=width())
+    lines += wrap_lines(f"{branches}, {counted(result.neutral, 'neutral eigenvalue')} besides")
     if result.start is not None:
         lines.append(f"equilibria followed from {result.parameter} = {number(result.start / factor)}")
     if result.moved:
-        lines += wrap(f"not from the first value: {result.moved}", width=width())
+        lines += wrap_lines(f"not from the first value: {result.moved}")
     lines += ["", *_path(result, label, factor)]
     for n, path in enumerate(result.beyond, 2):
         assert path.start is not None
@@ -60,7 +61,8 @@ def sweep_text(result: Sweep, unit: str, factor: float, title: str) -> str:
         lines += ["", f"path {n}, {place}, {counted(len(path.values), 'point')}", "", *_path(path, label, factor)]
     if result.orders:
         lines += ["", *_crossings(result, label, factor)]
-    return "\n".join(lines).rstrip("\n") + "\n"
+    more = f"\n{critical_text(result, model)}" if sensitivity else ""
+    return "\n".join(lines).rstrip("\n") + "\n" + more
 
 
 def _crossings(result: Sweep, label: str, factor: float) -> list[str]:
@@ -109,11 +111,11 @@ def _path(result: Sweep, label: str, factor: float) -> list[str]:
             for (value, what), pairs in _in_order(result, [*Counter(result.meetings).items()])
         ]
         said = ", ".join(shown[:12]) + (" …" if len(shown) > 12 else "")
-        lines += ["", *wrap(f"branches meet at {label}: {said}", width=width())]
+        lines += ["", *wrap_lines(f"branches meet at {label}: {said}")]
     if result.problems:
         lines += ["", f"{counted(len(result.problems), 'point')} without an answer:"]
         for text in _refused(result, factor):
-            lines += wrap(text, width=width(), initial_indent="  ", subsequent_indent="    ")
+            lines += wrap_lines(text, "  ", "    ")
     return lines
 
 
@@ -151,7 +153,7 @@ def _proofs(result: Sweep, factor: float) -> list[str]:
             groups.setdefault(text, []).append(number(_rounded(c.value, result) / factor, 6))
     lines = []
     for text, values in groups.items():
-        lines += wrap(f"{', '.join(values)} {text}", width(), initial_indent="  ", subsequent_indent="    ")
+        lines += wrap_lines(f"{', '.join(values)} {text}", "  ", "    ")
     return [*lines, ""] if lines else []
 
 
@@ -206,7 +208,7 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
         lines.append(f"  {place}: {run.word}{many or _located(result, run)}")
     if any(run.high > run.low for run in runs):
         points = counted(len(result.values) - len(result.problems), "point")
-        lines += wrap(f"(as {points} show: what is narrower than their distance may be missed)", width())
+        lines += wrap_lines(f"(as {points} show: what is narrower than their distance may be missed)")
     if set(result.words.tolist()) == {WORDS.index(UNDECIDED)} and not result.problems:
         lines += ["", *_open_hint({result.parameter: (result.values, factor)})]
     return lines
@@ -215,7 +217,7 @@ def _ranges(result: Sweep, factor: float) -> list[str]:
 def _open_hint(along: Mapping[str, tuple[Array, float]]) -> list[str]:
     """Return how to learn why no point is decided; given the values (SI) of each parameter and its unit."""
     middle = (f"--set {name}={number(float(x[len(x) // 2]) / unit, 6)}" for name, (x, unit) in along.items())
-    return wrap(f"hint: mbstab eig with {' '.join(middle)} says what is open there", width(), break_on_hyphens=False)
+    return wrap_lines(f"hint: mbstab eig with {' '.join(middle)} says what is open there", hyphens=False)
 
 
 def _located(result: Sweep, run: _Run) -> str:
@@ -289,9 +291,9 @@ def _runs(inside: list[int], a: float, b: float, x: Array, words: Any, counts: A
     return runs
 
 
-def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -> str:
+def chart_text(result: Chart, model: Model) -> str:
     """Return the summary of a stability chart."""
-    lines = [title, ""] if title else []
+    lines, labels = [], unit_factors(model, *result.parameters)
     for name, (unit, factor), along in zip(result.parameters, labels, (result.x, result.y), strict=True):
         first, last = number(float(along[0]) / factor), number(float(along[-1]) / factor)
         lines.append(f"{name}{f' ({unit})' if unit else ''} from {first} to {last}, {len(along)} values")
@@ -317,7 +319,7 @@ def chart_text(result: Chart, labels: Sequence[tuple[str, float]], title: str) -
     lines += ["", table(["region", "part of the points"], rows, left=(0,))]
     lines.append(f"{counted(len(result.boundaries), 'boundary curve')}")
     for text in _edges(result, labels):
-        lines += wrap(text, width=width())
+        lines += wrap_lines(text)
     if set(words[~unanswered].tolist()) == {WORDS.index(UNDECIDED)}:
         (one, other), (x, y) = result.parameters, (result.x, result.y)
         lines += _open_hint({one: (x, labels[0][1]), other: (y, labels[1][1])})

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from mbstab.analysis.linear.symbolic import SymbolicBlocks
+from mbstab.model.schema import Model
 from mbstab.report import width
 
 NAMES = {"M": "mass", "R": "damping", "K": "stiffness"}
 
 
-def symbolic_text(result: SymbolicBlocks, title: str) -> str:
+def symbolic_text(result: SymbolicBlocks, model: Model) -> str:
     """Return the blocks as text, wide ones continued below (↪); zero blocks are written O."""
     import sympy
 
-    lines = [title, ""] if title else []
+    lines: list[str] = []
     for name, block in result.blocks.items():
         shape = f"{block.rows} × {block.cols}"
         if block.is_zero_matrix:
@@ -23,7 +24,7 @@ def symbolic_text(result: SymbolicBlocks, title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def symbolic_latex(result: SymbolicBlocks) -> str:
+def symbolic_latex(result: SymbolicBlocks, model: Model) -> str:
     """Return the blocks as LaTeX equations."""
     import sympy
 

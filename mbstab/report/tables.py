@@ -15,6 +15,16 @@ GAP = 2
 """Blanks between columns."""
 
 
+def wrap_lines(text: str, first: str = "", rest: str = "", hyphens: bool = True) -> list[str]:
+    """Return a paragraph in lines that fit the terminal, with indents of the first one and of the rest."""
+    return wrap(text, width(), initial_indent=first, subsequent_indent=rest, break_on_hyphens=hyphens)
+
+
+def fill_lines(text: str) -> list[str]:
+    """Return a paragraph in lines with a hanging indent, which are not broken at hyphens."""
+    return wrap_lines(text, "", "  ", hyphens=False)
+
+
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
     """Return an aligned table; columns in `left` are flush left, the others flush right.
 

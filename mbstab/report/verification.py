@@ -3,34 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.compare.tolerances import TOLERANCES as COMPARE
 from mbstab.errors import counted
-from mbstab.report import width
-from mbstab.report.tables import number, table
+from mbstab.model.schema import Model
+from mbstab.report.eigenvalue_data import eigen_data
+from mbstab.report.eigenvalues import eigen_text
+from mbstab.report.export import attributes
+from mbstab.report.tables import fill_lines, number, table, wrap_lines
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.neutral_drift import Drift
     from mbstab.analysis.compare.verify import Observation, Verification
 
 
-def verification_text(found: Verification) -> str:
-    """Return the part of ``mbstab eig --verify`` that follows the eigenvalues."""
+def verification_text(found: Verification, model: Model) -> str:
+    """Return the answer of ``mbstab eig --verify`` as text."""
     heads = ["mode", "predicted\n(1/s)", "observed\n(1/s)", "relative\nerror", "known\nto", "time\n(s)", "verdict"]
     lines = []
     if found.modes:
         lines.append(table(heads, [_row(x) for x in found.modes], left=(6,)))
-        lines += _filled(_footer(found)) if any(x.observed == x.observed for x in found.modes) else []
+        lines += fill_lines(_footer(found)) if any(x.observed == x.observed for x in found.modes) else []
     if found.neutral is not None:
-        lines += _filled(_neutral(found.neutral))
+        lines += fill_lines(_neutral(found.neutral))
     reasons = {x.reason: x.number for x in reversed(found.modes) if x.reason and x.reason not in found.reason}
     for reason, first in sorted(reasons.items(), key=lambda item: item[1]):
-        lines += _filled(f"mode {first}: {reason}")
-    lines += _filled(f"Nonlinear motion: {found.verdict}")
-    lines += wrap(found.reason, width=width(), initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
-    return "\n".join(lines) + "\n"
+        lines += fill_lines(f"mode {first}: {reason}")
+    lines += fill_lines(f"Nonlinear motion: {found.verdict}")
+    lines += wrap_lines(found.reason, "  ", "  ", hyphens=False)
+    return f"{eigen_text(found.result, model)}\n" + "\n".join(lines) + "\n"
 
 
 def _footer(found: Verification) -> str:
@@ -74,39 +76,24 @@ def _shown(s: complex, predicted: complex, known: float) -> str:
     return f"{number(real, 7)} ± {number(abs(imag), 7)}i" if predicted.imag else number(real, 7)
 
 
-def _filled(text: str) -> list[str]:
-    return wrap(text, width=width(), subsequent_indent="  ", break_on_hyphens=False)
+def verification_data(found: Verification, model: Model) -> dict[str, Any]:
+    """Return the JSON object of ``mbstab eig --verify``: that of ``mbstab eig``, and an object ``verification``.
 
-
-def verification_data(found: Verification) -> dict[str, Any]:
-    """Return the JSON object ``verification`` of ``mbstab eig --verify``.
-
-    Keys: ``verdict`` (``confirmed``, ``contradicted``, ``cannot be judged``), ``reason``, ``evaluations``,
-    ``modes``, ``neutral`` (null without neutral eigenvalues). Of each mode: ``number``, ``kind``, ``predicted`` and
-    ``observed`` (``real`` and ``imag`` in 1/s; null where nothing was observed), ``error`` (relative),
-    ``uncertainty`` (1/s), ``span`` (s), ``amplitude`` (of the sizes in the scene), ``verdict``, ``reason``. Of the
+    Keys of the latter: ``verdict`` (``confirmed``, ``contradicted``, ``cannot be judged``), ``reason``,
+    ``evaluations``, ``modes``, ``neutral`` (null without neutral eigenvalues). Of each mode: ``number``, ``kind``,
+    ``predicted`` and ``observed`` (``real`` and ``imag`` in 1/s; null where nothing was observed), ``error``
+    (relative), ``uncertainty`` (1/s), ``span`` (s), ``amplitude`` (of the sizes in the scene), ``verdict``,
+    ``reason``. Of the
     neutral directions: ``count``, ``staying`` (with constant displacements), ``power`` (of time, with which the
     others drift; -1 if they rotate with a frame), ``error`` (largest difference from the prediction, relative to the
     displacement), ``span`` (s), ``verdict``, ``reason``.
     """
-    return {
-        "verdict": found.verdict,
-        "reason": found.reason,
-        "evaluations": found.evaluations,
+    told = {
+        **attributes(found, "verdict reason evaluations"),
         "neutral": None if found.neutral is None else asdict(found.neutral),
         "modes": [
-            {
-                "number": x.number,
-                "kind": x.kind,
-                "predicted": {"real": x.predicted.real, "imag": x.predicted.imag},
-                "observed": {"real": x.observed.real, "imag": x.observed.imag},
-                "error": x.error,
-                "uncertainty": x.uncertainty,
-                "span": x.span,
-                "amplitude": x.amplitude,
-                "verdict": x.verdict,
-                "reason": x.reason,
-            }
+            attributes(x, "number kind predicted observed error uncertainty span amplitude verdict reason")
             for x in found.modes
         ],
     }
+    return eigen_data(found.result, model) | {"verification": told}

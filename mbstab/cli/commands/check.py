@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, load_model, set_option
+from mbstab.cli.common import load_model, model_command
 from mbstab.cli.output import Output, output_options, warn
 
 
-@click.command()
-@file_argument
-@set_option
-@force_option
+@model_command
 @click.option("--expanded", is_flag=True, help="Print the file with its repetitions and parts written out, and stop.")
 @output_options("table", "json")
 def check(file: str, settings: tuple[str, ...], expanded: bool, output: Output) -> None:
@@ -27,11 +24,4 @@ def check(file: str, settings: tuple[str, ...], expanded: bool, output: Output) 
         return
     report, model = mechanism.check(), mechanism.model
     warn(report.warnings)
-    from mbstab.report import export, model_check
-
-    output.write(
-        {
-            "table": lambda: model_check.check_text(report, model.title),
-            "json": lambda: export.to_json(export.check_data(report, model.name, model.title)),
-        }
-    )
+    output.answer(report, model)

@@ -7,15 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mbstab.cli.common import (
-    file_argument,
-    force_option,
-    load_model,
-    parse_settings,
-    progress_bar,
-    refuse_given,
-    set_option,
-)
+from mbstab.cli.common import load_model, model_command, parse_settings, progress_bar, refuse_given
 from mbstab.cli.output import Output, check_size, files, output_options, save_picture, size_option, warn
 from mbstab.errors import UsageError
 
@@ -23,10 +15,7 @@ if TYPE_CHECKING:
     from mbstab.api import Mechanism
 
 
-@click.command()
-@file_argument
-@set_option
-@force_option
+@model_command
 @click.option(
     "--digits", type=click.IntRange(20, 1000), default=50, show_default=True, help="Digits of the truth compared with."
 )
@@ -83,15 +72,7 @@ def compare(
     with progress_bar("comparing") as progress:
         result = mechanism.compare(digits, tolerance, progress)
     warn(result.truth.warnings)
-    from mbstab.report import comparison, export
-
-    output.write(
-        {
-            "table": lambda: comparison.compare_text(result, model.title),
-            "json": lambda: export.to_json(export.compare_data(result, model.name, model.title)),
-            "csv": lambda: export.compare_csv(result),
-        }
-    )
+    output.answer(result, model)
     if picture is not None:
         from mbstab.report.pictures.work_precision import work_precision
 
@@ -107,20 +88,11 @@ def _integrators(
     output: Output,
 ) -> None:
     """Compare the integrators on the nonlinear motion."""
-    from mbstab.report.export import to_json
-    from mbstab.report.integrations import integrations_csv, integrations_data, integrations_text
-
     model = mechanism.model
     perturb = parse_settings(disturbances, "--perturb")
     with progress_bar("comparing") as progress:
         result = mechanism.compare_integrators(to, perturb, tolerance, progress)
-    output.write(
-        {
-            "table": lambda: integrations_text(result, model.title),
-            "json": lambda: to_json(integrations_data(result, model.name, model.title)),
-            "csv": lambda: integrations_csv(result),
-        }
-    )
+    output.answer(result, model)
     if picture is not None:
         from mbstab.report.pictures.work_precision import integrator_precision
 

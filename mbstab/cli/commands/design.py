@@ -89,23 +89,13 @@ def design(
     )
     with progress_bar("designing") as progress:
         found = mechanism.design(ranges, goal, progress, over=box, least=least, steps=steps)
-    from mbstab.analysis.design.design import settings as as_settings
     from mbstab.analysis.design.search import STOPPED
-    from mbstab.report import designs, export
 
     model = mechanism.model
-    values = mechanism.parameters()
-    given = as_settings(model, {name: values[name] for name in model.settings} | found.values)
     warn(found.result.warnings)
     proofs = _proofs(mechanism, found) if certify and found.ended != STOPPED else []
-    output.write(
-        {
-            "table": lambda: designs.design_text(found, model, given, proofs),
-            "json": lambda: export.to_json(designs.design_data(found, model, given, proofs)),
-            "yaml": lambda: designs.with_values(model, given),
-        },
-        summary=True,
-    )
+    with_proofs = {"proofs": proofs}
+    output.answer(found, model, True, table=with_proofs, json=with_proofs)
     if output.format == "yaml" and model.expect:
         note("its expect: entries are still those of the old values")
     if found.ended == STOPPED:

@@ -137,7 +137,7 @@ def eig(
     Example: mbstab eig pendulum.yaml --set L=0.5
     """
     _refuse(method, frozen, precision, certify, count, verify, output.format)
-    shift = _few(count, near, rightmost)
+    shift = _read_shift(count, near, rightmost)
     if len(set(names)) < len(names):
         raise UsageError("a file is named twice")
     many_digits = precision is not None or certify
@@ -147,14 +147,14 @@ def eig(
 
     def reply(mechanism: Mechanism) -> _Reply:
         if certify:
-            return _certified(mechanism, precision or CERTIFIED_DIGITS)
+            return _answer_certified(mechanism, precision or CERTIFIED_DIGITS)
         if precision is not None:
-            return _precise(mechanism, frozen, precision)
+            return _answer_precise(mechanism, frozen, precision)
         if count is not None:
-            return _shaped(mechanism, mechanism.modes(count, shift, rightmost, shapes), shapes)
+            return _answer_modes(mechanism, mechanism.modes(count, shift, rightmost, shapes), shapes)
         if sensitivity:
-            return _differentiated(mechanism, frozen)
-        return _verified(mechanism, frozen) if verify else _plain(mechanism, method, frozen, shapes)
+            return _answer_sensitivities(mechanism, frozen)
+        return _answer_verified(mechanism, frozen) if verify else _answer_plain(mechanism, method, frozen, shapes)
 
     replies: list[_Reply] = []
     failures: list[MbstabError] = []
@@ -176,7 +176,10 @@ def eig(
 
 def _write(replies: list[_Reply], several: bool, output: Output, paths: Mapping[str, Path]) -> None:
     """Write the answers, and the pictures of a single one."""
-    output.write(_joined(replies, several))
+    if several:
+        output.write(_join(replies))
+    else:
+        output.answer(replies[0].answer, replies[0].model, False, **replies[0].options)
     for picture, path in paths.items():
         save_picture(replies[0].pictures[picture], path)
 
@@ -231,16 +234,12 @@ class _Reply:
     Attributes
     ----------
     model : Model
-    verdict : str
+    answer : object
+    result : EigenResult, PreciseResult or Certificate
+        What has the verdict.
     reasons : sequence of str
-    table : callable
-        Returns the text.
-    data : callable
-        Returns the JSON object.
-    rows : callable
-        Returns the heads and the lines of a CSV file.
-    linear : bool
-        Whether no eigenvalue lies right of the imaginary axis, or may do so.
+    options : mapping
+        Options of its writers, by format.
     failure : MbstabError or None
         Error with which the command fails although there is an answer.
     pictures : mapping
@@ -248,35 +247,33 @@ class _Reply:
     """
 
     model: Model
-    verdict: str
+    answer: Any
+    result: Any
     reasons: Sequence[str]
-    table: Callable[[], str]
-    data: Callable[[], dict[str, Any]]
-    linear: bool
-    rows: Callable[[], tuple[list[str], list[list[Any]]]] = lambda: ([], [])
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     failure: MbstabError | None = None
     pictures: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
 
+    @property
+    def linear(self) -> bool:
+        """Whether the linear statement says that no eigenvalue lies right of the imaginary axis, or may do so."""
+        return self.result.spectrum is not None and self.result.spectrum.linear
 
-def _joined(replies: list[_Reply], several: bool) -> Answer:
-    """Return the answers for all models by format; if there are several, each names its model."""
+
+def _join(replies: list[_Reply]) -> Answer:
+    """Return the answers for several models by format; each names its model."""
+    from mbstab.report.answers import content
+    from mbstab.report.export import to_csv, to_json
+
+    def contents(form: str) -> list[Any]:
+        return [content(x.answer, x.model, form, x.options.get(form)) for x in replies]
 
     def table() -> str:
-        if not several:
-            return replies[0].table()
-        return "\n".join(f"{visible(x.model.name, lines=False)}\n\n{x.table()}" for x in replies)
-
-    def json() -> str:
-        from mbstab.report.export import to_json
-
-        return to_json([x.data() for x in replies] if several else replies[0].data())
+        names = (visible(x.model.name, lines=False) for x in replies)
+        return "\n".join(f"{name}\n\n{text}" for name, text in zip(names, contents("table"), strict=True))
 
     def csv() -> str:
-        from mbstab.report.export import to_csv
-
-        if not several:
-            return to_csv(*replies[0].rows())
-        found = [(x.model.name, *x.rows()) for x in replies]
+        found = [(x.model.name, *rows) for x, rows in zip(replies, contents("csv"), strict=True)]
         heads = list(dict.fromkeys(head for _, own, _ in found for head in own))
         lines = [
             [name, *(dict(zip(own, row, strict=True)).get(head, "") for head in heads)]
@@ -285,7 +282,7 @@ def _joined(replies: list[_Reply], several: bool) -> Answer:
         ]
         return to_csv(["model", *heads], lines)
 
-    return {"table": table, "json": json, "csv": csv}
+    return {"table": table, "json": lambda: to_json(contents("json")), "csv": csv}
 
 
 def _failure(reply: _Reply, require: str | None, name: str) -> list[MbstabError]:
@@ -294,41 +291,25 @@ def _failure(reply: _Reply, require: str | None, name: str) -> list[MbstabError]
     if reply.failure is not None:
         return [type(reply.failure)(about + str(reply.failure))]
     linear = require == "linear" and reply.linear
-    if require and not linear and reply.verdict not in REQUIRED[require]:
+    if require and not linear and reply.result.verdict not in REQUIRED[require]:
         reasons = "; ".join(reply.reasons)
-        return [ExpectationError(f"{about}required: {require}, found: {reply.verdict}: {reasons}")]
+        return [ExpectationError(f"{about}required: {require}, found: {reply.result.verdict}: {reasons}")]
     return []
 
 
-def _plain(mechanism: Mechanism, method: str, frozen: bool, shapes: bool) -> _Reply:
+def _answer_plain(mechanism: Mechanism, method: str, frozen: bool, shapes: bool) -> _Reply:
     """Answer in double precision."""
     with progress_bar("following the period") as progress:
         result = mechanism.eig(method, frozen, progress, shapes)
-    return _shaped(mechanism, result, shapes)
+    return _answer_modes(mechanism, result, shapes)
 
 
-def _shaped(mechanism: Mechanism, result: EigenResult, shapes: bool) -> _Reply:
+def _answer_modes(mechanism: Mechanism, result: EigenResult, shapes: bool) -> _Reply:
     """Return an answer with or without the shapes of modes."""
-
-    def text(result: EigenResult, title: str) -> str:
-        from mbstab.report.eigenvalues import eigen_text
-
-        return eigen_text(result, title, shapes)
-
-    def data(result: EigenResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
-        from mbstab.report.eigenvalue_data import eigen_data
-
-        return eigen_data(result, model, values)
-
-    def rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
-        from mbstab.report.eigenvalue_data import eigen_rows
-
-        return eigen_rows(result)
-
-    return _drawn(_told(mechanism, result, text, data, rows), mechanism, result)
+    return _add_pictures(_reply(mechanism, result, result, table={"shapes": shapes}), mechanism, result)
 
 
-def _drawn(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:
+def _add_pictures(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:
     """Return an answer with the pictures that can be drawn of it."""
 
     def spectrum() -> Any:
@@ -352,7 +333,7 @@ def _drawn(reply: _Reply, mechanism: Mechanism, result: EigenResult) -> _Reply:
     return replace(reply, pictures={"spectrum": spectrum, "modes": modes})
 
 
-def _few(count: int | None, near: str | None, rightmost: bool) -> complex:
+def _read_shift(count: int | None, near: str | None, rightmost: bool) -> complex:
     """Return the number near which a few eigenvalues are computed, 0 if none is given; refuse invalid options."""
     if count is None and (near is not None or rightmost):
         raise UsageError(f"{'--near' if near is not None else '--rightmost'} says which of a few\nhint: give --modes K")
@@ -369,106 +350,45 @@ def _few(count: int | None, near: str | None, rightmost: bool) -> complex:
     return shift
 
 
-def _precise(mechanism: Mechanism, frozen: bool, digits: int) -> _Reply:
+def _answer_precise(mechanism: Mechanism, frozen: bool, digits: int) -> _Reply:
     """Answer with many digits."""
     with progress_bar("more digits") as progress:
         result = mechanism.eig_precise(digits, frozen, progress)
-    from mbstab.report import eigenvalue_data, eigenvalues
-
-    return _told(
-        mechanism, result, eigenvalues.precise_text, eigenvalue_data.precise_data, eigenvalue_data.precise_rows
-    )
+    return _reply(mechanism, result, result)
 
 
-def _told(
-    mechanism: Mechanism,
-    result: Any,
-    text: Callable[[Any, str], str],
-    data: Callable[..., dict[str, Any]],
-    rows: Callable[[Any], tuple[list[str], list[list[Any]]]],
-) -> _Reply:
+def _reply(mechanism: Mechanism, answer: Any, result: Any, **options: Mapping[str, Any]) -> _Reply:
     """Write warnings, and return an answer with how it is written."""
     warn(result.warnings)
-    model, values = mechanism.model, mechanism.parameters()
-    return _Reply(
-        model,
-        result.verdict,
-        result.reasons,
-        lambda: text(result, model.title),
-        lambda: data(result, model, values),
-        _linear(result),
-        lambda: rows(result),
-    )
+    return _Reply(mechanism.model, answer, result, result.reasons, options)
 
 
-def _linear(result: Any) -> bool:
-    """Return whether the linear statement of an answer says that nothing grows exponentially."""
-    return result.spectrum is not None and result.spectrum.linear
-
-
-def _verified(mechanism: Mechanism, frozen: bool) -> _Reply:
+def _answer_verified(mechanism: Mechanism, frozen: bool) -> _Reply:
     """Answer with the eigenvalues, and what the nonlinear motion says about them."""
     with progress_bar("exciting modes") as progress:
         found = mechanism.verify(frozen, progress)
-    warn(found.result.warnings)
-    model, values, result = mechanism.model, mechanism.parameters(), found.result
-    from mbstab.report import eigenvalue_data as data
-    from mbstab.report import eigenvalues, verification
-
-    failure = None
-    if found.verdict == "contradicted":
-        failure = ExpectationError(f"the nonlinear motion contradicts the eigenvalues: {found.reason}")
-    reply = _Reply(
-        model,
-        result.verdict,
-        result.reasons,
-        lambda: f"{eigenvalues.eigen_text(result, model.title)}\n{verification.verification_text(found)}",
-        lambda: data.eigen_data(result, model, values) | {"verification": verification.verification_data(found)},
-        _linear(result),
-        failure=failure,
-    )
-    return _drawn(reply, mechanism, result)
+    reply = _add_pictures(_reply(mechanism, found, found.result), mechanism, found.result)
+    if found.verdict != "contradicted":
+        return reply
+    return replace(reply, failure=ExpectationError(f"the nonlinear motion contradicts the eigenvalues: {found.reason}"))
 
 
-def _differentiated(mechanism: Mechanism, frozen: bool) -> _Reply:
+def _answer_sensitivities(mechanism: Mechanism, frozen: bool) -> _Reply:
     """Answer with the eigenvalues and their derivatives by the parameters."""
     found = mechanism.sensitivities(frozen)
-    from mbstab.report import eigenvalue_data as data
-    from mbstab.report import eigenvalues, sensitivity
-
-    model = mechanism.model
-
-    def text(result: EigenResult, title: str) -> str:
-        return f"{eigenvalues.eigen_text(result, title)}\n{sensitivity.sensitivity_text(found, model)}"
-
-    def both(result: EigenResult, model: Model, values: Mapping[str, float]) -> dict[str, Any]:
-        return data.eigen_data(result, model, values) | sensitivity.sensitivity_data(found, model)
-
-    def rows(result: EigenResult) -> tuple[list[str], list[list[Any]]]:
-        return sensitivity.sensitivity_rows(found, model)
 
     def bars() -> Any:
         from mbstab.report.pictures.sensitivity_bars import sensitivity_bars
 
-        return sensitivity_bars(found, model.title)
+        return sensitivity_bars(found, mechanism.model.title)
 
-    reply = _drawn(_told(mechanism, found.result, text, both, rows), mechanism, found.result)
+    reply = _add_pictures(_reply(mechanism, found, found.result), mechanism, found.result)
     return replace(reply, pictures={**reply.pictures, "sensitivity": bars})
 
 
-def _certified(mechanism: Mechanism, digits: int) -> _Reply:
+def _answer_certified(mechanism: Mechanism, digits: int) -> _Reply:
     """Answer with enclosures and the verdict, proven or under conditions; without one the command fails."""
     with progress_bar("dividing the interval") as progress:
         result = mechanism.certify(digits, progress)
-    model = mechanism.model
-    from mbstab.report import certificate
-
-    return _Reply(
-        model,
-        result.verdict,
-        [result.statement],
-        lambda: certificate.certificate_text(result, model.title),
-        lambda: certificate.certificate_data(result, model.name, model.title),
-        _linear(result),
-        failure=None if result.decided else NumericalError("no verdict is proven; the answer says why"),
-    )
+    failure = None if result.decided else NumericalError("no verdict is proven; the answer says why")
+    return _Reply(mechanism.model, result, result, [result.statement], failure=failure)

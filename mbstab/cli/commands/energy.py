@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import click
-
-from mbstab.cli.common import file_argument, force_option, load_model, set_option
+from mbstab.cli.common import load_model, model_command
 from mbstab.cli.output import Output, output_options, warn
 
 
-@click.command()
-@file_argument
-@set_option
-@force_option
+@model_command
 @output_options("table", "json")
 def energy(file: str, settings: tuple[str, ...], output: Output) -> None:
     """Show kinetic and potential energy at the reference, and the power of forces, dampers and drives.
@@ -23,11 +18,4 @@ def energy(file: str, settings: tuple[str, ...], output: Output) -> None:
     mechanism = load_model(file, settings)
     found, model = mechanism.energies(), mechanism.model
     warn(found.motion.warnings)
-    from mbstab.report import energies, export
-
-    output.write(
-        {
-            "table": lambda: energies.energies_text(found, model.title),
-            "json": lambda: export.to_json(energies.energies_data(found, model.name, model.title)),
-        }
-    )
+    output.answer(found, model)

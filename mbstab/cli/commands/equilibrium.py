@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, load_model, set_option, tracked
+from mbstab.cli.common import load_model, model_command, tracked
 from mbstab.cli.output import Output, output_options, warn
 
 
-@click.command()
-@file_argument
-@set_option
-@force_option
+@model_command
 @click.option(
     "--starts", type=click.IntRange(1, 100_000), default=1, help="Try this many starts, the others at random."
 )
@@ -26,16 +23,6 @@ def equilibrium(file: str, settings: tuple[str, ...], starts: int, seed: int, ou
     Example: mbstab equilibrium governor.yaml --set omega=20
     """
     mechanism = load_model(file, settings)
-    model = mechanism.model
-    names = model.coordinates()
     found = mechanism.equilibria(starts, seed, lambda items: tracked(items, "starts") if starts > 1 else iter(items))
     warn(list(dict.fromkeys(text for item in found for text in item.motion.warnings)))
-    from mbstab.report import equilibria, export
-
-    output.write(
-        {
-            "table": lambda: equilibria.equilibrium_text(found, model),
-            "json": lambda: export.to_json(export.equilibrium_data(found, names, model.name, model.title)),
-            "csv": lambda: export.equilibrium_csv(found, model),
-        }
-    )
+    output.answer(found, mechanism.model)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, load_model, set_option, tracked
+from mbstab.cli.common import load_model, model_command, tracked
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -30,10 +30,7 @@ EQUATIONS = ("equations", "composite")
 FORMS = (*EQUATIONS, "pencil", "state-space")
 
 
-@click.command()
-@file_argument
-@set_option
-@force_option
+@model_command
 @click.option(
     "--form",
     type=click.Choice(FORMS),
@@ -102,23 +99,13 @@ def linearize(
 def _write(linear: Linearization, model: Model, form: str, states: str | None, full: bool, output: Output) -> None:
     """Write the matrices; the control model is built only where it is asked for or the file has inputs or outputs."""
     from mbstab.analysis.response.state_space import control_model, split_states
-    from mbstab.report import export, linear_data, linearization
 
+    table = {"form": form, "full": full}
     ported = bool(model.outputs or linear.system.scene.inputs)
     if output.format == "table" and form in EQUATIONS and states is None and not ported:
-        output.write({"table": lambda: linearization.linearize_text(linear, None, form, model.title, full)})
-        return
-    found = control_model(linear, split_states(states or ""))
-    output.write(
-        {
-            "table": lambda: linearization.linearize_text(linear, found, form, model.title, full),
-            "json": lambda: export.to_json(linear_data.linearize_data(found, model.name, model.title)),
-            "csv": lambda: linear_data.linearize_csv(found),
-            "npz": lambda: export.npz_bytes(linear_data.linearize_arrays(found)),
-            "mat": lambda: export.mat_bytes(linear_data.linearize_arrays(found)),
-            "latex": lambda: linear_data.linearize_latex(found),
-        }
-    )
+        output.answer(linear, model, table=table)
+    else:
+        output.answer(control_model(linear, split_states(states or "")), model, table=table)
 
 
 def _symbolic(file: str, settings: tuple[str, ...], frozen: bool, output: Output) -> None:
@@ -131,13 +118,9 @@ def _symbolic(file: str, settings: tuple[str, ...], frozen: bool, output: Output
         )
     if settings:
         raise UsageError("--symbolic shows parameters as symbols; --set has no effect with it")
-    from mbstab.report.symbolic import symbolic_latex, symbolic_text
-
     mechanism = load_model(file)
     blocks = mechanism.symbolic(lambda entries: tracked(entries, "simplifying"))
     if blocks.unsimplified:
         many = counted(blocks.unsimplified, "entry is", "entries are")
         note(f"{many} not simplified, which would take too long: they have many operations or several angles")
-    output.write(
-        {"table": lambda: symbolic_text(blocks, mechanism.model.title), "latex": lambda: symbolic_latex(blocks)}
-    )
+    output.answer(blocks, mechanism.model)

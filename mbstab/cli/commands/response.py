@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mbstab.cli.common import file_argument, force_option, listed, load_model, progress_bar, set_option
+from mbstab.cli.common import listed, load_model, model_command, progress_bar
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -29,10 +29,7 @@ if TYPE_CHECKING:
 PICTURES = ("bode", "nyquist", "step", "impulse", "unbalance")
 
 
-@click.command()
-@file_argument
-@set_option
-@force_option
+@model_command
 @click.option("--input", "sources", multiple=True, metavar="NAME", help="From this input; may be repeated; else all.")
 @click.option("--measured", "goals", multiple=True, metavar="NAME", help="To this output; may be repeated; else all.")
 @click.option(
@@ -131,15 +128,7 @@ def _frequency(option: str, text: str | None) -> float | None:
 
 def _write(result: Response, model: Model, paths: dict[str, Path], output: Output) -> None:
     """Write and draw responses from inputs to outputs."""
-    from mbstab.report import export, responses
-
-    output.write(
-        {
-            "table": lambda: responses.response_text(result, model.title),
-            "json": lambda: export.to_json(responses.response_data(result, model.name, model.title)),
-            "csv": lambda: responses.response_csv(result),
-        }
-    )
+    output.answer(result, model)
     if paths:
         from mbstab.report.pictures.responses import nyquist, response_picture
 
@@ -173,7 +162,6 @@ def _unbalance(
     """Write and draw an unbalance response."""
     from mbstab.analysis.sweep.unbalance import read_unbalances
     from mbstab.model.ranges import sweep_values
-    from mbstab.report import export, responses
 
     model = mechanism.model
     at = read_unbalances(places)
@@ -188,13 +176,7 @@ def _unbalance(
         )
     with progress_bar("unbalance") as progress:
         found = mechanism.unbalance(at, speed, speeds, goals, progress, si=True)
-    output.write(
-        {
-            "table": lambda: responses.unbalance_text(found, model.title, unit, factor),
-            "json": lambda: export.to_json(responses.unbalance_data(found, model.name, model.title)),
-            "csv": lambda: responses.unbalance_csv(found, unit, factor),
-        }
-    )
+    output.answer(found, model)
     for path in paths.values():
         from mbstab.report.pictures.responses import unbalance_picture
         from mbstab.report.pictures.scales import Axis

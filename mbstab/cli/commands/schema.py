@@ -15,9 +15,8 @@ def schema(section: str | None, output: Output) -> None:
     """Print the JSON Schema with which editors complete and check model files.
 
     With SECTION (bodies, joints, contacts, drives, forces) print its types and their keys as text; with a type, such as
-    revolute or joints.revolute, only that one. Sections without types (parameters, ground, constraints, reference,
-    reference.steady, initial, shape, sweep, expect, expect.critical) print their keys, and functions what expressions
-    may call.
+    revolute or joints.revolute, only that one. Sections without types, such as reference, and keys with keys of their
+    own, such as reference.steady and shape, print these, and functions what expressions may call.
 
     Example: mbstab schema -o mbstab.schema.json
     """
@@ -42,7 +41,7 @@ def section_text(section: str) -> str:
     from mbstab.mechanics.elements import KINDS
     from mbstab.mechanics.measures import MEASURES
     from mbstab.model.functions import CALLED
-    from mbstab.model.schema import SECTION_FIELDS, SECTIONS
+    from mbstab.model.keys import EXPLAINED, SECTIONS
     from mbstab.report.kinds import keys_text, kinds_text, shapes_text
 
     if section == "shape":
@@ -52,16 +51,16 @@ def section_text(section: str) -> str:
     measures = "".join(f"{name}({', '.join(x.arguments)}): {x.doc} ({x.unit})\n" for name, x in MEASURES.items())
     if section == "measures":
         return measures
-    if section in SECTION_FIELDS:
-        return keys_text(SECTION_FIELDS[section])
+    if section in EXPLAINED:
+        return keys_text(EXPLAINED[section])
     if section in SECTIONS and section not in KINDS:
-        return keys_text({section: SECTIONS[section]}) + (measures if section == "outputs" else "")
+        return keys_text([SECTIONS[section]]) + (measures if section == "outputs" else "")
     name, _, kind = section.partition(".")
     homes = [x for x in KINDS if any(section == k_name for k_name, _ in KINDS[x])]
     if homes and f"{section}s" not in KINDS:  # joint, a type of drives, rather means joints
         return "\n".join(section_text(f"{home}.{section}") for home in homes)
     if name not in KINDS:
-        known = list(dict.fromkeys([*KINDS, *SECTIONS, "shape", "functions", "measures", *SECTION_FIELDS]))
+        known = list(dict.fromkeys([*KINDS, *SECTIONS, "shape", "functions", "measures", *EXPLAINED]))
         ends = {x.rpartition(".")[2]: x for x in known}
         near = nearest(section, [*known, *ends])
         hint = f"did you mean {ends.get(near, near)!r}?" if near else "one of " + ", ".join(known)

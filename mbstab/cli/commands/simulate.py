@@ -149,7 +149,7 @@ def simulate(
             return
         run = replace(run, points=points or movie.points(mechanism.system(), run.start, run.to))
     result, stopped = _run(mechanism, run)
-    _write(result, output, model, full)
+    output.answer(result, model, True, table={"full": full}, json={"whole": output.path is not None})
     _draw(result, pictures, paths, model)
     if movie is not None and stopped is not None and not result.failure:
         note("not animated, as the simulation was stopped")
@@ -214,21 +214,6 @@ def _check_options(mode: bool, step: bool, plots: bool) -> None:
         refuse_given(("tol", "once"), "with --step: one run with fixed steps has no tolerance")
     if not plots:
         refuse_given(("place",), "without --plot")
-
-
-def _write(result: Simulation, output: Output, model: Model, full: bool) -> None:
-    """Write the data, and the summary to the terminal where the data go to a file."""
-    from mbstab.report import simulation
-
-    output.write(
-        {
-            "table": lambda: simulation.simulation_text(result, model.title, full),
-            "json": lambda: simulation.simulation_json(result, model.name, model.title, output.path is not None),
-            "csv": lambda: simulation.simulation_csv(result),
-            "npz": lambda: simulation.simulation_npz(result),
-        },
-        summary=True,
-    )
 
 
 def _pictures(plots: tuple[str, ...], model: Model) -> list[Picture]:

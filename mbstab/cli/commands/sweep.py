@@ -14,7 +14,6 @@ from mbstab.analysis.sweep.settings import SweepSettings
 from mbstab.cli import completion
 from mbstab.cli.common import file_argument, force_option, listed, load_model, progress_bar, set_option
 from mbstab.cli.output import (
-    Answer,
     Output,
     check_pictures,
     note,
@@ -187,7 +186,8 @@ def _sweep(
     with _kept(run.directory, output.path):
         with progress_bar("sweeping") as progress:
             answer = mechanism.sweep(parameter, grids[parameter], progress, si=True, **asked, **vars(run))
-        output.write(_sweep_answer(answer, model, asked["sensitivity"]), summary=True)
+        derived = {"sensitivity": asked["sensitivity"]}
+        output.answer(answer, model, True, table=derived, json=derived, csv=derived)
         if len(answer.unanswered) < len(answer.values):
             _draw(answer, paths, partial(_axis, model, parameter, answer.values), model.title, *drawn)
     warn(list(dict.fromkeys(x for path in (answer, *answer.beyond) for x in path.warnings)))
@@ -202,11 +202,10 @@ def _chart(
 ) -> tuple[int, int, str]:
     """Compute a chart, write and draw it; return the same as `_sweep`."""
     model = mechanism.model
-    labels = [(model.parameters[name].unit, model.parameters[name].factor) for name in grids]
     with _kept(run.directory, output.path):
         with progress_bar("sweeping") as progress:
             answer = mechanism.chart(grids, progress, si=True, **vars(run))
-        output.write(_chart_answer(answer, labels, model.name, model.title), summary=True)
+        output.answer(answer, model, True)
         for path in paths.values() if len(answer.problems) < answer.unstable.size else ():
             _draw_chart(answer, path, model)
     warn(answer.warnings)
@@ -334,48 +333,6 @@ def _written_at(path: Path | None) -> int | None:
 def _chart_points(model: Model, parameter: str) -> int:
     """Return the number of values along a side of a chart: that of the file, if it is not too many."""
     return min(model.sweep[parameter].points, CHART_POINTS) if parameter in model.sweep else CHART_POINTS
-
-
-def _sweep_answer(result: Sweep, model: Model, sensitivity: bool) -> Answer:
-    """Return the functions that write a sweep, by format."""
-    from mbstab.report import export, sweeps
-    from mbstab.report import sensitivity as slopes
-
-    unit, factor = model.parameters[result.parameter].unit, model.parameters[result.parameter].factor
-
-    def text() -> str:
-        more = f"\n{slopes.critical_text(result, model)}" if sensitivity else ""
-        return sweeps.sweep_text(result, unit, factor, model.title) + more
-
-    def json() -> str:
-        more = slopes.critical_data(result, model) if sensitivity else {}
-        return export.to_json(export.sweep_data(result, unit, factor, model.name, model.title) | more)
-
-    def csv() -> str:
-        return (
-            export.to_csv(*slopes.critical_rows(result, model))
-            if sensitivity
-            else export.sweep_csv(result, unit, factor)
-        )
-
-    return {
-        "table": text,
-        "json": json,
-        "csv": csv,
-        "npz": lambda: export.npz_bytes(export.sweep_arrays(result, factor)),
-    }
-
-
-def _chart_answer(result: Chart, labels: list[tuple[str, float]], name: str, title: str) -> Answer:
-    """Return the functions that write a chart, by format."""
-    from mbstab.report import export, sweeps
-
-    return {
-        "table": lambda: sweeps.chart_text(result, labels, title),
-        "json": lambda: export.to_json(export.chart_data(result, labels, name, title)),
-        "csv": lambda: export.chart_csv(result, labels),
-        "npz": lambda: export.npz_bytes(export.chart_arrays(result, labels)),
-    }
 
 
 def _draw_chart(result: Chart, path: Path, model: Model) -> None:

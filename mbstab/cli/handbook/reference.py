@@ -57,17 +57,17 @@ def keys_page(title: str) -> str:
     """Return the sections of a model file and their keys as Markdown."""
     from mbstab.cli.commands.schema import section_text
     from mbstab.mechanics.elements import KINDS
-    from mbstab.model.schema import SECTION_FIELDS, SECTIONS
+    from mbstab.model.keys import EXPLAINED, SECTIONS
 
     parts = [
         f"# {title}\n",
         "What `mbstab schema SECTION` prints, section by section. A key that is not",
         "required may be left out.\n",
     ]
-    explained = [*KINDS, *SECTION_FIELDS]
+    explained = [*KINDS, *EXPLAINED]
     inner = {name: [x for x in explained if x == name or x.startswith(f"{name}.")] for name in SECTIONS}
-    for name, doc in SECTIONS.items():
-        parts.append(f"## `{name}`\n\n{_filled(doc[0].upper() + doc[1:] + '.')}\n")
+    for name, known in SECTIONS.items():
+        parts.append(f"## `{name}`\n\n{_filled(known.text[0].upper() + known.text[1:] + '.')}\n")
         parts += [_listing(section, section_text(section), section != name) for section in inner[name]]
     titles = {"shape": "Shapes of bodies", "measures": "What can be measured", "functions": "Functions of expressions"}
     for section, heading in titles.items():

@@ -12,18 +12,21 @@ from mbstab.model.schema import Entry, is_angle, is_length
 from mbstab.model.yamlfile import Mapping as MappingNode
 from mbstab.model.yamlfile import Scalar, YamlNode
 
-NamesIn = Literal["values", "keys", "none", "direction", "ground direction", "directions"]
+NamesIn = Literal[
+    "values", "keys", "only keys", "none", "fields", "fields by name", "guess",
+    "direction", "ground direction", "directions",
+]  # fmt: skip
 
 
 class Reading:
-    """One entry while it is read.
+    """A mapping while it is read: an entry, or the whole file.
 
     Attributes
     ----------
     node : Mapping
-        The whole entry.
+        All of it.
     path : str
-        Where it stands, such as ``joints.pivot``.
+        Where it stands, such as ``joints.pivot``; empty for the file.
     values : dict
         What the fields that were read before say.
     bodies : list of str or None
@@ -43,7 +46,8 @@ class Reading:
 
     def read(self, kind: FieldKind, field: Field, node: YamlNode) -> None:
         """Read a field; one with a problem has no value."""
-        value = kind.read(self, field.along(self._motion()), node, f"{self.path}.{field.name}")
+        path = f"{self.path}.{field.name}" if self.path else field.name
+        value = kind.read(self, field.along(self._motion()), node, path)
         if value is not None:
             self.values[field.name] = value
 
@@ -95,14 +99,21 @@ class FieldKind:
     explained : str
         What to ask ``mbstab schema`` for its keys, if it has any.
     names : str
-        Where names of the file stand in it: in its ``values``, in its ``keys`` as well, nowhere (``none``), or as a
-        ``direction`` of a body, a ``ground direction``, or ``directions`` of both bodies that the entry joins.
+        Where names of the file stand in it: in its ``values``, in its ``keys`` as well or in ``only keys``, nowhere
+        (``none``), in ``fields`` of its own or in ``fields by name``, in a ``guess``; or as a ``direction`` of a body,
+        a ``ground direction``, or ``directions`` of both bodies that the entry joins.
+    form : mapping
+        The JSON Schema of its fields, where that is the same for all of them.
+    absent : object
+        The value of a key of a section that is not given.
     """
 
     name: ClassVar[str]
     moving: ClassVar[bool] = False
     explained: ClassVar[str] = ""
     names: ClassVar[NamesIn] = "values"
+    form: ClassVar[Mapping[str, Any]] = {"type": "string"}
+    absent: ClassVar[Any] = None
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Any:
         """Return the value as it stands in the file; None after a problem."""
@@ -129,7 +140,7 @@ class FieldKind:
 
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the JSON Schema of the field."""
-        raise NotImplementedError
+        return {**self.form}
 
     def coordinates(self, value: Any) -> Iterable[str]:
         """Return the names that a value uses, among them all the coordinates it acts on or depends on."""
@@ -151,26 +162,3 @@ VECTOR: Mapping[str, Any] = {"anyOf": [TEXT, {"const": 0}, NUMBERS]}
 DIRECTION: Mapping[str, Any] = {"anyOf": [TEXT, NUMBERS]}
 BY_NAME: Mapping[str, Any] = {"type": "object", "additionalProperties": NUMBER}
 """Parts of the JSON Schema that several kinds of fields and sections share."""
-
-
-def object_schema(fields: Mapping[str, str], **schemas: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the JSON Schema of a mapping with these keys and no others; `fields` says what they mean."""
-    properties = {key: {**schemas[key], "description": doc} for key, doc in fields.items()}
-    return {"type": "object", "properties": properties, "additionalProperties": False}
-
-
-def described(kind: FieldKind, field: Field) -> dict[str, Any]:
-    """Return the JSON Schema of a field, with what it means and its unit."""
-    unit = f" ({field.unit})" if field.unit not in ("", "1") else ""
-    return {**kind.schema(field), "description": field.doc + unit}
-
-
-def typed_schema(name: str, doc: str, properties: Mapping[str, Any], required: Iterable[str]) -> dict[str, Any]:
-    """Return the JSON Schema of a mapping whose ``type`` is `name`."""
-    return {
-        "type": "object",
-        "description": doc,
-        "properties": {"type": {"const": name, "description": doc}, **properties},
-        "required": ["type", *required],
-        "additionalProperties": False,
-    }

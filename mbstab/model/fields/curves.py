@@ -9,9 +9,10 @@ from typing import Any
 from mbstab.errors import alternatives
 from mbstab.mechanics.catalogue import Field, Number
 from mbstab.model.columns import CsvFile, read_csv, table_of
-from mbstab.model.fields.base import NUMBER, TEXT, FieldKind, Owner, Reading, object_schema
-from mbstab.model.functions import TABULATED
-from mbstab.model.schema import CURVE_FIELDS, Quantity
+from mbstab.model.fields.base import FieldKind, Owner, Reading
+from mbstab.model.fields.catalogue import object_schema, read_keys
+from mbstab.model.keys import CURVES
+from mbstab.model.schema import Quantity
 from mbstab.model.yamlfile import Scalar, YamlNode
 
 SPEEDS = {"rad/s": "({})", "rpm": "({})*30/pi"}
@@ -37,21 +38,18 @@ class SpeedCurvesField(FieldKind):
         mapping = nodes.mapping(node, path, "{file: name.csv, speed: expression}")
         if mapping is None:
             return None
-        nodes.known_keys(mapping, path, CURVE_FIELDS)
-        file, speed = (nodes.required(mapping, key, path, CURVE_FIELDS[key]) for key in ("file", "speed"))
-        function: str | None = "table"
-        if "function" in mapping.entries:
-            function = nodes.choice(mapping.entries["function"], f"{path}.function", tuple(TABULATED))
-        if file is None or speed is None or function is None:
+        given = read_keys(reading.quantities, mapping, path, CURVES).values
+        speed, function = given["speed"], given["function"]
+        if not given["file"] or speed is None or function is None:
             return None
-        read = reading.quantities.quantity(speed, f"{path}.speed", "rad/s")
+        file = mapping.entries["file"]
         csv = read_csv(nodes, file, f"{path}.file")
-        if csv is None or read is None or not isinstance(speed, Scalar) or not self._fits(reading, field, file, csv):
+        if csv is None or not self._fits(reading, field, file, csv):
             return None
         at, tables = SPEEDS[csv.header[0]].format(speed.text), self._tables(reading, file, f"{path}.file", csv)
         reading.names.tables.update(tables)
         texts = {name: f"{function}({at}, {name})" for name in tables}
-        return {"speed": read} | {
+        return {"speed": speed} | {
             name.rpartition(".")[2]: reading.quantities.expression(Scalar(text, speed.location), f"{path}.speed")
             for name, text in texts.items()
         }
@@ -105,9 +103,4 @@ class SpeedCurvesField(FieldKind):
 
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of the mapping."""
-        function = {**TEXT, "enum": list(TABULATED)}
-        found = object_schema(CURVE_FIELDS, file=TEXT, speed=NUMBER, function=function)
-        return {**found, "required": ["file", "speed"]}
-
-
-KINDS = (SpeedCurvesField(),)
+        return object_schema(CURVES)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from collections.abc import Mapping as Mapped
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 from mbstab.errors import suggestion
 from mbstab.mechanics.bodies import SHAPES, ShapeKind, shape_moments
@@ -15,20 +14,18 @@ from mbstab.model.fields.base import (
     BY_NAME,
     NUMBER,
     NUMBERS,
-    VECTOR,
     FieldKind,
     Owner,
     Reading,
-    described,
-    object_schema,
-    typed_schema,
 )
-from mbstab.model.fields.values import NumberField
+from mbstab.model.fields.catalogue import read_fields, typed_schema
+from mbstab.model.keys import ALONG, PART
 from mbstab.model.nodes import decimal_commas
 from mbstab.model.numbers import all_of
 from mbstab.model.quantities import AXES
-from mbstab.model.schema import ALONG, PART_FIELDS, Components, PartValue, ShapeValue, constant
-from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
+from mbstab.model.schema import Components, PartValue, ShapeValue, constant
+from mbstab.model.yamlfile import Mapping, YamlNode
+from mbstab.model.yamlfile import Sequence as SequenceNode
 
 TENSOR_KEYS = ("xx", "yy", "zz", "xy", "xz", "yz")
 
@@ -42,6 +39,9 @@ class TensorField(FieldKind):
     """An inertia: a number in the plane; in space xx, yy, zz, xy, xz, yz, or a matrix row by row."""
 
     name = "tensor"
+    form: ClassVar[dict[str, Any]] = {
+        "anyOf": [NUMBER, {"type": "array", "items": {"anyOf": [NUMBER, NUMBERS]}}, BY_NAME]
+    }
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
         """Return its components: one, six or nine."""
@@ -56,8 +56,8 @@ class TensorField(FieldKind):
             given = node.entries
             found = (quantities.expression(given[k], f"{path}.{k}", unit) if k in given else zero for k in TENSOR_KEYS)
             return Components(tuple(found), node.location, path)
-        if isinstance(node, Sequence) and len(node.items) == 3:
-            rows = [item for item in node.items if isinstance(item, Sequence)]
+        if isinstance(node, SequenceNode) and len(node.items) == 3:
+            rows = [item for item in node.items if isinstance(item, SequenceNode)]
             if not rows:
                 moments = quantities.components(node.items, node, path, unit)
                 return Components((*moments.values, zero, zero, zero), node.location, path)
@@ -66,7 +66,7 @@ class TensorField(FieldKind):
                 return Components(tuple(x for line in lines for x in line.values), node.location, path)
         keys = ", ".join(TENSOR_KEYS)
         message = f"expected three principal moments, a 3×3 matrix, or keys {keys} (kg*m^2)"
-        reading.nodes.complain(node, path, message, decimal_commas(node, 3) if isinstance(node, Sequence) else "")
+        reading.nodes.complain(node, path, message, decimal_commas(node, 3) if isinstance(node, SequenceNode) else "")
         return None
 
     def numbers(self, owner: Owner, field: Field, value: Components) -> Vector:
@@ -84,13 +84,28 @@ class TensorField(FieldKind):
                     evaluator.complain(other, message)
         return m[0], m[4], m[8], m[1], m[2], m[5]
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a number, a list, a matrix or components by name."""
-        return {"anyOf": [NUMBER, {"type": "array", "items": {"anyOf": [NUMBER, NUMBERS]}}, BY_NAME]}
+
+class ShapeAxisField(FieldKind):
+    """The axis of symmetry of a shape: its number, and whether it points back."""
+
+    name = "axis of a shape"
+    names = "none"
+    form: ClassVar[dict[str, Any]] = {"enum": list(_DIRECTIONS)}
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> tuple[int, bool] | None:
+        """Return the number, and whether it points back."""
+        letter = reading.nodes.choice(node, path, _DIRECTIONS)
+        return None if letter is None else (AXES[letter[-1]], letter.startswith("-"))
 
 
-def _read_shape(reading: Reading, node: Mapping, path: str, extra: Iterable[str] = ()) -> ShapeValue | None:
-    """Return the shape that a mapping describes; `extra` are further keys that it may have."""
+def _shape_keys(kind: ShapeKind, more: Sequence[Field]) -> list[Field]:
+    return [*kind.fields, *([ALONG] if kind.axis is not None else []), *more]
+
+
+def _read_shape(
+    reading: Reading, node: Mapping, path: str, more: Sequence[Field] = ()
+) -> tuple[ShapeValue, dict[str, Any]] | None:
+    """Return the shape that a mapping describes, and what all keys say; `more` are further ones that it may have."""
     nodes = reading.nodes
     known = "known shapes: " + ", ".join(SHAPES)
     type_node = nodes.required(node, "type", path, known)
@@ -101,20 +116,12 @@ def _read_shape(reading: Reading, node: Mapping, path: str, extra: Iterable[str]
     if kind is None:
         nodes.complain(type_node, f"{path}.type", f"unknown shape {word!r}", suggestion(word, SHAPES) or known)
         return None
-    axis = ("along",) if kind.axis is not None else ()
-    known_ = ("type", *(f.name for f in kind.fields), *axis, *extra)
-    nodes.known_keys(node, path, known_, others={"axis": "along"} if axis else {})
-    lengths = {}
-    for field in kind.fields:
-        item: YamlNode = Scalar(field.default or "1", node.location)
-        if field.required or field.name in node.entries:
-            item = nodes.required(node, field.name, path, field.doc) or item
-        lengths[field.name] = reading.quantities.expression(item, f"{path}.{field.name}", field.unit)
-    if axis and "along" in node.entries:
-        letter = nodes.choice(node.entries["along"], f"{path}.along", _DIRECTIONS)
-        if letter:
-            return ShapeValue(kind, lengths, AXES[letter[-1]], letter.startswith("-"))
-    return ShapeValue(kind, lengths, None)
+    keys, inner = _shape_keys(kind, more), Reading(reading.quantities, node, path)
+    names = ["type", *(field.name for field in keys)]
+    read_fields(inner, keys, nodes.known_keys(node, path, names, others={"axis": "along"} if ALONG in keys else {}))
+    along, back = inner.values.get("along") or (None, False)
+    lengths = {field.name: inner.values[field.name] for field in kind.fields if field.name in inner.values}
+    return ShapeValue(kind, lengths, along, back), inner.values
 
 
 def _moments(evaluator: Evaluator, shape: ShapeValue) -> Moments:
@@ -122,11 +129,8 @@ def _moments(evaluator: Evaluator, shape: ShapeValue) -> Moments:
     return lambda mass: shape_moments(shape.kind, lengths, mass, shape.along)
 
 
-def _shape_schema(kind: ShapeKind, more: dict[str, Any]) -> dict[str, Any]:
-    along = {"along": {"enum": list(_DIRECTIONS), "description": ALONG}} if kind.axis is not None else {}
-    lengths = {field.name: described(NumberField(), field) for field in kind.fields}
-    required = [field.name for field in kind.fields if field.required]
-    return typed_schema(kind.name, kind.doc, {**lengths, **along, **more}, required)
+def _shape_schemas(more: Sequence[Field] = ()) -> dict[str, Any]:
+    return {"anyOf": [typed_schema(kind.name, kind.doc, _shape_keys(kind, more)) for kind in SHAPES.values()]}
 
 
 class ShapeField(FieldKind):
@@ -138,7 +142,8 @@ class ShapeField(FieldKind):
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> ShapeValue | None:
         """Return the shape with its lengths."""
         mapping = reading.nodes.mapping(node, path, hint="for example {type: rod, length: 1}")
-        return _read_shape(reading, mapping, path) if mapping else None
+        found = _read_shape(reading, mapping, path) if mapping else None
+        return found and found[0]
 
     def numbers(self, owner: Owner, field: Field, value: ShapeValue) -> Moments:
         """Return the moments of the shape for any mass."""
@@ -146,7 +151,7 @@ class ShapeField(FieldKind):
 
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of any shape."""
-        return {"anyOf": [_shape_schema(kind, {}) for kind in SHAPES.values()]}
+        return _shape_schemas()
 
 
 class PartsField(FieldKind):
@@ -154,32 +159,21 @@ class PartsField(FieldKind):
 
     name = "parts"
     explained = "shape"
-    more: Mapped[str, str] = PART_FIELDS
+    more: tuple[Field, ...] = PART
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> tuple[PartValue, ...] | None:
         """Return the parts."""
-        if not isinstance(node, Sequence) or not node.items:
-            reading.nodes.complain(
-                node, path, f"expected a list of shapes{' with masses' if 'mass' in self.more else ''}"
-            )
+        if not isinstance(node, SequenceNode) or not node.items:
+            masses = " with masses" if PART[0] in self.more else ""
+            reading.nodes.complain(node, path, f"expected a list of shapes{masses}")
             return None
         parts = [self._part(reading, item, f"{path}[{i}]") for i, item in enumerate(node.items)]
         return tuple(part for part in parts if part is not None)
 
     def _part(self, reading: Reading, node: YamlNode, path: str) -> PartValue | None:
         mapping = reading.nodes.mapping(node, path)
-        if mapping is None:
-            return None
-        shape = _read_shape(reading, mapping, path, self.more)
-        mass = None
-        if "mass" in self.more:
-            mass_node = reading.nodes.required(mapping, "mass", path)
-            if mass_node is None:
-                return None
-            mass = reading.quantities.expression(mass_node, f"{path}.mass", "kg")
-        at = mapping.entries.get("at", Scalar("0", mapping.location))
-        place = reading.quantities.vector(at, f"{path}.at", "m")
-        return PartValue(mass, shape, place) if shape is not None else None
+        found = _read_shape(reading, mapping, path, self.more) if mapping is not None else None
+        return PartValue(found[1].get("mass"), found[0], found[1]["at"]) if found is not None else None
 
     def numbers(self, owner: Owner, field: Field, value: tuple[PartValue, ...]) -> list[tuple[Number, Vector, Vector]]:
         """Return mass (kg), place (m) and principal moments (kg·m²) of each part."""
@@ -193,17 +187,14 @@ class PartsField(FieldKind):
 
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of a list of shapes with their places, and masses if they have them."""
-        more = object_schema(self.more, mass=NUMBER, at=VECTOR)["properties"]
-        parts = {"anyOf": [_shape_schema(kind, more) for kind in SHAPES.values()]}
-        mass = {"required": ["mass"]} if "mass" in self.more else {}
-        return {"type": "array", "items": {**parts, **mass}, "minItems": 1}
+        return {"type": "array", "items": _shape_schemas(self.more), "minItems": 1}
 
 
 class DrawingField(PartsField):
     """Shapes without mass, for pictures: nothing that is computed depends on them."""
 
     name = "drawing"
-    more: Mapped[str, str] = {"at": PART_FIELDS["at"]}
+    more = PART[1:]
 
     def numbers(self, owner: Owner, field: Field, value: tuple[PartValue, ...]) -> Any:
         """Return the lengths (m) of each shape and its place (m); they do not count towards the size of the scene."""
@@ -212,6 +203,3 @@ class DrawingField(PartsField):
             (tuple(number(x.shape.lengths[f.name], f, length=False) for f in x.shape.kind.fields), vector(x.place))
             for x in value
         ]
-
-
-KINDS = (TensorField(), ShapeField(), PartsField(), DrawingField())

@@ -8,7 +8,7 @@ from typing import Any
 from mbstab.mechanics.catalogue import Field, Marker, Number
 from mbstab.mechanics.contacts import SLIPPING, SURFACE
 from mbstab.model.expressions import Name, Rate
-from mbstab.model.fields.base import BY_NAME, TEXT, FieldKind, Owner, Reading
+from mbstab.model.fields.base import BY_NAME, FieldKind, Owner, Reading
 from mbstab.model.fields.values import ChoiceField
 from mbstab.model.measures import effort_unit
 from mbstab.model.schema import Quantity, body_coordinates
@@ -35,10 +35,6 @@ class BodyField(FieldKind):
         """Return the number of the body."""
         return owner.evaluator.body_numbers[value]
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a name."""
-        return {**TEXT}
-
 
 class JointField(FieldKind):
     """The name of a joint that has an angle or a travel, wherever it stands in the file."""
@@ -64,10 +60,6 @@ class JointField(FieldKind):
     def joints(self, value: str) -> Iterable[str]:
         """Return the name."""
         return (value,)
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a name."""
-        return {**TEXT}
 
 
 class MotionField(ChoiceField):
@@ -126,10 +118,6 @@ class SlippingWheelField(FieldKind):
         """Return the centre of the wheel."""
         return (numbers.marker("center"),)
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a name."""
-        return {**TEXT}
-
 
 class CoordinateField(FieldKind):
     """The name of a coordinate such as ``rod.theta``."""
@@ -148,10 +136,6 @@ class CoordinateField(FieldKind):
         """Return the name."""
         return (value,)
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a name."""
-        return {**TEXT}
-
 
 class DriveField(FieldKind):
     """The name of a drive, wherever it stands in the file."""
@@ -162,10 +146,6 @@ class DriveField(FieldKind):
         """Return the name."""
         word = reading.nodes.word(node, path, "the name of a drive")
         return word if word is not None and reading.names.has_drive(node, path, word) else None
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a name."""
-        return {**TEXT}
 
 
 class ParameterField(FieldKind):
@@ -181,15 +161,12 @@ class ParameterField(FieldKind):
         reading.names.check_parameter(node, path)
         return word
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a name."""
-        return {**TEXT}
-
 
 class LoadsField(FieldKind):
     """Generalized forces by coordinate, as expressions of coordinates, rates and time."""
 
     name = "loads"
+    form = BY_NAME
     names = "keys"
     moving = True
 
@@ -234,19 +211,3 @@ class LoadsField(FieldKind):
     def coordinates(self, value: dict[str, Quantity]) -> Iterable[str]:
         """Return the coordinates acted on, and the names in the expressions and of their rates."""
         return {*value, *(name for x in value.values() for name in (*x.names(), *x.rates()))}
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of expressions by name."""
-        return {**BY_NAME}
-
-
-KINDS = (
-    BodyField(),
-    JointField(),
-    MotionField(),
-    SlippingWheelField(),
-    CoordinateField(),
-    DriveField(),
-    ParameterField(),
-    LoadsField(),
-)

@@ -20,10 +20,11 @@ from mbstab.model.fields.base import (
     NamesIn,
     Owner,
     Reading,
-    object_schema,
 )
+from mbstab.model.fields.catalogue import object_schema, read_keys
+from mbstab.model.keys import MARKER
 from mbstab.model.numbers import all_of
-from mbstab.model.schema import MARKER_FIELDS, Components, MarkerValue, owner_of_point
+from mbstab.model.schema import Components, MarkerValue, owner_of_point
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 
 
@@ -31,15 +32,8 @@ def read_marker(reading: Reading, node: YamlNode, path: str) -> MarkerValue | No
     """Return a point of a body or of the ground: ``body.point``, ``body``, or a mapping with both."""
     nodes, quantities, names = reading.nodes, reading.quantities, reading.names
     if isinstance(node, Mapping):
-        nodes.known_keys(node, path, MARKER_FIELDS)
-        given = node.entries.get("point")
-        place = f"{path}.point"
-        point = quantities.vector(given, place, "m") if given else quantities.zero(node, place)
-        body_node = nodes.required(node, "body", path)
-        word = nodes.word(body_node, f"{path}.body", "the name of a body or ground") if body_node else None
-        if body_node is None or word is None or not names.has_body_or_ground(body_node, f"{path}.body", word):
-            return None
-        return MarkerValue(None if word == "ground" else word, point)
+        given = read_keys(quantities, node, path, MARKER).values
+        return None if given["body"] is None else MarkerValue(given["body"] or None, given["point"])
     word = nodes.word(node, path, "a point such as body.point, body or ground")
     if word is None:
         return None
@@ -62,7 +56,17 @@ def _marker(evaluator: Evaluator, value: MarkerValue) -> Marker:
     return Marker(body, evaluator.vector(value.point, length=True))
 
 
-_MARKER_SCHEMA = {"anyOf": [TEXT, {**object_schema(MARKER_FIELDS, body=TEXT, point=VECTOR), "required": ["body"]}]}
+class OwnerField(FieldKind):
+    """The name of a body, or ``ground``."""
+
+    name = "body or ground"
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> str | None:
+        """Return the name of the body, an empty text for the ground."""
+        word = reading.nodes.word(node, path, "the name of a body or ground")
+        if word is None or not reading.names.has_body_or_ground(node, path, word):
+            return None
+        return "" if word == "ground" else word
 
 
 class MarkerField(FieldKind):
@@ -91,7 +95,7 @@ class MarkerField(FieldKind):
 
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of a point."""
-        return {**_MARKER_SCHEMA}
+        return {"anyOf": [TEXT, object_schema(MARKER)]}
 
 
 class MarkersField(FieldKind):
@@ -124,13 +128,14 @@ class MarkersField(FieldKind):
 
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of a list of two points."""
-        return {"type": "array", "items": _MARKER_SCHEMA, "minItems": 2, "maxItems": 2}
+        return {"type": "array", "items": MarkerField().schema(field), "minItems": 2, "maxItems": 2}
 
 
 class DirectionField(FieldKind):
     """A direction in the frame of the body whose point the entry names; its length does not matter."""
 
     name = "direction"
+    form = DIRECTION
     names: ClassVar[NamesIn] = "direction"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
@@ -140,10 +145,6 @@ class DirectionField(FieldKind):
     def numbers(self, owner: Owner, field: Field, value: Components) -> Vector:
         """Return the unit vector."""
         return vectors.unit(owner.evaluator.direction(value), owner.evaluator.f.sqrt)
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a direction."""
-        return {**DIRECTION}
 
 
 class GroundDirectionField(DirectionField):
@@ -177,6 +178,7 @@ class DirectionsField(FieldKind):
     """A direction in the frames of the two bodies that the entry joins, the same or a list of two."""
 
     name = "directions"
+    form: ClassVar[dict[str, Any]] = {"anyOf": [TEXT, {"type": "array", "items": {"anyOf": [NUMBER, NUMBERS]}}]}
     names = "directions"
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> tuple[Components, Components] | None:
@@ -199,10 +201,6 @@ class DirectionsField(FieldKind):
         """Return both vectors, as long as they are written."""
         first, second = value
         return owner.evaluator.direction(first), owner.evaluator.direction(second)
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of one direction, or a list of two."""
-        return {"anyOf": [TEXT, {"type": "array", "items": {"anyOf": [NUMBER, NUMBERS]}}]}
 
 
 class ZeroField(DirectionsField):
@@ -227,6 +225,7 @@ class PointsField(FieldKind):
     """Points by name, in the frame of the body."""
 
     name = "points"
+    form: ClassVar[dict[str, Any]] = {"type": "object", "additionalProperties": VECTOR}
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> dict[str, Components]:
         """Return the points."""
@@ -236,15 +235,12 @@ class PointsField(FieldKind):
         """Return the points (m)."""
         return {name: owner.evaluator.vector(point, length=True) for name, point in value.items()}
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of vectors by name."""
-        return {"type": "object", "additionalProperties": VECTOR}
-
 
 class NamedDirectionsField(FieldKind):
     """Directions by name, in the frame of the body."""
 
     name = "named directions"
+    form: ClassVar[dict[str, Any]] = {"type": "object", "additionalProperties": DIRECTION}
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> dict[str, Components]:
         """Return the directions."""
@@ -253,20 +249,3 @@ class NamedDirectionsField(FieldKind):
     def numbers(self, owner: Owner, field: Field, value: dict[str, Components]) -> dict[str, Vector]:
         """Return the vectors, as long as they are written."""
         return {name: owner.evaluator.direction(direction) for name, direction in value.items()}
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of directions by name."""
-        return {"type": "object", "additionalProperties": DIRECTION}
-
-
-KINDS = (
-    MarkerField(),
-    MarkersField(),
-    DirectionField(),
-    GroundDirectionField(),
-    LevelDirectionField(),
-    DirectionsField(),
-    ZeroField(),
-    PointsField(),
-    NamedDirectionsField(),
-)

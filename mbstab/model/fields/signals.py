@@ -19,6 +19,7 @@ class SignalField(FieldKind):
     """An expression of coordinates, rates, states and time."""
 
     name = "signal"
+    form = NUMBER
     moving = True
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
@@ -32,10 +33,6 @@ class SignalField(FieldKind):
     def coordinates(self, value: Quantity) -> Iterable[str]:
         """Return the names in the expression, and those of its rates."""
         return {*value.names(), *value.rates()}
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a number or an expression."""
-        return {**NUMBER}
 
 
 def _check_moves(reading: Reading, node: YamlNode, expression: Quantity | None, hint: str = "") -> None:
@@ -63,6 +60,8 @@ class MovingSignalField(SignalField):
 class ConstraintField(SignalField):
     """An expression of coordinates, rates and time that must be zero."""
 
+    form = TEXT
+
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity | None:
         """Return the expression."""
         expression = reading.quantities.quantity(node, path, time=True, state=True)
@@ -73,10 +72,6 @@ class ConstraintField(SignalField):
     def check_contents(self, reading: Reading, node: YamlNode, expression: Quantity) -> None:
         """Check that the expression depends on what it must depend on."""
         raise NotImplementedError
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of an expression."""
-        return {**TEXT}
 
 
 class HolonomicField(ConstraintField):
@@ -227,6 +222,7 @@ class NumbersField(FieldKind):
     """A list of numbers, at least one."""
 
     name = "numbers"
+    form = NUMBERS
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> tuple[Quantity, ...] | None:
         """Return their expressions."""
@@ -252,15 +248,12 @@ class NumbersField(FieldKind):
         if field.name == "denominator" and not owner.evaluator.symbolic:
             owner.evaluator.number(first, Field("its first coefficient", "number", "", sign="nonzero"))
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a list of numbers."""
-        return {**NUMBERS}
-
 
 class MatrixField(FieldKind):
     """Rows of numbers."""
 
     name = "matrix"
+    form: ClassVar[dict[str, Any]] = {"type": "array", "items": NUMBERS}
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> list[tuple[Quantity, ...]] | None:
         """Return their expressions row by row."""
@@ -278,15 +271,12 @@ class MatrixField(FieldKind):
         """Return the numbers, row by row."""
         return tuple(owner.evaluator.number(x) for row in value for x in row)
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of rows of numbers."""
-        return {"type": "array", "items": NUMBERS}
-
 
 class GainsField(FieldKind):
     """Numbers by expression of the motion."""
 
     name = "gains"
+    form = BY_NAME
     names = "keys"
     moving = True
 
@@ -325,23 +315,3 @@ class GainsField(FieldKind):
     def coordinates(self, value: list[Quantity]) -> Iterable[str]:
         """Return the names in the expressions, and those of their rates."""
         return {name for x in value for name in (*x.names(), *x.rates())}
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of numbers by name."""
-        return {**BY_NAME}
-
-
-KINDS = (
-    SignalField(),
-    MovingSignalField(),
-    HolonomicField(),
-    NonholonomicField(),
-    EnergyField(),
-    DissipationField(),
-    RateField(),
-    MadeRateField(),
-    MovingNumberField(),
-    NumbersField(),
-    MatrixField(),
-    GainsField(),
-)

@@ -124,22 +124,3 @@ def check_ratio(owner: Owner, ratio: Number, written: Quantity | Components) -> 
         evaluator.complain(
             written, message, f"give the numbers of teeth, teeth: [n1, n2]; or couple the rates by a constraint, {hint}"
         )
-
-
-class FlagField(FieldKind):
-    """Yes or no."""
-
-    name = "flag"
-    names = "none"
-
-    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> bool | None:
-        """Return whether it is true."""
-        word = reading.nodes.choice(node, path, ("true", "false"))
-        return None if word is None else word == "true"
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a truth value."""
-        return {"type": "boolean"}
-
-
-KINDS = (JointsField(), RatioField(), RadiiField(), TeethField(), FlagField())

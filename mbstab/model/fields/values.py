@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from mbstab.mechanics.catalogue import Field, Number, Vector
 from mbstab.model.evaluator import Law
@@ -17,64 +17,22 @@ class NumberField(FieldKind):
     """A number."""
 
     name = "number"
+    form = NUMBER
 
     def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity:
         """Return its expression."""
-        return reading.quantities.expression(node, path, field.unit)
+        return reading.quantities.expression(node, path, field.unit, time=self.moving)
 
-    def numbers(self, owner: Owner, field: Field, value: Quantity) -> Number:
+    def numbers(self, owner: Owner, field: Field, value: Quantity) -> Number | Law:
         """Return the number."""
         return owner.evaluator.number(value, field)
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a number or an expression."""
-        return {**NUMBER}
 
-
-class VectorField(FieldKind):
-    """A vector with its magnitude, in the axes that its field says."""
-
-    name = "vector"
-
-    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
-        """Return its components."""
-        return reading.quantities.vector(node, path, field.unit)
-
-    def numbers(self, owner: Owner, field: Field, value: Components) -> Vector:
-        """Return the vector as written; each component has the sign that its field asks for."""
-        return tuple(owner.evaluator.number(x, field) for x in value.values)
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a vector."""
-        return {**VECTOR}
-
-
-class AnglesField(VectorField):
-    """Three angles."""
-
-    name = "angles"
-
-    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
-        """Return the angles; names of axes do not count here."""
-        if not isinstance(node, Sequence) or len(node.items) != 3:
-            reading.nodes.complain(node, path, "expected three angles (rad)", "for example [pi/2, 0, 0]")
-            return None
-        return reading.quantities.components(node.items, node, path, field.unit)
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a list of numbers."""
-        return {**NUMBERS}
-
-
-class LawField(FieldKind):
+class LawField(NumberField):
     """A function of time."""
 
     name = "law"
     moving = True
-
-    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Quantity:
-        """Return its expression."""
-        return reading.quantities.expression(node, path, field.unit, time=True)
 
     def numbers(self, owner: Owner, field: Field, value: Quantity) -> Law:
         """Return the function with the values of the parameters."""
@@ -84,33 +42,48 @@ class LawField(FieldKind):
         """Require finite values and derivatives."""
         owner.evaluator.check_law(numbers, time)
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a number or an expression."""
-        return {**NUMBER}
+
+class VectorField(FieldKind):
+    """A vector with its magnitude, in the axes that its field says; each component has the sign that is asked for."""
+
+    name = "vector"
+    form = VECTOR
+    component: ClassVar[NumberField] = NumberField()
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
+        """Return its components."""
+        return reading.quantities.vector(node, path, field.unit, time=self.moving)
+
+    def numbers(self, owner: Owner, field: Field, value: Components) -> Vector:
+        """Return the vector as written."""
+        return tuple(self.component.numbers(owner, field, x) for x in value.values)
+
+    def check(self, owner: Owner, field: Field, numbers: Vector, time: Number) -> None:
+        """Check each component."""
+        for number in numbers:
+            self.component.check(owner, field, number, time)
 
 
-class LawVectorField(FieldKind):
+class LawVectorField(VectorField):
     """A vector whose components are functions of time."""
 
     name = "law vector"
     moving = True
+    component = LawField()
 
-    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components:
-        """Return its components."""
-        return reading.quantities.vector(node, path, field.unit, time=True)
 
-    def numbers(self, owner: Owner, field: Field, value: Components) -> tuple[Law, ...]:
-        """Return a function for each component."""
-        return tuple(owner.evaluator.law(x) for x in value.values)
+class AnglesField(VectorField):
+    """Three angles."""
 
-    def check(self, owner: Owner, field: Field, numbers: tuple[Law, ...], time: Number) -> None:
-        """Require finite values and derivatives."""
-        for law in numbers:
-            owner.evaluator.check_law(law, time)
+    name = "angles"
+    form = NUMBERS
 
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a vector."""
-        return {**VECTOR}
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> Components | None:
+        """Return the angles; names of axes do not count here."""
+        if not isinstance(node, Sequence) or len(node.items) != 3:
+            reading.nodes.complain(node, path, "expected three angles (rad)", "for example [pi/2, 0, 0]")
+            return None
+        return reading.quantities.components(node.items, node, path, field.unit)
 
 
 class ChoiceField(FieldKind):
@@ -126,6 +99,19 @@ class ChoiceField(FieldKind):
     def schema(self, field: Field) -> dict[str, Any]:
         """Return the schema of these words."""
         return {**TEXT, "enum": list(field.choices)}
+
+
+class FlagField(FieldKind):
+    """Yes or no."""
+
+    name = "flag"
+    names = "none"
+    form: ClassVar[dict[str, Any]] = {"type": "boolean"}
+
+    def read(self, reading: Reading, field: Field, node: YamlNode, path: str) -> bool | None:
+        """Return whether it is true."""
+        word = reading.nodes.choice(node, path, ("true", "false"))
+        return None if word is None else word == "true"
 
 
 class UnitField(FieldKind):
@@ -148,18 +134,3 @@ class UnitField(FieldKind):
             hint = "expressions are computed in kg, m, s, A and rad; declare the unit in these"
             reading.nodes.complain(node, path, f"a state cannot have the unit {word}", hint)
         return word
-
-    def schema(self, field: Field) -> dict[str, Any]:
-        """Return the schema of a unit."""
-        return {**TEXT}
-
-
-KINDS = (
-    NumberField(),
-    VectorField(),
-    AnglesField(),
-    LawField(),
-    LawVectorField(),
-    ChoiceField(),
-    UnitField(),
-)

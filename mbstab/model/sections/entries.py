@@ -14,25 +14,18 @@ from dataclasses import replace
 from functools import partial
 
 from mbstab.errors import Location, suggestion
-from mbstab.mechanics.catalogue import ROWS, Field, Kind, Part, PartError
+from mbstab.mechanics.catalogue import ROWS, Kind, Part, PartError
 from mbstab.mechanics.elements import KINDS
 from mbstab.mechanics.measures import is_speed
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import ExpressionError, filled_in, moves, parse
 from mbstab.model.fields.base import FormError, Reading
-from mbstab.model.fields.catalogue import given_fields, kind_of
+from mbstab.model.fields.catalogue import given_fields, read_fields, read_keys
 from mbstab.model.functions import CALLED
+from mbstab.model.keys import SECTIONS
 from mbstab.model.names import in_order
 from mbstab.model.quantities import QuantityReader
-from mbstab.model.schema import (
-    CONSTRAINT_FIELDS,
-    GEOMETRY_FIELDS,
-    SECTIONS,
-    STATE_FIELDS,
-    Entry,
-    body_coordinates,
-    entry_word,
-)
+from mbstab.model.schema import Entry, body_coordinates, entry_word
 from mbstab.model.sections.definitions import DefinitionReader
 from mbstab.model.units import parse_unit
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
@@ -41,25 +34,18 @@ NAMING = tuple(section for section in KINDS if section != "bodies")
 """Sections whose entries have types and may name bodies and joints."""
 
 CONSTRAINT_KINDS = {
-    role: Kind(role, doc, (2, 3), (Field(role, role, doc),), lambda item: (), written=role)
+    role: Kind(role, field.doc, (2, 3), (field,), lambda item: (), written=role)
     for role in ROWS
-    for doc in [CONSTRAINT_FIELDS[role]]
+    for field in SECTIONS["constraints"].keys
+    if field.name == role
 }
 
 STATE_KIND = Kind(
-    "state",
-    "a variable with its own rate",
-    (2, 3),
-    (
-        Field("rate", "rate", STATE_FIELDS["rate"], required=True),
-        Field("unit", "unit", STATE_FIELDS["unit"]),
-    ),
-    lambda item: (),
-    written="nonholonomic",
+    "state", "a variable with its own rate", (2, 3), SECTIONS["states"].keys, lambda item: (), written="nonholonomic"
 )
 """A state z is a coordinate without mass; its rate is a row of the speeds, rate(z) - g = 0, that takes no force."""
 
-MADE_STATE_KIND = replace(STATE_KIND, fields=(Field("rate", "made rate", STATE_FIELDS["rate"], required=True),))
+MADE_STATE_KIND = replace(STATE_KIND, fields=(replace(STATE_KIND.field("rate"), shape="made rate"),))
 """A state of a controller or a motor."""
 
 ELSEWHERE = {"setpoint": "target", "set_point": "target", "desired": "target"}
@@ -203,13 +189,8 @@ class EntryReader:
     def read_ground(self, node: YamlNode | None) -> None:
         """Read the named points and directions of the ground."""
         ground = self.nodes.optional(node, "ground")
-        if ground is not None:
-            self.nodes.known_keys(ground, "ground", GEOMETRY_FIELDS)
-        entries = ground.entries if ground else {}
-        self.names.geometry[None] = (
-            self.quantities.named_vectors(entries.get("points"), "ground.points", "point", "m"),
-            self.quantities.named_vectors(entries.get("directions"), "ground.directions", "direction"),
-        )
+        found = read_keys(self.quantities, ground, "ground", SECTIONS["ground"].keys).values if ground else {}
+        self.names.geometry[None] = found.get("points") or {}, found.get("directions") or {}
 
     def find_bodies(self, root: Mapping) -> Found:
         """Find the types of the bodies, and from them whether vectors have two components or three."""
@@ -327,23 +308,13 @@ class EntryReader:
     def _entry(self, section: str, name: str, kind: Kind, node: Mapping) -> Entry:
         path = f"{section}.{name}"
         fields = [field for field in kind.fields if self.names.dimension in field.dimensions and not field.made]
-        typed = [] if kind is STATE_KIND else ["type"]
-        known = [*typed, *[field.name for field in fields]]
+        known = [*(["type"] if section in KINDS else []), *(field.name for field in fields)]
         misspelt = self.nodes.known_keys(
             node, path, known, partial(self._of_another, section), ELSEWHERE, partial(self._not_here, section, kind)
         )
         reading, told = Reading(self.quantities, node, path), len(self.nodes.document.problems)
-        for field in fields:
-            item = node.entries.get(field.name)
-            if item is None and field.required and field.name not in misspelt:
-                self.nodes.complain(node, path, f"the key {field.name!r} is missing", field.doc)
-            if item is None and field.default is not None:
-                item = Scalar(field.default, node.location)
-            if item is not None:
-                reading.read(kind_of(field), field, item)
+        read_fields(reading, fields, misspelt)
         self._check_given(reading, kind)
-        for field in fields:
-            kind_of(field).finish(reading, field)
         if kind.part is not None and name in self.parts:
             from mbstab.model.sections.parts import write_effort
 
@@ -471,23 +442,17 @@ class EntryReader:
         if len(given) != 1:
             self.nodes.complain(mapping, path, "give one of 'holonomic' and 'nonholonomic'")
             return None
-        kind, item = CONSTRAINT_KINDS[given[0]], mapping.entries[given[0]]
-        reading = Reading(self.quantities, mapping, path)
-        (field,) = kind.fields
-        reading.read(kind_of(field), field, item)
-        if not reading.values:
-            return None
-        places = {field.name: item.location}
-        return Entry("constraints", key.text, kind, reading.values, mapping.location, places)
+        entry = self._entry("constraints", key.text, CONSTRAINT_KINDS[given[0]], mapping)
+        return entry if entry.values else None
 
 
 def home(word: str) -> str:
     """Return a hint on the section where entries of a kind stand, as forces for ``springs``, or an empty string."""
     singular = word.lower().removesuffix("s")
-    for section, told in SECTIONS.items():
+    for section, own in SECTIONS.items():
         kinds: MappingType[tuple[str, int], Kind] = KINDS.get(section, {})
         named = [name for name in _names(kinds, None) if singular in (name, *name.split("_"))]
-        if named or re.search(rf"\b{re.escape(singular)}s\b", told):
+        if named or re.search(rf"\b{re.escape(singular)}s\b", own.doc):
             types = f", of type {', '.join(named)}" if named else ""
             return f"{word} stand in the section '{section}'{types}"
     return ""

@@ -8,11 +8,13 @@ from mbstab.mechanics.catalogue import Sign
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import ExpressionError, parse
+from mbstab.model.fields.base import Reading
+from mbstab.model.fields.catalogue import kind_of, read_keys
 from mbstab.model.functions import CALLED
+from mbstab.model.keys import SECTIONS
 from mbstab.model.names import in_order
-from mbstab.model.nodes import single
 from mbstab.model.quantities import QuantityReader
-from mbstab.model.schema import PARAMETER_FIELDS, SIGNS, Parameter, Quantity, constant
+from mbstab.model.schema import Parameter, Quantity, constant
 from mbstab.model.turns import count, counted_by
 from mbstab.model.yamlfile import Mapping, Scalar, YamlNode
 from mbstab.records import dataclass
@@ -28,7 +30,6 @@ class _Written:
 
     value: Scalar
     unit: str = ""
-    factor: float = 1.0
     description: str = ""
     sign: Sign = "any"
 
@@ -57,31 +58,14 @@ class ParameterReader:
         self.names.parameters = read
 
     def _written(self, node: YamlNode, path: str) -> _Written:
-        unit, factor, description, value = "", 1.0, "", node
-        sign: Sign = "any"
+        keys = SECTIONS["parameters"].keys
         if isinstance(node, Mapping):
-            self.nodes.known_keys(node, path, PARAMETER_FIELDS)
-            description = self.nodes.text(node.entries.get("description"), f"{path}.description")
-            unit, factor = self._unit(node.entries.get("unit"), f"{path}.unit")
-            if "sign" in node.entries:
-                sign = self.nodes.choice(node.entries["sign"], f"{path}.sign", SIGNS) or sign
-            value = self.nodes.required(node, "value", path) or Scalar("1", node.location)
-        if not isinstance(value, Scalar):
-            self.nodes.complain(value, path, "expected a number or an expression", single(value))
-            value = Scalar("1", value.location)
-        return _Written(value, unit, factor, description, sign)
-
-    def _unit(self, node: YamlNode | None, path: str) -> tuple[str, float]:
-        if node is None:
-            return "", 1.0
-        if not isinstance(node, Scalar) or node.empty:
-            self.nodes.complain(node, path, "expected a unit such as kg*m^2")
-            return "", 1.0
-        try:
-            return node.text, units.parse_unit(node.text)[0]
-        except ExpressionError as error:
-            self.quantities.complain(node, path, error)
-            return "", 1.0
+            found = read_keys(self.quantities, node, path, keys).values
+        else:
+            alone = Reading(self.quantities, Mapping({}, {}, node.location), path)
+            found = {"value": kind_of(keys[0]).read(alone, keys[0], node, path)}
+        value = found["value"] or Scalar("1", node.location)
+        return _Written(value, found.get("unit", ""), found.get("description", ""), found.get("sign") or "any")
 
     def _order(self, written: dict[str, _Written]) -> list[str]:
         """Return the parameters so that each comes after those it needs; circles are refused."""
@@ -98,7 +82,8 @@ class ParameterReader:
         return order
 
     def _parameter(self, name: str, written: _Written) -> Parameter:
-        value, unit, factor = written.value, written.unit, written.factor
+        value, unit = written.value, written.unit
+        factor = units.parse_unit(unit)[0] if unit else 1.0
         path = f"parameters.{name}"
         apart = _WITH_UNIT.fullmatch(value.text.strip())
         if apart is not None and (own := units.meant(apart.group(2))):

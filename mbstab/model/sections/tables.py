@@ -7,8 +7,9 @@ from decimal import Decimal
 
 from mbstab.errors import alternatives
 from mbstab.model.columns import MAX_POINTS, Column, read_csv, table_of
+from mbstab.model.keys import TABLE
 from mbstab.model.nodes import NodeReader, decimal_commas
-from mbstab.model.schema import TABLE_FIELDS, TableValue
+from mbstab.model.schema import TableValue
 from mbstab.model.sections.parameters import RESERVED
 from mbstab.model.yamlfile import Mapping, Scalar, Sequence, YamlNode
 
@@ -38,7 +39,7 @@ class TableReader:
         mapping = self.nodes.mapping(node, path, "{x: [...], y: [...]} or {file: name.csv, x: column, y: column}")
         if mapping is None:
             return None
-        self.nodes.known_keys(mapping, path, TABLE_FIELDS)
+        self.nodes.known_keys(mapping, path, [field.name for field in TABLE])
         columns = self._from_file(mapping, path) if "file" in mapping.entries else self._from_lists(mapping, path)
         if columns is None:
             return None
@@ -53,8 +54,9 @@ class TableReader:
 
     def _from_lists(self, mapping: Mapping, path: str) -> tuple[Column, Column] | None:
         columns = []
-        for key in ("x", "y"):
-            node = self.nodes.required(mapping, key, path, TABLE_FIELDS[key])
+        for field in TABLE[:2]:
+            key = field.name
+            node = self.nodes.required(mapping, key, path, field.doc)
             if node is None:
                 return None
             if not isinstance(node, Sequence) or not all(isinstance(item, Scalar) for item in node.items):
