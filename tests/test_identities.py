@@ -3,7 +3,6 @@ is not."""
 
 import numpy as np
 import pytest
-from random_mechanisms import random_mechanism
 
 import mbstab
 from mbstab.analysis.reference.requested import reference_motion
@@ -247,13 +246,3 @@ def test_a_row_that_doubles_with_the_speeds_need_not_be_linear_in_them(rate, lin
     system = System(evaluate(model))
     invariance = Invariance(system, reference_motion(system))
     assert Work(invariance, None).rows_at_rest == linear
-
-
-def test_light_parts_do_not_hide_that_forces_of_heavy_ones_cancel():
-    """Rates of 2.5e5 1/s of 5e-10 kg beside 18 kg: each coordinate of a random state moves at its own rate.
-
-    Two forces of the ground cancel each other, so that all momenta of the sum are conserved.
-    """
-    answer = mbstab.loads(random_mechanism(59)).eig()
-    assert answer.verdict == STABLE_UP_TO
-    assert answer.counts.neutral == 12

@@ -728,7 +728,7 @@ forces:
 reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}}}
 """)
     found = scene.sweep("c", np.linspace(-1.0, 1.1, 4))
-    assert [x.kind for x in found.critical] == ["unresolved"]
+    assert [x.kind for x in found.critical] == ["infinity"]
     assert abs(found.critical[0].value) < 1e-9
     assert found.critical[0].unstable == (3, 0)
 

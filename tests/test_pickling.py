@@ -8,7 +8,6 @@ import pytest
 
 import mbstab
 from mbstab import errors
-from mbstab.api.printing import _OTHERS, _WITH_TITLE
 from mbstab.errors import (
     Location,
     MbstabError,
@@ -19,6 +18,7 @@ from mbstab.errors import (
     UnforeseenError,
 )
 from mbstab.model.library import starts_folder
+from mbstab.report.answers import WRITERS
 
 PENDULUM = mbstab.load("pendulum.yaml")
 LAGGED = """\
@@ -58,7 +58,7 @@ def again(x):
     return pickle.loads(pickle.dumps(x))
 
 
-@pytest.mark.parametrize("name", [*_WITH_TITLE, *_OTHERS])
+@pytest.mark.parametrize("name", WRITERS)
 def test_an_answer_prints_the_same_text(name):
     answer = ANSWERS[name](PENDULUM.at(m=1.1))
     assert type(answer).__name__ == name

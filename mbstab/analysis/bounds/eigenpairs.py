@@ -29,6 +29,8 @@ def eigenpairs(A: Array, slow: float, vectors: bool = True, departure: float = n
             inverse = np.asarray(np.linalg.inv(A[stiff]), dtype=float)
         except np.linalg.LinAlgError:  # zero is an eigenvalue: the inverse does not exist
             return values, V
+        finite = np.isfinite(inverse).all(axis=(1, 2))
+        stiff, inverse = stiff[finite], inverse[finite]
         found, W = _solved(inverse, vectors)
         # Where two zeros form a chain, the inverse is far larger than its eigenvalues, and their sum is lost in it.
         normal = np.linalg.norm(inverse, axis=(1, 2)) <= departure * np.max(np.abs(found), axis=1)

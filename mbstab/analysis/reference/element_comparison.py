@@ -77,17 +77,8 @@ class ElementComparison:
 
     @cached_property
     def rates_of_states(self) -> Array:
-        """The rates at which coordinates move in states (1/s), shape (n_q,): each its own, or that of the scene.
-
-        Fast motions of heavy bodies, as light ones have them, would hide weak forces.
-        """
-        motion, sizes = self.motion, self.motion.sizes
-        K, R = (abs(x) @ sizes for x in self.slopes_there)
-        inertias = motion.dynamics.M.diagonal() * sizes
-        moved = (inertias > 0.0) & ((K > 0.0) | (R > 0.0))
-        K, R = (x / np.where(moved, inertias, 1.0) for x in (K, R))
-        own = np.max([np.sqrt(K), R, np.abs(motion.u) / sizes], axis=0)
-        return np.where(moved, np.minimum(own, self.rate_of_states), self.rate_of_states)
+        """The rates at which coordinates move in states (1/s), shape (n_q,): that of the scene."""
+        return np.full(len(self.motion.q), self.rate_of_states)
 
     def _rate_of(self, coordinates: Flags) -> float:
         motion = self.motion
