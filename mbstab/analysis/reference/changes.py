@@ -266,9 +266,9 @@ class Cluster:
             start = here.stop
         return total
 
-    def at(self, state: State, f: Doubles, sizes: Array, rates: Array) -> At:
+    def at(self, state: State, f: Doubles, sizes: Array, rate: float) -> At:
         """Return its elements at states."""
-        return At(self, state, f, sizes, rates)
+        return At(self, state, f, sizes, rate)
 
 
 class At:
@@ -282,13 +282,13 @@ class At:
         The numbers.
     sizes : ndarray, shape (n,)
         Characteristic sizes of the coordinates.
-    rates : ndarray, shape (n,)
-        Their characteristic rates (1/s).
+    rate : float
+        A characteristic rate (1/s).
     """
 
-    def __init__(self, cluster: Cluster, state: State, f: Doubles, sizes: Array, rates: Array) -> None:
+    def __init__(self, cluster: Cluster, state: State, f: Doubles, sizes: Array, rate: float) -> None:
         self.cluster, self.state, self.f = cluster, state, f
-        self.units, self.rates = np.log2(sizes), np.log2(rates)
+        self.units, self.rate = np.log2(sizes), float(np.log2(rate))
         self.elements: Sequence[Local] = cluster.elements
         self._runs: dict[tuple[int, str], Results] = {}
         self._known: dict[tuple[int, str], Sized] = {}
@@ -395,7 +395,7 @@ class At:
         for (A, power), (X, other), order in terms:
             total = total + self.f.multiplied(A, X)
             size = np.maximum(size, largest_terms(power, other))
-            units = (self.units + order * self.rates)[own.columns]
+            units = self.units[own.columns] + order * self.rate
             usual = np.maximum(usual, np.max(power + units, axis=-1, keepdims=True, initial=NONE))
         return Change(own, total, size, usual)
 
@@ -458,17 +458,17 @@ def _divided(x: Array, b: Block) -> tuple[Array, ...]:
 class Whole(Cluster):
     """A whole scene: the forces of all elements count together, as far as its rows do not balance them."""
 
-    def at(self, state: State, f: Doubles, sizes: Array, rates: Array) -> At:
+    def at(self, state: State, f: Doubles, sizes: Array, rate: float) -> At:
         """Return its elements at a state, with the accelerations and multipliers of the motion through it."""
-        return Balanced(self, state, f, sizes, rates)
+        return Balanced(self, state, f, sizes, rate)
 
 
 class Balanced(At):
     """The sum of the forces of a scene at a state, with the accelerations and multipliers of the motion through it."""
 
-    def __init__(self, cluster: Cluster, state: State, f: Doubles, sizes: Array, rates: Array) -> None:
+    def __init__(self, cluster: Cluster, state: State, f: Doubles, sizes: Array, rate: float) -> None:
         q, u, _, time = state
-        super().__init__(cluster, (q, u, 0 * q, time), f, sizes, rates)
+        super().__init__(cluster, (q, u, 0 * q, time), f, sizes, rate)
         self.sizes, self.smooth = sizes, [x for x in cluster.elements if x.analytic]
         self.elements = [x for x in cluster.elements if x.element.rows or not x.analytic]
         n = len(cluster.columns)

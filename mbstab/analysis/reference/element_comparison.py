@@ -75,11 +75,6 @@ class ElementComparison:
         heavy = inertias >= TOLERANCES.inertia_of_states * np.max(inertias, initial=0.0)
         return self.rate if np.all(heavy | (inertias <= 0.0)) else self._rate_of(heavy)
 
-    @cached_property
-    def rates_of_states(self) -> Array:
-        """The rates at which coordinates move in states (1/s), shape (n_q,): that of the scene."""
-        return np.full(len(self.motion.q), self.rate_of_states)
-
     def _rate_of(self, coordinates: Flags) -> float:
         motion = self.motion
         K, R = self.slopes_there
@@ -122,9 +117,9 @@ class ElementComparison:
                 (TOLERANCES.state_surroundings, 1.0, 0.0),
             ):
                 q, u, a = (spread * sizes * rng.uniform(-1.0, 1.0, len(sizes)) for _ in range(3))
-                q, u = _on_grid(motion.q + part * q, sizes), moves * (motion.u + self.rates_of_states * u)
-                u = _on_grid(u, self.rates_of_states * sizes)
-                found.append(State(q, u, accelerates * (motion.a + self.rates_of_states**2 * a)))
+                q, u = _on_grid(motion.q + part * q, sizes), moves * (motion.u + self.rate_of_states * u)
+                u = _on_grid(u, self.rate_of_states * sizes)
+                found.append(State(q, u, accelerates * (motion.a + self.rate_of_states**2 * a)))
             good = [self._has_value(state) for state in found]
             # Forces such as those of tyres have no value at rest.
             if all(has or (not np.any(x.u) and not motion.at_rest) for x, has in zip(found, good, strict=True)):
@@ -183,7 +178,7 @@ class ElementComparison:
         """Return a state near a random one that satisfies the constraints, or None if there is none."""
         motion, sizes = self.motion, self.motion.sizes
         q = motion.q + spread * sizes * rng.uniform(-1.0, 1.0, len(sizes))
-        u = motion.u + self.rates_of_states * spread * sizes * rng.uniform(-1.0, 1.0, len(sizes))
+        u = motion.u + self.rate_of_states * spread * sizes * rng.uniform(-1.0, 1.0, len(sizes))
         return self.onto_rows(q, u)
 
     @cached_property
@@ -209,20 +204,19 @@ class ElementComparison:
         try:
             for _ in range(TOLERANCES.newton_steps_onto_rows if n_h else 0):
                 state = system.closing.dynamics(q, 0.0 * u, time)
-                shortest = self._shortest(state.J[:n_h], sizes)
+                shortest = self._shortest(state.J[:n_h])
                 step = shortest(-state.E[:n_h])
                 if float(np.max(np.abs(step))) > 4.0:
                     return None
                 q = q + sizes * step
                 if float(np.max(np.abs(step))) < TOLERANCES.settled_onto_rows:
                     break
-            # Rows are linear in the speeds, up to slips. What is slow by itself stays so.
-            units, nearest = sizes * self.rates_of_states, None
+            # Rows are linear in the speeds, up to slips.
             for _ in range(TOLERANCES.newton_steps_onto_rows if system.n_n else 2 * bool(n_h)):
                 state = system.dynamics(q, u, time)
-                if system.n_n or nearest is None:
-                    nearest = self._shortest(state.J, units)
-                change = units * nearest(-state.V)
+                if system.n_n:
+                    shortest = self._shortest(state.J)
+                change = sizes * shortest(-state.V)
                 u = u + change
                 if np.all(np.abs(change) <= 1e-13 * np.max(np.abs(u / sizes)) * sizes):
                     break
@@ -231,11 +225,11 @@ class ElementComparison:
             return None
         return OnRows(q, u, 0.0 * u, state) if self._holds(state, u, within) else None
 
-    def _shortest(self, J: Any, units: Array) -> Callable[[Array], Array]:
-        """Return what gives the shortest x, in some units, with J x = b, as nearly as can be."""
-        J = scaled(J, units)
+    def _shortest(self, J: Any) -> Callable[[Array], Array]:
+        """Return what gives the shortest x, in sizes of the scene, with J x = b, as nearly as can be."""
+        J = scaled(J, self.motion.sizes)
         lengths = row_norms(J) if is_sparse(J) else np.linalg.norm(J, axis=1) + 1e-300
-        unit = scaled(J, np.ones(len(units)), 1.0 / lengths)
+        unit = scaled(J, np.ones(len(self.motion.sizes)), 1.0 / lengths)
         # Redundant rows are nearly so beside the constraints, and would magnify rounding.
         redundant = {id(item.row) for item in self.motion.redundant}
         kept = [i for i, row in enumerate(self.system.rows[: len(lengths)]) if id(row) not in redundant]

@@ -61,7 +61,7 @@ class Identities:
 
     def __init__(self, near: ElementComparison, alone: Identities | None = None) -> None:
         self.near, self.alone, self.together = near, alone, alone is not None
-        self.system, self.motion, self.rates = near.system, near.motion, near.rates_of_states
+        self.system, self.motion, self.rate = near.system, near.motion, near.rate_of_states
         self.basis = Basis(self.system)
         self._found: dict[tuple[int, int, float], list[State]] = {} if alone is None else alone._found
 
@@ -153,7 +153,7 @@ class Identities:
             return []
         sizes, rng, time = self.motion.sizes, RandomNumbers(2), self.motion.time
         return [
-            (x.q, x.u, self.rates**2 * sizes * rng.uniform(-1.0, 1.0, len(sizes)), time) for x in self.near.on_rows[1:]
+            (x.q, x.u, self.rate**2 * sizes * rng.uniform(-1.0, 1.0, len(sizes)), time) for x in self.near.on_rows[1:]
         ]
 
     def _states(self, seed: int, count: int, spread: float) -> list[State]:
@@ -166,15 +166,13 @@ class Identities:
     def _searched_states(self, rng: RandomNumbers, count: int, spread: float) -> list[State]:
         motion, sizes, found = self.motion, self.motion.sizes, list[State]()
         # What holds at one time only, as where a drive passes through an axis, is no identity.
-        time = motion.time + (
-            float(rng.uniform(-1.0, 1.0, 1)[0]) / self.near.rate_of_states if self.system.scene.timed else 0.0
-        )
+        time = motion.time + (float(rng.uniform(-1.0, 1.0, 1)[0]) / self.rate if self.system.scene.timed else 0.0)
         for k in reversed(range(count)):
             # At rest, in motion, accelerated: fast motions hide weak forces.
             kind = k % 3
             q, u, a = (spread * sizes * rng.uniform(-1.0, 1.0, len(sizes)) for _ in range(3))
-            u = 0.0 * u if kind == 2 else motion.u + self.rates * u
-            q, a = motion.q + q, self.rates**2 / spread * a if kind == 0 else 0.0 * a
+            u = 0.0 * u if kind == 2 else motion.u + self.rate * u
+            q, a = motion.q + q, self.rate**2 / spread * a if kind == 0 else 0.0 * a
             if self.system.n_c:
                 at = self.near.onto_rows(q, u, time=time)
                 if at is None:
@@ -198,7 +196,7 @@ class Identities:
         q, u, a = (BALLS.of(x[own.columns]) for x in state[:3])
         time, sizes, found, asked = as_ball(state[3]), self.motion.sizes[own.columns], dict[int, Results](), own.closing
         further = [x for x in asked if not x.holonomic]
-        kept, half, rates = list[int](), TOLERANCES.half_of_digits, self.rates[own.columns]
+        kept, half = list[int](), TOLERANCES.half_of_digits
         # The last steps of coordinates and of speeds: each step doubles the digits.
         far, fast = np.inf if np.any(own.holonomic) else 0.0, np.inf
         for visit in range(TOLERANCES.newton_steps_onto_rows if asked else 0):
@@ -214,11 +212,11 @@ class Identities:
             if asked is not own.closing:
                 left[on] = 0  # these hold, and are linear in the speeds
             steps = BALLS.shortest(J[kept], sizes, left)
-            reach = np.max(np.abs(middle(steps)) / np.stack([sizes, rates * sizes], axis=-1), axis=0).tolist()
+            reach = np.max(np.abs(middle(steps)) / sizes[:, None], axis=0).tolist()
             settled = far < half or reach[0] < half**2
             if not settled:
                 q, far = BALLS.settled(q - steps[:, 0]), reach[0]
-            u, before, fast = BALLS.settled(u - steps[:, 1]), fast, reach[1]
+            u, before, fast = BALLS.settled(u - steps[:, 1]), fast, reach[1] / self.rate
             if settled and (not further or before < half or fast < half**2):
                 break
             asked = further if settled else asked
@@ -275,7 +273,7 @@ class Identities:
         return found
 
     def _at(self, own: Cluster, state: State, f: Doubles) -> At:
-        return own.at(state, f, self.motion.sizes[own.columns], self.rates[own.columns])
+        return own.at(state, f, self.motion.sizes[own.columns], self.rate)
 
     @cached_property
     def space(self) -> Array:
@@ -554,7 +552,7 @@ class Identities:
         """
         found = dict[str, None]()
         with many_bits():
-            fields, step = in_balls(c)[:, None], Fraction(1, 2**70) / Fraction(self.near.rate_of_states)
+            fields, step = in_balls(c)[:, None], Fraction(1, 2**70) / Fraction(self.rate)
             for own in self.clusters:
                 pairs = ((at, x) for at in self._visited(own) for x in at.changes("along", fields[own.fields]))
                 for at, x in pairs:

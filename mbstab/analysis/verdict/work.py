@@ -201,7 +201,7 @@ class Work:
             speeds = X + factors * (u - X)
             V = own.run("dynamics", (q, speeds, a, time), BALLS)["V"]
         # What vanishes on rows does so to the digits of the state only.
-        least = at.units + at.rates - REFERENCE.bits_of_weak_terms
+        least = at.units + at.rate - REFERENCE.bits_of_weak_terms
         sizes = np.max([BALLS.powers(speeds), BALLS.powers(X), least], axis=0)[own.columns, None]
         left = V - BALLS.multiplied(J, (speeds - X)[own.columns, None])[:, 0]
         return not np.any(shows(left, largest_terms(terms, sizes)[:, 0], bits))
