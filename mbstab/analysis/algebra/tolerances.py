@@ -104,7 +104,7 @@ class Tolerances:
     bits_of_identities: Final = 220
     """Bits of balls in which identities are tested at random states."""
     bits_of_zero: Final = 100
-    """A sum is zero if it is smaller than its terms by these bits; true identities leave 160, broken ones 84."""
+    """Bits to which combinations of fields must be known …"""
 
     sines_kept: Final = 500
     """Sines and cosines of so many angles are kept."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import least_squares
-from mbstab.analysis.algebra.ball_arrays import BALLS, NONE, many_bits, shows
+from mbstab.analysis.algebra.ball_arrays import BALLS, excludes_zero, many_bits
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.changes import At, Local
 from mbstab.analysis.reference.element_comparison import ElementComparison, State, with_errors
@@ -205,7 +205,7 @@ class Invariance(ElementComparison):
         """Return whether the total force along a shift is the rate of a linear function that no symmetry changes."""
         shift, n = field.shift, self.system.n_q
         assert shift is not None
-        rates, sizes = BALLS.zeros((n,)), np.full(n, NONE)
+        rates = BALLS.zeros((n,))
         with many_bits():
             for cluster in self.identities.clusters:
                 columns = np.array(cluster.columns, dtype=int)
@@ -216,12 +216,10 @@ class Invariance(ElementComparison):
                     found = _rate(own, self.identities.beside(cluster), BALLS.of(shift[places]))
                     if found is None:
                         return False
-                    rates[places] = rates[places] + found[0]
-                    sizes[places] = np.maximum(sizes[places], found[1])
+                    rates[places] = rates[places] + found
             for item in self.symmetries:
                 along = BALLS.of(item.direction)
-                size = np.max(sizes + BALLS.powers(along), initial=NONE)
-                if np.any(shows(np.array([rates @ along]), size)):
+                if np.any(excludes_zero(np.array([rates @ along]))):
                     return False
         return True
 
@@ -441,21 +439,19 @@ def _spanned(x: Array, rows: Array) -> bool:
     return float(np.linalg.norm(left)) <= 10.0 * TOLERANCES.coefficient_zero * float(np.linalg.norm(x))
 
 
-def _rate(own: Local, ats: Sequence[At], Y: Array) -> tuple[Array, Array] | None:
-    """Return c, if the force of an element along a shift is c·u and its inertia is the same, and sizes of terms."""
-    unit, found = BALLS.powers(Y), list[tuple[Array, Array]]()
+def _rate(own: Local, ats: Sequence[At], Y: Array) -> Array | None:
+    """Return c, if the force of an element along a shift is c·u and its inertia is the same."""
+    found = list[Array]()
     if not own.analytic:
         return None
     for at in ats:
-        (K, size), (R, terms) = (at.entry(own, key) for key in "KR")
+        K, R = (at.entry(own, key)[0] for key in "KR")
         inertia = own.element.takes_acceleration
-        along = K @ Y if inertia else Y @ K
-        if np.any(shows(along, np.max(size + unit if inertia else size + unit[:, None], axis=1 if inertia else 0))):
+        if np.any(excludes_zero(K @ Y if inertia else Y @ K)):
             return None
         q, u, a, time = at.state
         F = own.run("dynamics", (q, 0 * u, a, time), BALLS)["F"]
-        if not inertia and np.any(shows(np.array([Y @ F]), np.max(BALLS.powers(F) + unit))):
+        if not inertia and np.any(excludes_zero(np.array([Y @ F]))):
             return None
-        found.append((0 * Y, np.full(len(Y), NONE)) if inertia else (Y @ R, np.max(terms + unit[:, None], axis=0)))
-    changes = (shows(c - found[0][0], most) for c, most in found)
-    return found[0] if found and not any(np.any(x) for x in changes) else None
+        found.append(0 * Y if inertia else Y @ R)
+    return found[0] if found and not any(np.any(excludes_zero(c - found[0])) for c in found) else None
