@@ -33,7 +33,7 @@ def excess(search: Search, at: State) -> Array:
     Those forces are the ones along the coordinate itself, so that large ones elsewhere hide nothing.
     """
     system, energy, sizes = search.system, search.balance.energy, search.sizes
-    left = np.abs(at.residual[: system.n_q]) * energy
+    left = np.abs(search.balance.unbalanced(at)) * energy
     transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
     allowed = TOLERANCES.residual * (system.loads(at.q, at.u, at.a) + transmitted) * sizes
     if np.any(left > allowed):
