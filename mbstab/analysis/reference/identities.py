@@ -760,7 +760,7 @@ def reduced(space: Array, scale: Array, lengths: Flags) -> tuple[Array, list[int
         A[pivot, k] = 1
         for j in filled(A[pivot]):
             if j != k:
-                A[on, j] = BALLS.settled(A[on, j] - A[pivot, j] * A[on, k])
+                A[on, j] = A[on, j] - A[pivot, j] * A[on, k]
                 A[pivot, j] = 0
                 weighted[on, j] = np.abs(middle(A[on, j])) * weight[on]
         most[on] = np.max(weighted[on, k + 1 :], axis=1, initial=0.0)
