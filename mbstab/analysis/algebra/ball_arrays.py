@@ -217,8 +217,7 @@ def excludes_zero(x: Array) -> Flags:
 
 def widened(x: Array, radius: Array | float) -> Array:
     """Return balls with radii that are larger by some doubles."""
-    arb, _ = _types()
-    return np.asarray(np.frompyfunc(lambda y, r: y + arb(0, r) if r else y, 2, 1)(x, radius))
+    return np.asarray(np.frompyfunc(lambda y, r: y + _types()[0](0, r) if r else y, 2, 1)(x, radius))
 
 
 def kept_combinations(rows: Array) -> Array:
