@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -83,13 +82,7 @@ def exact_system(system: System) -> System:
                     # What cancels in doubles may leave nothing of a value there.
                     if abs(float(found) - given) <= error + 8.0 * UNIT * abs(given):
                         values[name] = found
-            found = evaluate(scene.model, values, f, checked=True)
-            if scene.turned:  # the charts are those of the doubles
-                found = replace(found, bodies=tuple(
-                    replace(own, base=tuple(map(ball, body.base))) if body.name in scene.turned else own
-                    for own, body in zip(found.bodies, scene.bodies, strict=True)
-                ))  # fmt: skip
-            return system.renumbered(found)
+            return system.renumbered(evaluate(scene.model, values, f, checked=True))
 
     return system.remember("exact", None, made)
 
