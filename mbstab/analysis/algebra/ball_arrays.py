@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from functools import cache, cached_property
 from typing import Any
 
@@ -174,6 +175,15 @@ def as_ball(x: Any) -> Any:
     """Return a number as ``flint.arb``."""
     arb, _ = _types()
     return x if x.__class__ is arb else arb(x.v) if hasattr(x, "v") else arb(x)
+
+
+def in_ball(x: Any) -> Any:
+    """Return a fraction or a float as ``flint.arb``; integers stay."""
+    if x.__class__ is int:
+        return x
+    from flint import arb, fmpq
+
+    return arb(fmpq(x.numerator, x.denominator)) if isinstance(x, Fraction) else arb(x)
 
 
 def plain_ball(x: Any) -> Any:

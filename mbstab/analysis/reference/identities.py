@@ -31,11 +31,13 @@ from mbstab.analysis.algebra.ball_arrays import (
     as_ball,
     excludes_zero,
     filled,
+    in_ball,
     kept_combinations,
     known_to,
     many_bits,
     middle,
     plain_ball,
+    resolved,
     widened,
 )
 from mbstab.analysis.reference.changes import At, Cluster, Local, Results, State, What, Whole, independent
@@ -503,6 +505,7 @@ class Identities:
         good = ~self._seen(fields, what)
         with many_bits():
             space = self._columns(fields)
+            good &= [resolved(x) for x in space.T]
             for own in self.clusters:
                 on = np.flatnonzero(good & np.any(space[own.fields] != 0, axis=0))
                 if not len(on):
@@ -794,9 +797,4 @@ def short(x: float) -> Any:
 
 def in_balls(x: Array) -> Array:
     """Return an array of fractions and floats in balls."""
-    from flint import arb, fmpq
-
-    def one(y: Any) -> Any:
-        return arb(fmpq(y.numerator, y.denominator)) if isinstance(y, Fraction) else y if isinstance(y, int) else arb(y)
-
-    return np.asarray(np.frompyfunc(one, 1, 1)(x), dtype=object)
+    return np.asarray(np.frompyfunc(in_ball, 1, 1)(x), dtype=object)
