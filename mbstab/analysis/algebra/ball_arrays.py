@@ -271,8 +271,10 @@ def radii(x: Array) -> Array:
 
 
 def resolved(x: Array) -> bool:
-    """Return whether the entries of a vector of balls are known, relative to the largest, as well as zeros are."""
-    return bool(np.all(BALLS.powers(radii(x)) <= np.max(BALLS.powers(x), initial=NONE) - TOLERANCES.bits_of_zero))
+    """Return whether the entries of a vector of balls are known, relative to the largest, as combinations must be."""
+    return bool(
+        np.all(BALLS.powers(radii(x)) <= np.max(BALLS.powers(x), initial=NONE) - TOLERANCES.bits_of_combinations)
+    )
 
 
 def _digits(x: Array) -> Array:

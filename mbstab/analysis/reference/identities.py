@@ -37,6 +37,7 @@ from mbstab.analysis.algebra.ball_arrays import (
     many_bits,
     middle,
     plain_ball,
+    radii,
     resolved,
     widened,
 )
@@ -366,8 +367,10 @@ class Identities:
             unit = BALLS.of(np.array(2.0))[()] ** int(power)
             step = -inverse @ middle(left / unit) * self.scale[free][:, None]
             space[free] = BALLS.settled(space[free] + BALLS.of(step) * unit)
+        # Data that are rounded decimals determine no more digits than they have.
+        off = max(TOLERANCES.rounding_on_rows, 8.0 * float(np.max(middle(radii(left)), initial=0.0)))
         most = np.max(np.abs(middle(space)) / self.scale[:, None], axis=0)
-        space[free] = widened(space[free], TOLERANCES.rounding_on_rows * self.scale[free][:, None] * most)
+        space[free] = widened(space[free], off * self.scale[free][:, None] * most)
         return space
 
     def _simple(self, space: Array) -> Array:
@@ -651,7 +654,9 @@ class Identities:
         # Each reduced column has a row of its own: one whose row is excluded takes no part.
         space, pivots = self._reduced
         part = space[:, [k for k, row in enumerate(pivots) if not excluded[row]]]
-        return self._those(part, part[excluded])
+        found = self._those(part, part[excluded])
+        found[excluded] = 0
+        return found
 
     def in_place(self) -> list[Field]:
         """Return the fields of the space that turn bodies in place, and do nothing else."""
@@ -668,7 +673,12 @@ class Identities:
             ground = 6 if b.kind.startswith("spatial") else 3
             rows.append(self.space[b.start + ground : b.start + SIZES[b.kind]])
             rows.append(self.space[b.start : b.start + ground] - self.space[first.start : first.start + ground])
-        return self._those(self.space, np.concatenate(rows))
+        found = self._those(self.space, np.concatenate(rows))
+        for b in bodies:
+            ground = 6 if b.kind.startswith("spatial") else 3
+            found[b.start : b.start + ground] = found[first.start : first.start + ground]
+            found[b.start + ground : b.start + SIZES[b.kind]] = 0
+        return found
 
     def _those(self, space: Array, rows: Array) -> Array:
         """Return the combinations of fields for which rows vanish, as reduced columns of exact numbers."""
