@@ -120,3 +120,23 @@ def test_a_steady_circle_of_a_bicycle_is_isolated():
     (found,) = mbstab.loads(text).equilibria()
     assert found.isolated  # its lean is given: the family of other leans has been left
     assert {"translation along x", "rotation about z"} <= set(found.symmetries)
+
+
+@pytest.mark.parametrize("stiffer", [1.0, 1e3, 1e4, 1e5, 1e6])
+def test_a_triple_solution_at_the_end_of_a_curved_valley_is_found_with_its_error(stiffer):
+    """Without gravity the rods of the governor turn level, the slider at the height of their pivots.
+
+    The springs hold the slider with the cube of its displacement only: two eigenvalues are 0. The rods swing like
+    pendulums in the field of centrifugal forces. The guess is 0.3 rad away, in a valley whose walls are the springs.
+    """
+    model, omega = mbstab.load("flyball_governor.yaml"), 2.0 * math.pi
+    bar, ball, arm, edge = 0.3, 5.0, 0.05, 0.01
+    first, second = bar / 2.0 + ball, bar * (1.0 / 3.0 + edge**2 / 12.0) + ball
+    swing = omega * ((arm * first + second - bar * edge**2 / 6.0) / second) ** 0.5
+    found = model.eig(K=8e5 * stiffer, g=0)
+    rates = [(e.value, e.error_bound) for e in found.eigenvalues if e.kind != "neutral"]
+    assert len(rates) == 6
+    for value, error in rates:
+        assert min(abs(value - exact) for exact in (0.0, 1j * swing, -1j * swing)) <= error + 1e-12
+    assert sum(abs(value) <= error for value, error in rates) == 2
+    assert max(error for value, error in rates if abs(value) > 1.0) < 1e-3

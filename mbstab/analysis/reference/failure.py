@@ -23,7 +23,7 @@ from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, counted
 from mbstab.model.scene import Scene
 from mbstab.model.schema import is_length
 
-STRATEGIES = ("Newton", "relaxation", "spin-up")
+STRATEGIES = ("Newton", "relaxation", "valley", "spin-up")
 """What leads to a solution, in the order in which it is tried."""
 
 

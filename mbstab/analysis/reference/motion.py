@@ -78,6 +78,8 @@ class Motion:
         none. Their accelerations are not known: zero.
     sharpened : bool
         Whether coordinates and rates that were solved for are right to their rounding.
+    spread : ndarray, shape (n_q,), or None
+        How far coordinates that were solved for may be from a multiple solution (m, rad); None: the solution is simple.
     """
 
     q: Array
@@ -96,6 +98,7 @@ class Motion:
     declared: bool = False
     massless: Array | None = None
     sharpened: bool = False
+    spread: Array | None = None
 
     @property
     def at_rest(self) -> bool:
