@@ -312,6 +312,11 @@ class Balance:
         states = np.isin(self.rows, self.system.states[1])
         return np.where(states[:, None], 0.0, J) if states.any() else J
 
+    def unconstrained(self, J: Array) -> Array:
+        """Return the forces that no row carries, scaled: orthonormal columns."""
+        rows = self._pushing(J) * self.acting * self.sizes
+        return rank_of(rows / np.maximum(norms(rows), 1e-300)[:, None]).null
+
     def lengths(self, J: Array) -> Array:
         """Return the lengths of rows in units of the characteristic sizes; 1 for rows of zeros."""
         return norms(J * self.sizes)
