@@ -742,14 +742,9 @@ reference: {{find: equilibrium, guess: {{b: {{x: 0.2, y: -0.5}}}}}}
 """
 
 
-def test_a_spring_too_stiff_to_follow_is_refused():
-    # From a bad guess the search would have to follow a valley as narrow as the weight is small beside the spring.
-    with pytest.raises(EquilibriumError, match=r"at best, \S+ N unbalanced on b\.x"):
-        only(STIFF.format(stiffness=1e9))
-
-
-@pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6])
+@pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6, 1e9, 1e12])
 def test_stiff_springs_are_found_like_soft_ones(stiffness):
+    """From a guess beside it, along a valley as narrow as the weight is small beside the spring."""
     state, _ = only(STIFF.format(stiffness=stiffness))
     assert abs(state["b.y"] + 0.6 + G / stiffness) < 1e-14
 

@@ -106,6 +106,16 @@ class Tolerances:
     """Steps leave out directions along which the equations change by less than this, relative to the largest change."""
     newton_steps_to_halve: Final = 12
     """Newton's method continues while it halves the residuals within this many steps."""
+    slowest_settling: Final = 0.9
+    """Towards a multiple solution steps become shorter by this factor or less, and residuals fall: up to tenfold."""
+    valley_gap: Final = 1e3
+    """Forces along the walls of a valley change at least so many times as much as those along its floor."""
+    valley_descent: Final = 1e-3
+    """A step along the floor takes away this part of the residual, if it is not shortened."""
+    valley_shortest: Final = 1e-6
+    """Steps along the floor are not shortened below this part."""
+    steps_to_floor: Final = 4
+    """Steps back to the floor after each step along it."""
     move_scaling_forces: Final = 1e-5
     """Where no force acts, the scale is that of the forces after a move by this fraction of the size of the scene."""
     relaxed_residual: Final = 1e-3
@@ -128,6 +138,10 @@ class Tolerances:
     """Solutions are found with more digits where rounding is magnified by more than this, in scaled coordinates …"""
     sharpened_digits: Final = 34
     """… and with so many."""
+    sharpened_residual: Final = 1e-27
+    """What is left of residuals then, relative to the forces that balance."""
+    spread_searched: Final = (1e-9, 0.1, 17)
+    """From where to where, relative to the size of the scene, and at how many places, multiple solutions may spread."""
     isolated_singular_value: Final = 1e-7
     """A solution is not isolated if a singular value of the equations is below this, relative to the largest."""
 
