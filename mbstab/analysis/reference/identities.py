@@ -551,6 +551,8 @@ class Identities:
 
     def known_to(self, c: Array, bits: int) -> Array:
         """Return the coefficients of a motion that is known to so many bits, relative to the largest, as balls."""
+        if not np.any(c != 0):
+            return BALLS.zeros(c.shape)
         with many_bits():
             found = in_balls(c)
             rough = np.abs(middle(found))
