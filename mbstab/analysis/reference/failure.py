@@ -34,7 +34,7 @@ def excess(search: Search, at: State) -> Array:
     an imbalance over all coordinates that rows couple, and have a rounding of their own, which rows carry.
     """
     system, energy, sizes = search.system, search.balance.energy, search.sizes
-    left = np.abs(at.residual[: system.n_q]) * energy
+    left = np.abs(search.balance.unbalanced(at)) * energy
     transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
     allowed = TOLERANCES.residual * (system.loads(at.q, at.u, at.a) + transmitted) * sizes
     if np.any(left > allowed):

@@ -111,6 +111,13 @@ class Motion:
         """Whether nothing moves at this instant."""
         return not np.any(self.u)
 
+    def scaled(self, spaces: Subspaces) -> Motion:
+        """Return the same motion with coordinates and rows in other scales; all that is allowed carries mass."""
+        scale, row_scale, allowed = spaces.scale, spaces.row_scale, spaces.allowed
+        M, J = scaled(self.dynamics.M, scale, scale), scaled(self.dynamics.J, scale, row_scale)
+        augmented = Augmented(M, J, spaces.inverse(J), mobility(allowed.T @ M @ allowed, allowed, None))
+        return replace(self, spaces=spaces, augmented=augmented)
+
     def balancing(self, force: Any) -> Any:
         """Return the minimum-norm multipliers, shape (…, n_c), that balance forces best, shape (…, n_q)."""
         return -(self.augmented.inverse.T @ (force * self.spaces.scale).T).T * self.spaces.row_scale

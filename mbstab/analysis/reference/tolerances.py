@@ -302,8 +302,6 @@ class Tolerances:
     exact_spreads: Final = (0.6, 1e-3, 1e-6, 1e-10)
     """Spreads of states at which identities are tested, by `state_spreads`; but the first of what the file writes only:
     a function may be flat to all digits but near the reference."""
-    bits_of_weak_terms: Final = 90
-    """At states on rows terms are seen that are smaller by these bits than those of other fields in the same row."""
     bits_of_scene: Final = 1280
     """Bits with which the entries of a file are evaluated: cos(1e300) needs a thousand of its argument."""
     inertia_of_states: Final = 1e-20
@@ -317,8 +315,9 @@ class Tolerances:
     """Rows of unit length are dependent on others beside which less is left of them."""
     steps_of_refinement: Final = 7
     """Steps of Newton's method, each of which adds some 12 digits to coefficients of fields that are no fractions."""
-    bits_of_weak_forces: Final = 70
-    """In sums of all forces those are seen that are smaller by these bits than what identities ask of a single one."""
+    rounding_on_rows: Final = 2.0**-180
+    """Distance of states, relative to their size, from those that satisfy rows with many digits, and of coefficients
+    of fields from those that leave elements unchanged; much more than the square of the last step."""
     bits_of_motion: Final = 36
     """Bits to which the rates of a steady motion are known."""
     simple_field: Final = 1e-9
