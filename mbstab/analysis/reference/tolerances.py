@@ -102,6 +102,8 @@ class Tolerances:
     """Residuals below this, relative to what balances, are polished by undamped steps until they stop falling."""
     newton_step_settled: Final = 0.01
     """At balance, the next step is no longer than this fraction of the size of the scene, or this angle (rad)."""
+    rounding_varies: Final = 100.0
+    """Residuals that are rounding are no larger than so many times those of a state beside."""
     newton_left_out: Final = 1e-11
     """Steps leave out directions along which the equations change by less than this, relative to the largest change."""
     newton_steps_to_halve: Final = 12
