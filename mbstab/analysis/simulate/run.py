@@ -18,13 +18,12 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.simulate.constrained import BRANCH_HINT, LIMIT_HINT, Constrained, Watch
 from mbstab.analysis.simulate.energy import Energy
+from mbstab.analysis.simulate.pace import Budget, Pace
 from mbstab.analysis.simulate.recording import Frame, Recorder, Stretch, Track, joined
 from mbstab.analysis.simulate.singular_passage import NODES as NODES_OF_PASSAGE
 from mbstab.analysis.simulate.singular_passage import Passage, passage, predicted
 from mbstab.analysis.simulate.steppers.compiled import Marching
 from mbstab.analysis.simulate.steppers.interface import HINT, Method, Options, Stepper
-from mbstab.analysis.simulate.stiffness import Pace
-from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
 from mbstab.compiler.form import Form
