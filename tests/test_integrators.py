@@ -114,8 +114,8 @@ def test_angles_may_pass_their_singularity_within_a_step(monkeypatch):
 def test_what_takes_too_long_is_given_up(monkeypatch):
     run = integrators._Race.run
 
-    def short(self, method, solver, tol, limit):
-        return run(self, method, solver, tol, limit if limit > COMPARE.integration_time else 0.0)
+    def short(self, method, tol, limit):
+        return run(self, method, tol, limit if limit > COMPARE.integration_time else 0.0)
 
     monkeypatch.setattr(integrators._Race, "run", short)
     result = PENDULUM.compare_integrators(0.5, {"rod.theta": 0.5})
@@ -129,7 +129,7 @@ def test_what_takes_too_long_is_given_up(monkeypatch):
 def test_the_whole_comparison_keeps_within_its_budget(monkeypatch):
     spent, limits = iter(np.arange(0.0, 1e4, 3.0)), []
 
-    def given_up(self, method, solver, tol, limit):
+    def given_up(self, method, tol, limit):
         limits.append(limit)
         raise NumericalError("given up after this run")
 

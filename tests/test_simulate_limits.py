@@ -14,7 +14,7 @@ from scipy.linalg import expm
 
 import mbstab
 from mbstab.analysis.algebra import budget
-from mbstab.analysis.simulate import recording, time_budget
+from mbstab.analysis.simulate import pace, recording
 from mbstab.analysis.simulate.tolerances import TOLERANCES as SIMULATE
 from mbstab.cli.main import main
 from mbstab.errors import SimulationError
@@ -237,7 +237,7 @@ def test_a_fast_motion_that_is_seen_is_not_stiff():
 )
 def test_a_long_simulation_says_early_how_long_and_why(monkeypatch, text, to, options, said):
     now = itertools.count(0.0, 1.0)
-    monkeypatch.setattr(time_budget, "clock", lambda: next(now))  # a second goes by at each look
+    monkeypatch.setattr(pace, "clock", lambda: next(now))  # a second goes by at each look
     told = []
     sim = mbstab.loads(text).simulate(to, tell=told.append, **options)
     first = next(x for x in told if "more at the present pace" in x)
@@ -247,8 +247,8 @@ def test_a_long_simulation_says_early_how_long_and_why(monkeypatch, text, to, op
 
 def test_what_is_left_of_a_long_simulation(monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(time_budget, "clock", lambda: now[0])
-    budget = time_budget.Budget(1.0, 11.0)
+    monkeypatch.setattr(pace, "clock", lambda: now[0])
+    budget = pace.Budget(1.0, 11.0)
     budget.start_run(2.0)
     found = {}
     for second in range(1, 40):
@@ -262,7 +262,7 @@ def test_what_is_left_of_a_long_simulation(monkeypatch):
 
 def test_a_short_simulation_says_nothing_about_its_time(monkeypatch):
     now = itertools.count(0.0, 1e-3)
-    monkeypatch.setattr(time_budget, "clock", lambda: next(now))
+    monkeypatch.setattr(pace, "clock", lambda: next(now))
     told = []
     mbstab.loads(SPRING).simulate(0.5, tell=told.append)
     assert told == []

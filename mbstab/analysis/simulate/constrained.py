@@ -14,6 +14,9 @@ redundant, they are replaced by orthonormal combinations of them, as many as the
 start. Everything is computed in coordinates scaled by the masses that resist their motion at the start: a light link
 between heavy bodies carries theirs. Scaled by its own, the matrix of the index-1 equations loses the digits of the
 ratio of both.
+
+Most functions take many states at once: times (n_t,), coordinates and speeds (n_t, n_q). Then the scene is evaluated
+by its kernels over arrays, redundant rows are combined at each state, and nothing is counted.
 """
 
 from __future__ import annotations
@@ -41,6 +44,9 @@ from mbstab.records import dataclass
 if TYPE_CHECKING:
     from mbstab.compiler.fused import Program
 
+
+DIMENSIONS = {"M": 2, "F0": 1, "E": 1, "V": 1, "J": 2, "B": 1}
+"""Of the matrices of one state."""
 
 BRANCH_HINT = (
     "hint: from there the motion may go on in different ways; --through-singular takes the smooth one, if there is "
@@ -127,8 +133,7 @@ class Constrained:
         self._told = np.minimum(spaces.scale, TOLERANCES.carried_most * self.scale)
         self._told_scale = 1.0 / row_norms(dense(motion.dynamics.J) * self._told)
         self._told_rows = self._told * self._told_scale[:, None]
-        self._holonomic, self._all = np.eye(self.n_h), np.eye(self.n_c)
-        self._right = np.zeros(self.n + self.rank)
+        self._all = np.eye(self.n_c, self.rank)
         self._least: float | None = None
         self.trouble: MbstabError | None = None
         self.refresh(motion.dynamics)
@@ -145,14 +150,18 @@ class Constrained:
 
     # --- the one place where the scene is evaluated -----------------------------------------------------------------
 
-    def evaluate(self, t: float, q: Array, u: Array) -> Dynamics:
+    def evaluate(self, t: Any, q: Array, u: Array) -> Dynamics:
         """Return the matrices of the equations of motion; every right-hand side comes from here.
 
         Raises
         ------
         NumericalError
-            If a force or a given function of time has no value there.
+            If a force or a given function of time has no value there; of many states any error.
         """
+        if q.ndim > 1:
+            found = self.arrays.dynamics(q, u, t)
+            parts = {name: getattr(found, name) for name in DIMENSIONS}
+            return Dynamics(**{k: np.broadcast_to(x, (len(q), *x.shape[-DIMENSIONS[k] :])) for k, x in parts.items()})
         self.evaluations += 1
         try:
             return self.form.dynamics(q, u, t)
@@ -165,10 +174,10 @@ class Constrained:
 
     # --- accelerations ----------------------------------------------------------------------------------------------
 
-    def accelerations(self, t: float, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
-        """Return a (n_q,), the multipliers ν (n_c,) and the matrices at a state."""
+    def accelerations(self, t: Any, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
+        """Return a (…, n_q), the multipliers ν (…, n_c) and the matrices at states."""
         state = self.evaluate(t, q, u)
-        a, nu = self.solve(state, -state.F0, state.B)
+        a, nu = self.solve(state)
         return a, nu, state
 
     def acceleration(self, t: float, q: Array, u: Array) -> Array:
@@ -192,21 +201,24 @@ class Constrained:
             self._program = self.form.fused.augmented(self.kept)
         return self._program
 
-    def solve(self, state: Dynamics, force: Array, bias: Array) -> tuple[Array, Array]:
-        """Return x (n_q,) and ν (n_c,) with M x + Jᵀ ν = force and J x = −bias."""
-        n, b = self.n, self._right
+    def solve(self, state: Dynamics) -> tuple[Array, Array]:
+        """Return a (…, n_q) and ν (…, n_c) from the matrices at states."""
         J = state.J * self.rows
-        bias = bias * self.row_scale
-        if not self.full:
-            J, bias = self._all.T @ J, self._all.T @ bias
-        self._matrix = augmented_matrix(state.M * self.weights, J)
-        b[:n], b[n:] = force * self.scale, -bias
-        found = self._solved(self._matrix, b)
-        nu = found[n:] if self.full else self._all @ found[n:]
-        return found[:n] * self.scale, nu * self.row_scale
+        P = self._independent(J)
+        self._matrix = augmented_matrix(state.M * self.weights, _combined(P, J))
+        bias = _combined(P, (state.B * self.row_scale)[..., None])[..., 0]
+        x = self._solved(self._matrix, -np.concatenate([state.F0 * self.scale, bias], axis=-1))
+        nu = x[..., self.n :] if P is None else (P @ x[..., self.n :, None])[..., 0]
+        return x[..., : self.n] * self.scale, nu * self.row_scale
+
+    def _independent(self, J: Array) -> Array | None:
+        """Return independent combinations of scaled rows; None if all are independent."""
+        return None if self.full else self._all if J.ndim == 2 else self.combined(J)
 
     def _solved(self, A: Array, b: Array) -> Array:
-        """Return A⁻¹ b for a symmetric matrix; by LAPACK directly, as for small ones the overhead dominates."""
+        """Return A⁻¹ b for symmetric matrices; by LAPACK directly, as for a small one the overhead dominates."""
+        if A.ndim > 2:
+            return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
         *_, found, failed = self._dgesv(A, b)
         if failed:
             raise np.linalg.LinAlgError("singular matrix")
@@ -215,7 +227,7 @@ class Constrained:
     def jacobian(self, t: float, q: Array, u: Array) -> Array:
         """Return the derivatives of u and a by q and u, shape (2 n_q, 2 n_q)."""
         a, nu, _ = self.accelerations(t, q, u)
-        K, R, _, A_q, A_u = self._slopes(t, q, u, a, nu)
+        K, R, _, A_q, A_u = self.derivatives(t, q, u, a, nu)
         n = self.n
         right = -np.block([[K, R], [A_q, A_u]])
         right[:n] *= self.scale[:, None]
@@ -226,20 +238,15 @@ class Constrained:
 
     # --- projections ------------------------------------------------------------------------------------------------
 
-    def residuals(self, state: Dynamics, fastest: float) -> tuple[float, float]:
+    def residuals(self, state: Dynamics, fastest: Any) -> tuple[Any, Any]:
         """Return the largest residuals of rows in position and in velocity, relative to the sizes in the scene.
 
         `fastest` is the largest speed of a coordinate in its size (1/s); where all are slow, residuals in velocity
         count relative to `slowest`.
         """
-        position, velocity = self.relative(state, max(fastest, self.slowest))
-        return float(position), float(velocity)
-
-    def relative(self, state: Dynamics, fastest: Any) -> tuple[Any, Any]:
-        """Return the same of many states at speeds that are given, each of shape (…)."""
         reach = np.abs(state.J) @ self.sizes + 1e-300
         position = np.abs(state.E[..., : self.n_h]) / reach[..., : self.n_h]
-        velocity = np.abs(state.V) / (reach * fastest)
+        velocity = np.abs(state.V) / (reach * np.maximum(fastest, self.slowest)[..., None])
         return np.max(position, axis=-1, initial=0.0), np.max(velocity, axis=-1, initial=0.0)
 
     def onto_positions(self, t: float, q: Array, held: Flags | None = None) -> tuple[Array, float]:
@@ -250,69 +257,61 @@ class Constrained:
         held : ndarray of bool, shape (n_q,), optional
             Coordinates that must not change.
         """
-        zero = np.zeros(self.n)
-        best, least = q, np.inf
-        for _ in range(TOLERANCES.projection_steps if self.n_h else 0):
-            state = self.system.closing.dynamics(q, zero, t)
-            residual = self.residuals(state, 1.0)[0]
-            if residual >= 0.5 * least:  # rounding is reached, or it does not converge
-                if residual < least:
-                    best, least = q, residual
-                break
-            best, least = q, residual
-            if residual <= TOLERANCES.projection_residual:
-                break
-            q = q + self._least_change(state, state.E[: self.n_h], self.n_h, held)
-        return best, least if self.n_h else 0.0
+        q, _, left, _ = self._nearest(t, q, np.zeros(self.n), held, speeds=False)
+        return q, left
 
     def onto_velocities(self, t: float, q: Array, u: Array, held: Flags | None = None) -> tuple[Array, float, Dynamics]:
         """Return the nearest speeds that satisfy V(q, u, t) = 0, the remaining residual, and the matrices there."""
-        state = self.evaluate(t, q, u)
-        best, least, matrices = u, np.inf, state
-        for _ in range(TOLERANCES.projection_steps if self.n_c else 0):
-            residual = self.residuals(state, self.fastest(u))[1]
-            if residual >= 0.5 * least:
-                if residual < least:
-                    best, least, matrices = u, residual, state
-                break
-            best, least, matrices = u, residual, state
-            if residual <= TOLERANCES.projection_residual:
-                break
-            u = u + self._least_change(state, state.V, self.n_c, held)
-            state = self.evaluate(t, q, u)
-        return best, least if self.n_c else 0.0, matrices
+        _, u, left, state = self._nearest(t, q, u, held, positions=False)
+        return u, left, state
 
-    def project(self, t: float, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
-        """Return coordinates and speeds that satisfy the constraints, and the matrices there.
+    def project(self, t: Any, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
+        """Return coordinates and speeds that satisfy the constraints, and of one state the matrices there.
 
         Raises
         ------
         NumericalError
-            If the constraints cannot be satisfied near this state.
+            If the constraints cannot be satisfied near a state.
         """
-        best: tuple[Array, Array, Dynamics | None] = (q, u, None)
-        least = np.inf
-        for _ in range(TOLERANCES.projection_steps):
-            state = self.evaluate(t, q, u)
-            position, velocity = self.residuals(state, self.fastest(u))
-            size = max(position, velocity)
-            if size >= 0.5 * least:
-                best, least = min((best, least), ((q, u, state), size), key=lambda x: x[1])
-                break
-            best, least = (q, u, state), size
-            if size <= TOLERANCES.projection_residual:
-                break
-            if position > TOLERANCES.projection_residual:
-                q = q + self._least_change(state, state.E[: self.n_h], self.n_h, None)
-                state = self.evaluate(t, q, u)
-            u = u + self._least_change(state, state.V, self.n_c, None)
-        if not least <= TOLERANCES.projection_residual_failed:
+        q, u, left, state = self._nearest(t, q, u)
+        if not np.all(left <= TOLERANCES.projection_residual_failed):
+            worst = int(np.argmax(left))
             raise NumericalError(
-                f"the constraints cannot be satisfied at t = {t:.9g} s: a residual of {amount(least)} of the sizes in "
-                f"the scene is left, where {TOLERANCES.projection_residual_failed:g} is allowed"
+                f"the constraints cannot be satisfied at t = {np.ravel(t)[worst]:.9g} s: a residual of "
+                f"{amount(np.ravel(left)[worst])} of the sizes in the scene is left, where "
+                f"{TOLERANCES.projection_residual_failed:g} is allowed"
             )
-        assert best[2] is not None
-        return best[0], best[1], best[2]
+        return q, u, state
+
+    def _nearest(
+        self, t: Any, q: Array, u: Array, held: Flags | None = None, positions: bool = True, speeds: bool = True
+    ) -> tuple[Array, Array, Any, Dynamics]:
+        """Return coordinates and speeds after Newton steps towards the constraints, what is left, and the matrices.
+
+        The best state on the way counts; of many the matrices are those of some.
+        """
+        evaluate = self.evaluate if speeds else lambda t, q, u: self.system.closing.dynamics(q, u, t)
+        state = matrices = evaluate(t, q, u)
+        best, least = (q, u), np.full(q.shape[:-1], np.inf)
+        for _ in range(TOLERANCES.projection_steps):
+            position, velocity = self.residuals(state, self.fastest(u))
+            size = np.maximum(position, velocity) if positions and speeds else position if positions else velocity
+            better = size < least
+            # Rounding is reached, or it does not converge.
+            going = (size < 0.5 * least) & (size > TOLERANCES.projection_residual)
+            if better.any():
+                own = better[..., None]
+                best, matrices = (np.where(own, q, best[0]), np.where(own, u, best[1])), state
+            least = np.fmin(size, least)
+            if not going.any():
+                break
+            if positions and np.any(position > TOLERANCES.projection_residual):
+                q = q + self._least_change(state, state.E[..., : self.n_h], self.n_h, held)
+                state = evaluate(t, q, u)
+            if speeds:
+                u = u + self._least_change(state, state.V, self.n_c, held)
+                state = evaluate(t, q, u)
+        return *best, least, matrices
 
     def nearer(self, t: float, q: Array, u: Array) -> tuple[Array, Array, Dynamics]:
         """Return coordinates and speeds after one Newton step each towards the constraints, and the matrices there."""
@@ -323,15 +322,17 @@ class Constrained:
         u = u + self._least_change(state, state.V, self.n_c, None)
         return q, u, self.evaluate(t, q, u)
 
-    def fastest(self, u: Array) -> float:
-        """Return the largest speed of a coordinate in its sizes (1/s)."""
-        return float(np.max(np.abs(u / self.sizes), initial=0.0))
+    def fastest(self, u: Array) -> Any:
+        """Return the largest speed of a coordinate in its sizes (1/s), shape (…)."""
+        return np.max(np.abs(u / self.sizes), axis=-1, initial=0.0)
 
     def _least_change(self, state: Dynamics, residual: Array, rows: int, held: Flags | None) -> Array:
         """Return the least Δ in the metric of M with J Δ = −residual for the first rows."""
-        P = self._holonomic if rows == self.n_h else self._all
-        J = P.T @ (state.J[:rows] * self.rows[:rows])
-        goal = -(P.T @ (residual * self.row_scale[:rows]))
+        J = state.J * self.rows
+        P = self._independent(J)
+        if P is not None:
+            P = P[..., :rows, : self.rank_h if rows == self.n_h else self.rank]
+        J, goal = _combined(P, J[..., :rows, :]), _combined(P, -(residual * self.row_scale[:rows])[..., None])[..., 0]
         if held is not None:
             free = np.flatnonzero(~held)
             # Rows may contain held coordinates only; then the least change of the others in the Euclidean metric.
@@ -339,30 +340,22 @@ class Constrained:
             if len(free):
                 moved[free] = least_squares(J[:, free], goal, rcond=1e-12)
             return moved * self.scale
-        A, b = augmented_matrix(state.M * self.weights, J), np.zeros(self.n + len(J))
+        A = augmented_matrix(state.M * self.weights, J)
         if rows == self.n_h:
             # First-order states and balances have no mass; only their rates follow the others.
-            A[self.massless, self.massless] = 1.0
-        b[self.n :] = goal
-        change = self._solved(A, b)[: self.n]
-        return np.asarray(change * self.scale)
+            A[..., self.massless, self.massless] = 1.0
+        b = np.concatenate([np.zeros((*goal.shape[:-1], self.n)), goal], axis=-1)
+        return np.asarray(self._solved(A, b)[..., : self.n] * self.scale)
 
     # --- rank -------------------------------------------------------------------------------------------------------
 
     def refresh(self, state: Dynamics) -> Watch:
-        """Choose the combinations of redundant rows anew; return the smallest singular value that should not vanish.
-
-        Raises
-        ------
-        ConstraintError
-            If the constraints have lost rank.
-        """
+        """Choose the combinations of redundant rows anew; return the smallest singular value that should not vanish."""
         if not self.rank:
             return Watch(np.zeros(0), np.zeros(self.n), np.inf)
         left, s, right = np.linalg.svd(state.J * self._told_rows, full_matrices=False)
         if not self.full:
             self._all = self.combined(state.J * self.rows)
-            self._holonomic = self._all[: self.n_h, : self.rank_h]
         k = self.rank - 1
         if self._least is None:
             self._least = float(s[k])
@@ -446,7 +439,7 @@ class Constrained:
         order = [i for i in np.argsort(-np.abs(left)) if abs(left[i]) > 0.1][:6]
         return ", ".join(dict.fromkeys(self.system.rows[i].owner for i in order))
 
-    def _slopes(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array, Array, Array]:
+    def derivatives(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, ...]:
         """Return K, R, V_q, A_q and A_u; at a kink in the speeds, such as that of |u| at rest, those next to it.
 
         The derivatives only guide the iterations of implicit methods, whose results do not depend on them.
@@ -459,14 +452,10 @@ class Constrained:
             K, R, _ = self.form.linearize(q, u, a, nu, t)
         return K, R, *self.form.linearize_rows(q, u, a, t)
 
-    def derivatives(self, t: float, q: Array, u: Array, a: Array, nu: Array) -> tuple[Array, Array, Array]:
-        """Return K, R and V_q, the exact derivatives that the linearization uses."""
-        return self._slopes(t, q, u, a, nu)[:3]
-
     @property
     def combinations(self) -> tuple[Array, Array]:
         """Independent combinations of scaled holonomic rows (n_h, rank) and of all scaled rows (n_c, rank)."""
-        return self._holonomic, self._all
+        return self._all[: self.n_h, : self.rank_h], self._all
 
 
 def _carried(motion: Motion) -> Array:
@@ -481,6 +470,10 @@ def _carried(motion: Motion) -> Array:
         return scale
     least = motion.sizes * np.min((scale * moved / motion.sizes)[free])
     return np.where(massless, scale, np.maximum(scale * moved, least))
+
+
+def _combined(P: Array | None, x: Array) -> Array:
+    return x if P is None else np.asarray(np.swapaxes(P, -1, -2) @ x)
 
 
 def _strong(factors: Any) -> bool:

@@ -18,13 +18,12 @@ from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.simulate.constrained import BRANCH_HINT, LIMIT_HINT, Constrained, Watch
 from mbstab.analysis.simulate.energy import Energy
+from mbstab.analysis.simulate.pace import Budget, Pace
 from mbstab.analysis.simulate.recording import Frame, Recorder, Stretch, Track, joined
 from mbstab.analysis.simulate.singular_passage import NODES as NODES_OF_PASSAGE
 from mbstab.analysis.simulate.singular_passage import Passage, passage, predicted
 from mbstab.analysis.simulate.steppers.compiled import Marching
 from mbstab.analysis.simulate.steppers.interface import HINT, Method, Options, Stepper
-from mbstab.analysis.simulate.stiffness import Pace
-from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
 from mbstab.compiler.form import Form
@@ -306,7 +305,8 @@ class _Leg:
         run.steps += 1
         self.last = (stepper.t, stepper.u)
         run.peak = max(run.peak, 0.5 * float(stepper.u @ stepper.state.M @ stepper.u))
-        run.drift = max(run.drift, *self.equations.residuals(stepper.state, self.equations.fastest(stepper.u)))
+        left = self.equations.residuals(stepper.state, self.equations.fastest(stepper.u))
+        run.drift = max(run.drift, *map(float, left))
         first, self.done = self.done, int(np.searchsorted(times, stepper.t, "right"))
         inside = times[first : self.done]
         if isinstance(stepper, Passage):
@@ -402,7 +402,7 @@ class _Leg:
         equations, state = self.equations, stepper.state
         if options.step is not None or not equations.remaining(self.watch) < TOLERANCES.singular_nearby:
             return options.rate
-        growth, _ = equations.solve(state, -state.F0, state.B)
+        growth, _ = equations.solve(state)
         rounding = TOLERANCES.roundings_of_time * math.ulp(stepper.t) * equations.fastest(growth) / options.tol
         found = max(equations.fastest(stepper.u), rounding)
         return found if found > TOLERANCES.speed_growth_near_singular * options.rate else options.rate
@@ -457,7 +457,7 @@ class _Leg:
     @property
     def _growth(self) -> float:
         """How often the fastest rate of the last state contains the rate at the start."""
-        return self.equations.fastest(self.last[1]) / self.begun
+        return float(self.equations.fastest(self.last[1]) / self.begun)
 
     @property
     def _runs_away(self) -> bool:

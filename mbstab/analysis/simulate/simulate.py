@@ -24,13 +24,13 @@ from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name, moving_
 from mbstab.analysis.reference.outputs import Outputs
 from mbstab.analysis.simulate.accuracy import Work, bumps
 from mbstab.analysis.simulate.half_turns import beyond_half_turn
+from mbstab.analysis.simulate.pace import Budget
 from mbstab.analysis.simulate.recording import Record, Track
 from mbstab.analysis.simulate.result import Simulation
 from mbstab.analysis.simulate.run import Follower, Run
 from mbstab.analysis.simulate.settings import SimulationSettings
 from mbstab.analysis.simulate.start import Start, start_of
 from mbstab.analysis.simulate.steppers.compiled import machine_code
-from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import SimulationError, UsageError

@@ -180,7 +180,7 @@ def _collocated(
         ways = zip(times.tolist(), legendre.legval(POINTS, places).T, legendre.legval(POINTS, speeds).T, strict=True)
         states = [equations.nearer(*way) for way in ways]
         last, at = at, np.array([[x[k] for x in states] for k in (0, 1)])
-        a = np.array([equations.solve(state, -state.F0, state.B)[0] for *_, state in states])
+        a = np.array([equations.solve(state)[0] for *_, state in states])
         moved = np.max(np.abs(at - last) / sizes, axis=(1, 2))
         change = float(max(moved[0], moved[1] * half))
         if (

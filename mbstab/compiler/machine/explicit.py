@@ -22,18 +22,16 @@ NODES, WEIGHTS = tuple((0.5 * (_nodes + 1.0)).tolist()), tuple((0.5 * _weights).
 
 
 class Tableau(NamedTuple):
-    """An explicit Runge-Kutta method with s stages, and more for its dense output.
+    """An explicit Runge-Kutta method with s stages, then the end of the step, and more for its dense output.
 
     The dense output is y + h Σ_j g_j(x) Σ_i W_ji K_i at the part x of the step, with g = x, x(1-x), x²(1-x), … if
     `nested`, and x, x², x³, … otherwise.
     """
 
     A: Floats
-    B: Floats
     C: Floats
     E: Floats  # one row, or two: of order 5 and 3, as in DOP853
     W: Floats
-    first: int  # first stage whose slope is not known at the start of a step
     stages: int
     nested: int
     exponent: float
@@ -77,26 +75,6 @@ def error_of(m: Machine, s: March, tableau: Tableau, h: float, y: Floats) -> flo
     if len(tableau.E) == 1:
         return h * math.sqrt(first / len(y))
     return h * first / math.sqrt((first + 0.01 * second) * len(y))
-
-
-@compiled
-def attempt(m: Machine, s: March, tableau: Tableau, h: float, y: Floats) -> float:
-    """Make a step to y; return its error relative to the tolerances."""
-    last, begun = tableau.stages, floats(m, at.Y)
-    if not stages(m, s, tableau, h, tableau.first, last, y):
-        return math.nan
-    fill(y, 0.0)
-    for i in range(last):
-        if tableau.B[i] != 0.0:
-            for c in range(len(y)):
-                y[c] += tableau.B[i] * s.k[i, c]
-    for c in range(len(y)):
-        y[c] = begun[c] + h * y[c]
-    s.counts[at.EVALUATIONS] += 1
-    if not slope(m, s.t[at.TIME] + h, y, s.k[last]):
-        return math.nan
-    s.power[last] = power(m, y)
-    return error_of(m, s, tableau, h, y)
 
 
 @compiled
@@ -170,7 +148,9 @@ def advance(m: Machine, s: March, tableau: Tableau) -> tuple[float, float, float
             return math.nan, h, h
         following = min(t + h, s.end)
         h = following - t
-        error = attempt(m, s, tableau, h, y)
+        # The last stage is the end of the step.
+        found = stages(m, s, tableau, h, 1, tableau.stages + 1, y)
+        error = error_of(m, s, tableau, h, y) if found else math.nan
         if error < 1.0:
             break
         ratio = SAFETY * error**tableau.exponent

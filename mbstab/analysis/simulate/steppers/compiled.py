@@ -51,14 +51,12 @@ def tableau_of(solver: str) -> Tableau:
     A[:s, : method.A.shape[1]] = method.A[:s]
     A[s, :s] = method.B
     C = np.concatenate([method.C[:s], [1.0], more])
-    B = np.zeros(len(C))
-    B[:s] = method.B
     if not len(more):
-        return Tableau(A, B, C, method.E[None], np.ascontiguousarray(method.P.T), 1, s, 0, -1.0 / 5.0)
+        return Tableau(A, C, method.E[None], np.ascontiguousarray(method.P.T), s, 0, -1.0 / 5.0)
     A[s + 1 :] = method.A_EXTRA
     first, last = np.eye(len(C))[[0, s]]
-    W = np.vstack([B, first - B, 2.0 * B - first - last, method.D])
-    return Tableau(A, B, C, np.stack([method.E5, method.E3]), W, 1, s, 1, -1.0 / 8.0)
+    W = np.vstack([A[s], first - A[s], 2.0 * A[s] - first - last, method.D])
+    return Tableau(A, C, np.stack([method.E5, method.E3]), W, s, 1, -1.0 / 8.0)
 
 
 def machine_code() -> ModuleType:

@@ -78,7 +78,7 @@ class Projected:
                 solver.D[0] += moved - solver.y
             solver.y = moved
             if not self._multistep:
-                a, _ = self.equations.solve(state, -state.F0, state.B)
+                a, _ = self.equations.solve(state)
                 solver.f = np.concatenate([u, a])
         self._dense = None
 

@@ -196,7 +196,7 @@ class GeneralizedAlpha(_Implicit):
             q, u = q0 + to_q * a, u0 + to_u * a
             state = equations.evaluate(t, q, u)
             if lines is None:
-                K, R, V_q = equations.derivatives(t, q, u, a, nu)
+                K, R, V_q, *_ = equations.derivatives(t, q, u, a, nu)
                 J = P.T @ (state.J * scale * rows[:, None])
                 A = augmented_matrix((state.M + to_u * R + to_q * K) * scale * scale[:, None], J)
                 A[n + r_h :, :n] += (to_q / to_u) * (P.T @ (V_q * scale * rows[:, None]))[r_h:]
@@ -217,7 +217,7 @@ class GeneralizedAlpha(_Implicit):
         if self.options.step is None:
             # Variable steps would turn the error of speeds normal to the constraints into jumps of accelerations.
             u, _, state = equations.onto_velocities(t, q, u)
-            exact, nu = equations.solve(state, -state.F0, state.B)
+            exact, nu = equations.solve(state)
             w, a = w + exact - a, exact
         self._next = (a, nu, w)
         return q, u, self._error(h, a)
@@ -253,7 +253,7 @@ class RadauIIA(_Implicit):
         equations = self.equations
         scale, rows = equations.scale, equations.row_scale[:, None]
         P_h, P = equations.combinations
-        K, R, V_q = equations.derivatives(self.t, self.q, self.u, self.a, self.nu)
+        K, R, V_q, *_ = equations.derivatives(self.t, self.q, self.u, self.a, self.nu)
         weights = scale * scale[:, None]
         self._M, self._R, self._K = self.state.M * weights, R * weights, K * weights
         J = self.state.J * scale * rows

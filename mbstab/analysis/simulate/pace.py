@@ -1,4 +1,4 @@
-"""Whether a run takes too many steps, and why: steps of explicit methods may be short for stability alone.
+"""Whether a run takes too many steps or long, and why: steps of explicit methods may be short for stability alone.
 
 An explicit method is stable while h |λ| is below its stability limit for every eigenvalue λ of the
 accelerations: `Method.boundary` where λ is negative, less where it is complex. Where the steps of a method come near
@@ -9,6 +9,7 @@ stability, and not the accuracy of the motion, limit the steps.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -18,11 +19,55 @@ from mbstab.analysis.algebra.budget import duration
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.steppers.interface import HINT, Options, Reached
 from mbstab.analysis.simulate.steppers.table import METHODS
-from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
+
+clock = time.monotonic
+"""Returns the time (s)."""
+
+
+class Budget:
+    """Monitor of the time of a simulation.
+
+    Parameters
+    ----------
+    first, last : float
+        The times that each run goes through (s).
+
+    Attributes
+    ----------
+    more : float
+        Minimum number of further runs as long as the present one.
+    """
+
+    def __init__(self, first: float, last: float) -> None:
+        self._first, self._last, self.more = first, last, 0.0
+        self._begin = self._run = clock()
+        self._next, self._said = self._begin + TOLERANCES.time_to_judge, 0.0
+
+    def start_run(self, more: float) -> None:
+        """Begin a run, after which `more` runs of the same length follow."""
+        self._run, self.more = clock(), more
+
+    def passed(self, t: float) -> float:
+        """Return the time of a run before t (s)."""
+        return t - self._first
+
+    def left(self, t: float) -> float | None:
+        """Return the remaining time (s) at the pace of a run that has reached t, if it is to be reported now."""
+        now = clock()
+        if now < max(self._next, self._run + TOLERANCES.time_of_run_to_judge) or t <= self._first:
+            return None
+        self._next = now + (now - self._begin)
+        spent = now - self._run
+        left = spent * (self._last - self._first) / (t - self._first) * (1.0 + self.more) - spent
+        whole = now - self._begin + left
+        if whole <= max(TOLERANCES.time_told, TOLERANCES.time_growth_told * self._said):
+            return None
+        self._said = whole
+        return left
 
 
 @dataclass(frozen=True)
