@@ -412,8 +412,8 @@ class _Excited:
             follower = Follower(system, self.finder.motion(q, u, start), times, self.form, work=False)
         except MbstabError as error:
             return f"the disturbed start: {error}"
-        options = Options(1e3 * tol if stiff else tol, None, None, max(abs(s), self.speed, 1.0 / span), solver=solver)
-        run = follower.run(METHODS["projection"][solver], options, lambda done: None)
+        method, rate = METHODS["projection"][solver], max(abs(s), self.speed, 1.0 / span)
+        run = follower.run(Options(method, 1e3 * tol if stiff else tol, None, None, rate), lambda done: None)
         self.evaluations += run.evaluations + equations.evaluations
         if run.interrupted:
             raise KeyboardInterrupt

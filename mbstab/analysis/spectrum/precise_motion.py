@@ -84,6 +84,7 @@ class Start:
         else:
             self.motion = reference_motion(system, massless=True)
         self.linear: Linearization = linearize(system, self.motion, frozen)
+        self.motion = self.linear.motion
         self.grounds = Grounds(self.linear, digits)
 
     @cached_property
