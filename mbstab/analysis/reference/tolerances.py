@@ -315,6 +315,8 @@ class Tolerances:
     """Rows of unit length are dependent on others beside which less is left of them."""
     steps_of_refinement: Final = 7
     """Steps of Newton's method, each of which adds some 12 digits to coefficients of fields that are no fractions."""
+    digits_of_midpoints: Final = 2.0**-16
+    """Midpoints of wide balls are right to this part of their radii: Arb computes with 30 bits more than are known."""
     rounding_on_rows: Final = 2.0**-180
     """Distance of states, relative to their size, from those that satisfy rows with many digits, and of coefficients
     of fields from those that leave elements unchanged; much more than the square of the last step."""
