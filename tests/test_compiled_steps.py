@@ -63,7 +63,7 @@ def compiled_steps(name, perturb=None, **parameters):
     start = start_of(mbstab.load(name).system(**parameters), perturb, None, False)
     equations, attitudes = Constrained(start.system, start.motion), Attitudes.of(start.system)
     method = METHODS["projection"]["DOP853"]
-    return Marching(equations, attitudes, Energy.of(start.system), method, "DOP853"), equations, start
+    return Marching(equations, attitudes, Energy.of(start.system), method), equations, start
 
 
 # --- operations -----------------------------------------------------------------------------------------------------
@@ -92,14 +92,15 @@ def test_an_operation_is_that_of_floats(operation):
     some, one_body = 0, compiled_steps("pendulum")[0].machine
     for x in [*VALUES, 800.0]:
         for y in VALUES:
-            arrays = {name: np.zeros(0) for name in (*tables.INTEGERS, *tables.FLOATS)}
-            arrays |= {"run_operation": [OPERATIONS.index(operation)], "run_start": [0, 1], "first": [0], "second": [1]}
+            arrays = {k: np.zeros(0) for k in range(tables.FLOATS)}
+            arrays |= {tables.RUN_OPERATION: [OPERATIONS.index(operation)], tables.RUN_START: [0, 1]}
+            arrays |= {tables.FIRST: [0], tables.SECOND: [1], tables.W: [x, y, math.nan]}
             numbers = {name: getattr(one_body, name) for name in one_body._fields[2:]} | {"base": 2}
-            one = tables.machine(arrays | {"w": [x, y, math.nan]}, **numbers)
+            one = tables.machine(arrays, **numbers)
             expected = of_floats(operation, x, y)
             assert interpret(one, 0, 1) == (expected is not None), (x, y)
             if expected is not None:
-                assert tables.table(one, "w")[2] == pytest.approx(expected, rel=4e-16, abs=0.0), (x, y)
+                assert tables.table(one, tables.W)[2] == pytest.approx(expected, rel=4e-16, abs=0.0), (x, y)
                 some += 1
     assert some > 20
 
@@ -205,7 +206,7 @@ def test_accelerations_and_power_are_those_of_the_system_at_any_state(name):
 
 
 def _options():
-    return Options(1e-8, None, 1e-3, 1.0)
+    return Options(METHODS["projection"]["DOP853"], 1e-8, None, 1e-3, 1.0)
 
 
 def test_inertias_of_zero_do_no_harm_and_a_singular_matrix_is_seen():
@@ -231,7 +232,7 @@ reference:
     one, other = (model.simulate(0.5, compiled=x, **options) for x in (False, True))
     assert np.max(np.abs(one.q - other.q)) < 1e-7
     m = compiled_steps("pendulum")[0].machine
-    tables.table(m, "w")[:] = 0.0  # a matrix of zeros
+    tables.table(m, tables.W)[:] = 0.0  # a matrix of zeros
     assert not factor_and_solve(m)
 
 

@@ -71,10 +71,7 @@ def compare(system, quick):
     slow, quick.system = system, None
     quick.system = type("Clock", (), {"scene": slow.scene})
     for t, q, u, a, nu in states(slow):
-        state = slow.dynamics(q, u, t)
-        same(parts(quick.dynamics(q, u, t)), parts(state))
-        same(quick.equations(q, u, t), (state.M, state.F0, state.J, state.B))
-        same(quick.residuals(q, u, t), (state.E, state.V, state.J))
+        same(parts(quick.dynamics(q, u, t)), parts(slow.dynamics(q, u, t)))
         same(quick.linearize(q, u, a, nu, t), slow.linearize(q, u, a, nu, t))
         same(quick.linearize_rows(q, u, a, t), slow.linearize_rows(q, u, a, t))
     same(parts(quick.dynamics(q.tolist(), u.tolist())), parts(slow.dynamics(q, u)))
@@ -105,15 +102,15 @@ def test_parameters_are_those_of_the_scene():
     q, u = np.full(6, 0.3), np.full(6, 0.4)
     slow = model.system(omega=3.0)
     same(parts(Fused(slow).dynamics(q, u, 2.0)), parts(slow.dynamics(q, u, 2.0)))
-    assert Fused(model.system(omega=4.0)).residuals(q, u, 2.0)[0][3] == 0.3 - 8.0
+    assert Fused(model.system(omega=4.0)).dynamics(q, u, 2.0).E[3] == 0.3 - 8.0
 
 
 def test_results_are_new_arrays_that_may_be_changed(driven):
     quick = Fused(driven)
     q, u = np.full(6, 0.3), np.full(6, 0.4)
-    first = quick.equations(q, u)[0]
+    first = quick.dynamics(q, u).M
     first[:] = 7.0
-    assert np.all(quick.equations(q, u)[0] != 7.0)
+    assert np.all(quick.dynamics(q, u).M != 7.0)
 
 
 def test_where_only_the_system_has_a_value_it_is_taken(driven):
@@ -128,9 +125,9 @@ def test_what_does_not_exist_is_refused_as_by_the_system(driven):
     with pytest.raises(NumericalError, match=r"forces\.f has no finite equations here"):
         quick.dynamics(np.full(6, -0.3), u)
     with pytest.raises(NumericalError, match="not finite"):
-        quick.equations(np.full(6, 0.3), np.full(6, 1e200))
+        quick.dynamics(np.full(6, 0.3), np.full(6, 1e200))
     with pytest.raises(ExpressionError, match="a function has no real value there"):
-        quick.residuals(np.full(6, 0.3), u, 10.0)
+        quick.dynamics(np.full(6, 0.3), u, 10.0)
 
 
 def test_scenes_of_a_sweep_are_refused():
@@ -146,7 +143,7 @@ def test_scenes_of_a_sweep_are_refused():
 
 
 def sources(quick):
-    names = ("_dynamics", "_equations", "_residuals", "_linearize", "_linearize_rows")
+    names = ("_dynamics", "_linearize", "_linearize_rows")
     return [getattr(quick, name).source for name in names]
 
 
@@ -179,7 +176,7 @@ def test_the_text_does_not_depend_on_the_hash_seed():
 
 
 def test_a_pendulum_takes_one_sine_and_one_cosine():
-    source = Fused(mbstab.load("pendulum.yaml").system())._equations.source
+    source = Fused(mbstab.load("pendulum.yaml").system()).augmented([0, 1]).source
     assert source.count("sin(") == source.count("cos(") == 1
     assert "q0" not in source  # neither the matrices nor the rest of the equations depend on the place
     assert source.count("\n") < 25

@@ -133,26 +133,6 @@ class Fused:
         except _FAILURES:
             return self.system.dynamics(q, u, time)
 
-    def equations(self, q: Any, u: Any, time: float | None = None) -> tuple[Array, Array, Array, Array]:
-        """Return M, F0, J and B of M a + Jᵀ ν = −F0, J a = −B."""
-        program = self._equations
-        try:
-            M, F0, J, B = program(*self._state(q, u, time))
-        except _FAILURES:
-            state = self.system.dynamics(q, u, time)
-            return state.M, state.F0, state.J, state.B
-        return M, F0, J, B
-
-    def residuals(self, q: Any, u: Any, time: float | None = None) -> tuple[Array, Array, Array]:
-        """Return E, V and J, to correct a state that violates the constraints."""
-        program = self._residuals
-        try:
-            E, V, J = program(*self._state(q, u, time))
-        except _FAILURES:
-            state = self.system.dynamics(q, u, time)
-            return state.E, state.V, state.J
-        return E, V, J
-
     def linearize(self, q: Any, u: Any, a: Any, nu: Any, time: float | None = None) -> tuple[Array, Array, Array]:
         """Return K = ∂F/∂q, R = ∂F/∂u and D_q; a has shape (n_q,), nu (n_c,)."""
         program = self._linearize
@@ -230,16 +210,6 @@ class Fused:
     def _dynamics(self) -> Program:
         x = self.traced
         return self._program("qut", (x.M, x.F0, x.E, x.V, x.J, x.B))
-
-    @cached_property
-    def _equations(self) -> Program:
-        x = self.traced
-        return self._program("qut", (x.M, x.F0, x.J, x.B))
-
-    @cached_property
-    def _residuals(self) -> Program:
-        x = self.traced
-        return self._program("qut", (x.E, x.V, x.J))
 
     @cached_property
     def _linearize(self) -> Program:

@@ -1,8 +1,8 @@
 """One evaluation of the equations of motion: by the system, fused in Python, and by the machine (with the extra fast).
 
-Columns: microseconds of `System.dynamics`; how many times as fast M, F0, J, B, then the accelerations (with the
+Columns: microseconds of `System.dynamics`; how many times as fast the same, then the accelerations (with the
 solution of the linear equations), then K, R, D_q are found fused in Python; how many times as fast the accelerations
-by the machine; milliseconds until the first M, F0, J, B are there in Python, and the first accelerations by the
+by the machine; milliseconds until the first matrices are there in Python, and the first accelerations by the
 machine.
 """
 
@@ -49,8 +49,8 @@ def compiled(equations, motion):
 
     system, attitudes = equations.system, Attitudes.of(equations.system)
     start = time.perf_counter()
-    options = Options(1e-8, None, 1e-3, 1.0)
-    marching = Marching(equations, attitudes, Energy.of(system), METHODS["projection"]["DOP853"], "DOP853")
+    options = Options(METHODS["projection"]["DOP853"], 1e-8, None, 1e-3, 1.0)
+    marching = Marching(equations, attitudes, Energy.of(system), options.method)
     marching.start(system, motion.time, motion.q, motion.u, np.array([1.0]), 1.0, options, 0.0, 0.1)
     ready = time.perf_counter() - start
     y, dy = np.concatenate([motion.q, motion.u]), np.zeros(2 * system.n_q)
@@ -70,14 +70,14 @@ def row(path, machine):
     q, u, a, nu, t = motion.q, motion.u, motion.a, motion.nu, motion.time
     start = time.perf_counter()
     fused = Fused(system)
-    fused.equations(q, u)
+    fused.dynamics(q, u)
     ready = time.perf_counter() - start
     equations = Constrained(system, motion)
     for _ in range(FUSED_AFTER + 1):
         equations.acceleration(t, q, u)
     slow, slow_linearize = seconds(lambda: system.dynamics(q, u)), seconds(lambda: system.linearize(q, u, a, nu))
     times = [
-        (slow, lambda: fused.equations(q, u)),
+        (slow, lambda: fused.dynamics(q, u)),
         (slow, lambda: equations.acceleration(t, q, u)),
         (slow_linearize, lambda: fused.linearize(q, u, a, nu)),
     ]
@@ -90,7 +90,7 @@ def row(path, machine):
 
 def main():
     machine = find_spec("numba") is not None
-    heads = ("dynamics", "M F0 J B", "a, nu", "K R D_q", *(("machine",) if machine else ()), "ready")
+    heads = ("dynamics", "fused", "a, nu", "K R D_q", *(("machine",) if machine else ()), "ready")
     print(f"{'':27}" + "".join(f"{head:>9}" for head in heads))
     for path in installed_models():
         print(row(path, machine), flush=True)

@@ -208,11 +208,6 @@ def largest_terms(A: Array, B: Array) -> Array:
     return np.asarray(np.max(A[..., :, :, None] + B[..., None, :, :], axis=-2, initial=NONE))
 
 
-def known_to(x: Array, bits: int) -> Array:
-    """Return numbers that are known to so many bits as balls."""
-    return widened(x, np.abs(middle(x)) * 2.0**-bits)
-
-
 def excludes_zero(x: Array) -> Flags:
     """Return which entries cannot be zero, or have no value."""
 

@@ -192,11 +192,8 @@ class _Race:
         """Return the reference and its accuracy."""
         failure = ""
         limit = min(10.0 * TOLERANCES.integration_time, (self.end - time.process_time()) / 3.0)
-        for name, method, solver in (
-            ("DOP853", METHODS["projection"]["DOP853"], "DOP853"),
-            ("radau", METHODS["radau"][""], ""),
-        ):
-            work = Work(self.follower, method, solver, TOLERANCES.reference_error, None, False, _watch(limit))
+        for name, method in (("DOP853", METHODS["projection"]["DOP853"]), ("radau", METHODS["radau"][""])):
+            work = Work(self.follower, method, TOLERANCES.reference_error, None, False, _watch(limit))
             run = work.refined()
             if run.interrupted:
                 raise KeyboardInterrupt
@@ -223,9 +220,9 @@ class _Race:
                 progress(len(found) / (len(solvers) * len(TOLERANCES.step_tolerances)))
         return found
 
-    def run(self, method: Method, solver: str, tol: float, limit: float) -> tuple[Run, float]:
+    def run(self, method: Method, tol: float, limit: float) -> tuple[Run, float]:
         """Return a run and how long it took (s); one that takes longer than the limit fails."""
-        work = Work(self.follower, method, solver, 1.0, None, False, _watch(limit, TOLERANCES.pace_known * limit))
+        work = Work(self.follower, method, 1.0, None, False, _watch(limit, TOLERANCES.pace_known * limit))
         work.rate = self.rate
         began = time.process_time()
         run = work.once(tol)
@@ -237,7 +234,7 @@ class _Race:
     def measured(self, name: str, key: str, method: Method, tol: float, reference: Run) -> Integration:
         """Return cost and error of a run."""
         run, seconds = self.run(
-            method, key, tol, min(TOLERANCES.integration_time, max(self.end_of_share - time.process_time(), 0.0))
+            method, tol, min(TOLERANCES.integration_time, max(self.end_of_share - time.process_time(), 0.0))
         )
         counts: dict[str, Any] = {"evaluations": run.evaluations, "steps": run.steps, "rejected": run.rejected}
         if not run.complete:

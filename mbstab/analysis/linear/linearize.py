@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.deflation import in_frame
+from mbstab.analysis.algebra.deflation import in_frame, time_scale
 from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in, multiplier_sizes
@@ -188,6 +188,11 @@ class StateSpace:
     n_xi: int
     M_z: Array
     spaces: Subspaces
+
+    @cached_property
+    def rate(self) -> float:
+        """A typical rate (1/s)."""
+        return float(time_scale(self.A, self.n_xi))
 
     @cached_property
     def to_coordinates(self) -> Array:

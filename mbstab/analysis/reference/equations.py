@@ -307,15 +307,6 @@ class Balance:
         all_nu[..., self.rows] = nu * self.energy / lengths
         return State(q, full, all_nu, joined(parts, 1), steady, u, a, dynamics, M, J)
 
-    def unbalanced(self, at: State) -> Array:
-        """Return the scaled forces of a single state that no multipliers balance, shape (n_q,).
-
-        What is left of the residuals along the rows is rounding of the multipliers, which their size sets.
-        """
-        rows = self._pushing(at.J) * (self.acting * self.sizes) / self.lengths(at.J)[:, None]
-        left = at.residual[: self.system.n_q]
-        return np.asarray(left - rows.T @ least_multipliers(rows, left))
-
     def _pushing(self, J: Array) -> Array:
         """Return the rows as they act on the coordinates: those of first-order states take no force."""
         states = np.isin(self.rows, self.system.states[1])

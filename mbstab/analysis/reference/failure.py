@@ -34,7 +34,9 @@ def excess(search: Search, at: State) -> Array:
     an imbalance over all coordinates that rows couple, and have a rounding of their own, which rows carry.
     """
     system, energy, sizes = search.system, search.balance.energy, search.sizes
-    left = np.abs(search.balance.unbalanced(at)) * energy
+    free = search.balance.unconstrained(at.J)
+    projector = free @ free.T
+    left = np.abs(projector @ at.residual[: system.n_q]) * energy
     transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
     allowed = TOLERANCES.residual * (system.loads(at.q, at.u, at.a) + transmitted) * sizes
     if np.any(left > allowed):
@@ -42,10 +44,6 @@ def excess(search: Search, at: State) -> Array:
         state = at.q, at.u, at.a, at.nu
         rounding = TOLERANCES.coordinate_rounding * force_change(system, state, sizes, sizes)
         allowed += np.minimum(np.maximum(rounding, force_rounding(system, state) * sizes), TOLERANCES.residual * energy)
-    if np.any(left > allowed):
-        free = search.balance.unconstrained(at.J)
-        projector = free @ free.T
-        left = np.abs(projector @ at.residual[: system.n_q]) * energy
         allowed = np.maximum(allowed, np.abs(projector) @ allowed)
     found: Array = left / np.maximum(allowed, 1e-300)
     return found

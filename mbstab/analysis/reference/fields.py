@@ -8,7 +8,7 @@ numbers that carry derivatives, whatever the numbers are: floats, arrays over th
 
 from __future__ import annotations
 
-import math
+import operator
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -300,20 +300,20 @@ class Field:
         return found
 
     def __add__(self, other: Field) -> Field:
-        with many_bits():
-            return Field(
-                self.basis, self.c + other.c, [sum(_alike(*x)) for x in zip(self.exact, other.exact, strict=True)]
-            )
+        exact = [_exactly(operator.add, *x) for x in zip(self.exact, other.exact, strict=True)]
+        return Field(self.basis, self.c + other.c, exact)
 
     def times(self, factor: Any) -> Field:
         """Return a multiple of it."""
-        with many_bits():
-            return Field(self.basis, self.c * float(factor), [x and math.prod(_alike(x, factor)) for x in self.exact])
+        return Field(self.basis, self.c * float(factor), [x and _exactly(operator.mul, x, factor) for x in self.exact])
 
 
-def _alike(x: Any, y: Any) -> tuple[Any, Any]:
-    """Return two exact coefficients, both in balls if one of them is: fractions and balls do not mix."""
-    return (in_ball(x), in_ball(y)) if hasattr(x, "rad") or hasattr(y, "rad") else (x, y)
+def _exactly(function: Callable[[Any, Any], Any], x: Any, y: Any) -> Any:
+    """Return a sum or a product of exact coefficients, in balls if one of them is: fractions and balls do not mix."""
+    if not (hasattr(x, "rad") or hasattr(y, "rad")):
+        return function(x, y)
+    with many_bits():
+        return function(in_ball(x), in_ball(y))
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,6 @@ from mbstab.analysis.algebra.ball_arrays import (
     filled,
     in_ball,
     kept_combinations,
-    known_to,
     many_bits,
     middle,
     plain_ball,
@@ -217,7 +216,7 @@ class Identities:
             left[~on, 0] = 0
             if asked is not own.closing:
                 left[on] = 0  # these hold, and are linear in the speeds
-            steps = BALLS.shortest(J[kept], sizes, left)
+            steps = BALLS.shortest(BALLS.settled(J[kept]), sizes, BALLS.settled(left))
             reach = np.max(np.abs(middle(steps)) / sizes[:, None], axis=0).tolist()
             settled = far < half or reach[0] < half**2
             if not settled:
@@ -550,6 +549,17 @@ class Identities:
             .T
         )
 
+    def known_to(self, c: Array, bits: int) -> Array:
+        """Return the coefficients of a motion that is known to so many bits, relative to the largest, as balls."""
+        if not np.any(c != 0):
+            return BALLS.zeros(c.shape)
+        with many_bits():
+            found = in_balls(c)
+            rough = np.abs(middle(found))
+            return widened(
+                found, np.where(rough, np.max(rough / self.scale, initial=0.0) * self.scale, 0.0) * 2.0**-bits
+            )
+
     def changed(self, c: Array, bits: int = TOLERANCES.bits_of_motion) -> list[str]:
         """Return the entries that are not the same a little later after a motion along a field.
 
@@ -557,7 +567,7 @@ class Identities:
         """
         found = dict[str, None]()
         with many_bits():
-            fields, step = known_to(in_balls(c), bits)[:, None], Fraction(1, 2**70) / Fraction(self.rate)
+            fields, step = self.known_to(c, bits)[:, None], Fraction(1, 2**70) / Fraction(self.rate)
             for own in self.clusters:
                 pairs = ((at, x) for at in self._visited(own) for x in at.changes("along", fields[own.fields]))
                 for at, x in pairs:

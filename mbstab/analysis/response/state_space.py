@@ -25,7 +25,6 @@ from mbstab.analysis.response.descriptor import Descriptor, Unreduced
 from mbstab.analysis.response.measured import Meter
 from mbstab.analysis.response.signals import Signals, State
 from mbstab.analysis.response.tolerances import TOLERANCES
-from mbstab.analysis.verdict.facts import time_scale
 from mbstab.compiler.system import Array
 from mbstab.errors import Location, ModelFileError, NumericalError, Problem, UsageError
 from mbstab.model.expressions import ExpressionError
@@ -434,7 +433,7 @@ def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlM
     if any(np.any(x) for x in s[2:]):
         raise UsageError("a state cannot be an acceleration\nhint: states are coordinates, joint motions and rates")
     # Speeds in units of a typical rate: the states then depend on both alike.
-    units = np.where(np.arange(n_f) < ports.space.n_xi, 1.0, time_scale(ports.space))
+    units = np.where(np.arange(n_f) < ports.space.n_xi, 1.0, ports.space.rate)
     scale = 1.0 / np.maximum(np.linalg.norm(S * units, axis=1), 1e-300)
     inverse, error = (units[:, None] * x * scale for x in _inverse(S * scale[:, None] * units))
     rate = ports.maps["y"]

@@ -25,13 +25,12 @@ class Work:
         self,
         follower: Follower,
         method: Method,
-        solver: str,
         tol: float,
         step: float | None,
         compiled: bool,
         progress: Callable[[float], object],
     ) -> None:
-        self.follower, self.method, self.solver = follower, method, solver
+        self.follower, self.method = follower, method
         self.tol, self.step, self.compiled, self.progress = tol, step, compiled, progress
         self.first = tol
         motion = follower.motion
@@ -50,11 +49,11 @@ class Work:
     def once(self, tol: float, progress: Callable[[float], object] | None = None) -> Run:
         """Follow the motion with a tolerance per step."""
         # The longest step shrinks with the tolerance like the others: else runs would not differ where it is active.
-        longest = self.longest * (tol / self.first) ** (self.method.power / self.method.order)
-        options = Options(tol, self.step, None, self.rate, longest, self.solver, self.compiled)
+        longest = self.longest * (tol / self.first) ** self.method.exponent
+        options = Options(self.method, tol, self.step, None, self.rate, longest, self.compiled)
         if self.follower.budget:
             self.follower.budget.start_run(self._further(refining=progress is not None))
-        run = self.follower.run(self.method, options, progress or self.progress)
+        run = self.follower.run(options, progress or self.progress)
         self.runs += 1
         self.notes = run.notes or self.notes
         self.evaluations += run.evaluations
@@ -64,7 +63,7 @@ class Work:
         """Return the minimum number of runs as long as the next one that follow it."""
         if not refining:
             return 0.0
-        longer = TOLERANCES.step_tolerance_reduction ** (-self.method.power / self.method.order)
+        longer = TOLERANCES.step_tolerance_reduction**-self.method.exponent
         return float(sum(longer**k for k in range(1, TOLERANCES.runs_least - self.runs)))
 
     def refined(self) -> Run:

@@ -212,8 +212,8 @@ class Constrained:
             raise np.linalg.LinAlgError("singular matrix")
         return np.asarray(found)
 
-    def jacobian(self, t: float, q: Array, u: Array) -> tuple[Array, Array]:
-        """Return ∂a/∂q and ∂a/∂u of the accelerations, each of shape (n_q, n_q)."""
+    def jacobian(self, t: float, q: Array, u: Array) -> Array:
+        """Return the derivatives of u and a by q and u, shape (2 n_q, 2 n_q)."""
         a, nu, _ = self.accelerations(t, q, u)
         K, R, _, A_q, A_u = self._slopes(t, q, u, a, nu)
         n = self.n
@@ -222,7 +222,7 @@ class Constrained:
         lower = right[n:] * self.row_scale[:, None]
         lower = lower if self.full else self._all.T @ lower
         found = np.linalg.solve(self._matrix, np.vstack([right[:n], lower]))[:n] * self.scale[:, None]
-        return found[:, :n], found[:, n:]
+        return np.vstack([np.eye(n, 2 * n, n), found])
 
     # --- projections ------------------------------------------------------------------------------------------------
 
@@ -417,10 +417,6 @@ class Constrained:
         assert self._least is not None
         s = np.linalg.svd(state.J * self._told_rows, compute_uv=False)
         return float(s[self.rank - 1]) / self._least
-
-    def nears(self, watch: Watch, part: float) -> bool:
-        """Return whether the smallest singular value has fallen below a fraction of that at the start."""
-        return self.remaining(watch) < part
 
     def remaining(self, watch: Watch) -> float:
         """Return the smallest singular value relative to that at the start; infinite without constraints."""

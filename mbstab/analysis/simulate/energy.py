@@ -20,13 +20,6 @@ from mbstab.records import Answer, dataclass
 
 
 @cache
-def quadrature(order: int) -> tuple[tuple[float, float], ...]:
-    """Return nodes in −1 … 1 and weights for the power over a part of a step of a method of some order (Gauss)."""
-    nodes, weights = legendre.leggauss(max(2, (order + 1) // 2))
-    return tuple(zip(nodes.tolist(), weights.tolist(), strict=True))
-
-
-@cache
 def antiderivative(count: int) -> tuple[Array, Array]:
     """Return nodes in −1 … 1 (Gauss), and the matrix from values there to the Legendre series of their integral."""
     nodes, _ = legendre.leggauss(count)

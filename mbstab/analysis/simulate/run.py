@@ -132,21 +132,21 @@ class Follower:
         self.budget: Budget | None = None
         self._marching: Marching | None = None
 
-    def marching(self, equations: Constrained, method: Method, solver: str) -> Marching:
+    def marching(self, equations: Constrained, method: Method) -> Marching:
         """Return compiled steps of the scene."""
         if self._marching is None:
-            self._marching = Marching(equations, self.attitudes, self.energy, method, solver)
+            self._marching = Marching(equations, self.attitudes, self.energy, method)
         return self._marching
 
-    def run(self, method: Method, options: Options, progress: Callable[[float], object]) -> Run:
+    def run(self, options: Options, progress: Callable[[float], object]) -> Run:
         """Follow the motion; failures end the run and are recorded in it."""
         run = Run(reached=float(self.times[0]))
-        leg = _Leg(self, run, method)
-        pace = Pace(method, options, float(self.times[-1]), self.note, self.tell, self.budget)
+        leg = _Leg(self, run, options.method.order)
+        pace = Pace(options, float(self.times[-1]), self.note, self.tell, self.budget)
         run.peak = leg.equations.least_energy
         try:
             leg.begin()
-            leg.follow(method, options, progress, pace)
+            leg.follow(options, progress, pace)
         except KeyboardInterrupt:
             run.interrupted = True
         except (ArithmeticError, np.linalg.LinAlgError) as error:
@@ -207,14 +207,14 @@ class _Singular(Exception):
 class _Leg:
     """The state of a run: the present chart, the singular value watched, the output so far."""
 
-    def __init__(self, follower: Follower, run: Run, method: Method) -> None:
+    def __init__(self, follower: Follower, run: Run, order: int) -> None:
         self.follower, self.run = follower, run
         self.attitudes, self.energy = follower.attitudes, follower.energy
         self.system, self.motion = follower.system, follower.motion
         self.equations = Constrained(self.system, self.motion, follower.form)
         self.watch: Watch = self.equations.refresh(self.motion.dynamics)
         working = follower.work and not self.energy.conservative
-        self.recorder = Recorder(run.stretches, self.energy, method.order if working else 0)
+        self.recorder = Recorder(run.stretches, self.energy, order if working else 0)
         self.least, self.looked = 0.0, TOLERANCES.looked_steps
         self.done, self.shown = 1, 0.0
         self.fall, self.tried, self.given_up = 0.0, math.inf, 0
@@ -231,7 +231,7 @@ class _Leg:
         self.recorder.add(self.follower.times[:1], q[None], u[None], np.zeros(1), 0.0)
 
     def follow(  # noqa: PLR0915 (the loop of steps, with all that may end one)
-        self, method: Method, options: Options, progress: Callable[[float], object], pace: Pace
+        self, options: Options, progress: Callable[[float], object], pace: Pace
     ) -> None:
         run, end = self.run, float(self.follower.times[-1])
         t, q, u = float(self.follower.times[0]), self.motion.q, self.motion.u
@@ -240,7 +240,7 @@ class _Leg:
         q, u = self._change_chart(q, q, u, t)
         while t < end:
             if self._marches(options):
-                t, q, u, before, options = self._march(t, q, u, limit, method, options, progress, pace)
+                t, q, u, before, options = self._march(t, q, u, limit, options, progress, pace)
                 if t >= end:
                     break
                 limit = limit if t < limit else end
@@ -248,7 +248,7 @@ class _Leg:
                 if self.attitudes.needs_change(self.system, before, q):
                     q, u = self._change_chart(before, q, u, t)
                     continue
-            stepper = method.start(self.equations, t, q, u, limit, options)
+            stepper = options.method.start(self.equations, t, q, u, limit, options)
             passed: Passage | None = None
             started = run.steps
             again = False
@@ -331,20 +331,18 @@ class _Leg:
         q: Array,
         u: Array,
         limit: float,
-        method: Method,
         options: Options,
         progress: Callable[[float], object],
         pace: Pace,
     ) -> tuple[float, Array, Array, Array, Options]:
         """Take compiled steps as far as possible; return the state there, q before the last step, and the options."""
-        run, n = self.run, len(q)
-        marching, covered, worked = self.follower.marching(self.equations, method, options.solver), 0, 0.0
+        run, n, covered, worked = self.run, len(q), 0, 0.0
         times, steps = self.follower.times[self.done :], run.steps
         near = TOLERANCES.passage_tried_from if self.follower.through else TOLERANCES.singular_failure
-        marching.start(self.system, t, q, u, times, limit, options, self.least, near)
-        state = marching.state
+        state = self.follower.marching(self.equations, options.method)
+        state.start(self.system, t, q, u, times, limit, options, self.least, near)
         while True:
-            reason = marching.go()
+            reason = state.go()
             found = state.found[covered : state.done]
             work = found[:, 2 * n] - worked
             self.recorder.add(times[covered : state.done], found[:, :n], found[:, n : 2 * n], work, state.work - worked)
@@ -360,7 +358,7 @@ class _Leg:
         self.looked = TOLERANCES.looked_steps if state.steps else min(2 * self.looked, TOLERANCES.looked_steps_most)
         self.done += covered
         run.rejected += state.rejected
-        run.peak, run.drift = max(run.peak, state.peak), max(run.drift, state.drift)
+        run.peak, run.drift = max(run.peak, state.peak), max(run.drift, state.residual)
         self.equations.evaluations += state.evaluations
         return state.t, state.q, state.u, state.before, replace(options, first=state.following)
 
@@ -402,7 +400,7 @@ class _Leg:
         relative to the largest, and their change within the rounding of the time cannot be known.
         """
         equations, state = self.equations, stepper.state
-        if options.step is not None or not equations.nears(self.watch, TOLERANCES.singular_nearby):
+        if options.step is not None or not equations.remaining(self.watch) < TOLERANCES.singular_nearby:
             return options.rate
         growth, _ = equations.solve(state, -state.F0, state.B)
         rounding = TOLERANCES.roundings_of_time * math.ulp(stepper.t) * equations.fastest(growth) / options.tol
@@ -421,7 +419,7 @@ class _Leg:
                     "hint: take a shorter one with --step"
                 )
         except NumericalError as error:
-            if self._runs_away or not self.equations.nears(self.watch, TOLERANCES.singular_failure):
+            if self._runs_away or not self.equations.remaining(self.watch) < TOLERANCES.singular_failure:
                 raise
             near = self.equations.approached(t, self.watch, str(error).partition("\n")[0])
             raise _Singular(t + self.watch.value / self.fall if self.fall > 0.0 else math.inf, near) from None
@@ -483,7 +481,7 @@ class _Leg:
 
     def _falling(self) -> bool:
         """Return whether a singular configuration is near and approaching, so that a passage should be tried."""
-        if not self.equations.nears(self.watch, TOLERANCES.passage_tried_from):
+        if not self.equations.remaining(self.watch) < TOLERANCES.passage_tried_from:
             self.tried = math.inf
             return False
         if not 0.0 < self.watch.value < 0.5 * self.tried or self.fall <= 0.0:

@@ -75,7 +75,7 @@ def simulate(
     follower = Follower(begin.system, begin.motion, times, through=settings.through_singular)
     follower.tell, follower.budget = tell, Budget(first, last)
     tol, step = settings.tol, settings.step
-    work = Work(follower, settings.stepping, settings.solver, tol, step, settings.compiled, progress)
+    work = Work(follower, settings.stepping, tol, step, settings.compiled, progress)
     lost = math.ulp(max(abs(first), abs(last)))
     if lost * work.natural > TOLERANCES.time_resolution:
         raise UsageError(

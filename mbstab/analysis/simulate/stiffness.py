@@ -1,33 +1,28 @@
 """Whether a run takes too many steps, and why: steps of explicit methods may be short for stability alone.
 
 An explicit method is stable while h |λ| is below its stability limit for every eigenvalue λ of the
-accelerations: about 6.1 for DOP853 and 3.3 for RK45 where λ is negative (the numbers of the test for stiffness in
-Hairer and Wanner 1996, section IV.2), less where it is complex. Where the steps of a method come near this
-limit, Radau IIA is tried from the same state, with the same tolerance: only if its steps become much longer does
+accelerations: `Method.boundary` where λ is negative, less where it is complex. Where the steps of a method come near
+this limit, Radau IIA is tried from the same state, with the same tolerance: only if its steps become much longer does
 stability, and not the accuracy of the motion, limit the steps.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
 from mbstab.analysis.algebra.budget import duration
 from mbstab.analysis.simulate.constrained import Constrained
-from mbstab.analysis.simulate.steppers.interface import HINT, Method, Options
+from mbstab.analysis.simulate.steppers.interface import HINT, Options, Reached
 from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.analysis.simulate.time_budget import Budget
 from mbstab.analysis.simulate.tolerances import TOLERANCES
-from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
-
-BOUNDARIES = {"DOP853": 6.1, "RK45": 3.3}
-"""Largest h |λ| of explicit solvers."""
 
 
 @dataclass(frozen=True)
@@ -39,32 +34,11 @@ class _Limit:
     implicit: float
 
 
-class Reached(Protocol):
-    """The state that a method has reached."""
-
-    @property
-    def t(self) -> float:
-        """The time (s)."""
-
-    @property
-    def q(self) -> Array:
-        """Coordinates, shape (n_q,)."""
-
-    @property
-    def u(self) -> Array:
-        """Speeds, shape (n_q,)."""
-
-    @property
-    def taken(self) -> float:
-        """The last step (s)."""
-
-
 class Pace:
     """Monitor of the steps of a run.
 
     Parameters
     ----------
-    method : Method
     options : Options
     end : float
         Last time (s).
@@ -83,15 +57,14 @@ class Pace:
 
     def __init__(
         self,
-        method: Method,
         options: Options,
         end: float,
         note: str = "",
         tell: Callable[[str], object] = str,
         budget: Budget | None = None,
     ) -> None:
-        explicit = options.solver in BOUNDARIES and METHODS["projection"].get(options.solver) is method
-        self.boundary = BOUNDARIES[options.solver] if explicit and options.step is None else None
+        method = options.method
+        self.boundary = method.boundary if options.step is None else math.inf
         self.end, self.budget = end, budget
         self.note, self._tell, self._machine = note, tell, bool(method.compiled) and not options.compiled
         self._next, self._steps, self._time = TOLERANCES.stiffness_first_test, 0, -np.inf
@@ -115,7 +88,7 @@ class Pace:
         self._next += min(self._next, TOLERANCES.stiffness_next_test)
         self._time = -np.inf
         left = (self.end - stepper.t) / max(mean, 1e-300)
-        found = self._limit(mean, stepper, equations, options) if self.boundary else None
+        found = self._limit(mean, stepper, equations, options)
         if found is not None:
             text = (
                 f"the steps of {found.mean:.1e} s at t = {stepper.t:.6g} s are limited by stability, not by accuracy: "
@@ -161,7 +134,7 @@ class Pace:
                 f"where {options.longest:.1e} s is the longest, so that no given function of time is passed over",
                 [*machine, "fewer --points"],
             )
-        found = self._limit(mean, stepper, equations, options) if self.boundary else None
+        found = self._limit(mean, stepper, equations, options)
         if found is not None:
             return (
                 "are limited by stability, not by accuracy: the fastest motion that is possible at "
@@ -181,23 +154,19 @@ class Pace:
     def _fastest(stepper: Reached, equations: Constrained) -> float | None:
         """Return the largest rate of small motions about a state (1/s); None if it cannot be found."""
         try:
-            by_q, by_u = equations.jacobian(stepper.t, stepper.q, stepper.u)
-            n = len(by_q)
-            whole = np.block([[np.zeros((n, n)), np.eye(n)], [by_q, by_u]])
-            return float(np.max(np.abs(np.linalg.eigvals(whole)), initial=0.0))
+            rates = np.linalg.eigvals(equations.jacobian(stepper.t, stepper.q, stepper.u))
+            return float(np.max(np.abs(rates), initial=0.0))
         except (MbstabError, ArithmeticError, np.linalg.LinAlgError, ValueError):
             return None
 
     def _limit(self, mean: float, stepper: Reached, equations: Constrained, options: Options) -> _Limit | None:
         """Return the stability limit if it limits the steps, else None."""
-        assert self.boundary
-        rate = self._fastest(stepper, equations)
+        rate = None if math.isinf(self.boundary) else self._fastest(stepper, equations)
         if rate is None or mean * rate < TOLERANCES.stability_boundary_part * self.boundary:
             return None
         try:
-            other = METHODS["radau"][""].start(
-                equations, stepper.t, stepper.q, stepper.u, self.end, replace(options, first=stepper.taken)
-            )
+            radau = replace(options, method=METHODS["radau"][""], first=stepper.taken)
+            other = radau.method.start(equations, stepper.t, stepper.q, stepper.u, self.end, radau)
             longest = 0.0
             for _ in range(TOLERANCES.implicit_probes):
                 other.advance()

@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.sweep.batched_verdict import RIGHT, Sides
 from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.shapes import groups
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import certain_links
+from mbstab.analysis.verdict.rule import RIGHT, Sides
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 

@@ -31,7 +31,7 @@ from mbstab.analysis.reference.motion import motion_at
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import AXIS, LEFT, OPEN, RIGHT, unstable_counts
+from mbstab.analysis.sweep.batched_verdict import unstable_counts
 from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks, undecided
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
@@ -39,7 +39,7 @@ from mbstab.analysis.sweep.detail import Detail, detailed
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.verdict.rule import WORDS
+from mbstab.analysis.verdict.rule import AXIS, LEFT, OPEN, RIGHT, WORDS
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 from mbstab.model.doubts import doubts

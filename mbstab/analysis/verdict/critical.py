@@ -18,12 +18,14 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import least_squares
+from mbstab.analysis.algebra.stacks import complement
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.verdict.directions import span
 from mbstab.analysis.verdict.many_digits import Line, ManyDigits
 from mbstab.analysis.verdict.minimum import SecondVariation, sign_of
-from mbstab.analysis.verdict.neutral import Separated, Structure, chains_of, complement, orthonormal
+from mbstab.analysis.verdict.neutral import Separated, Structure, chains_of
 from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, UNSTABLE, Critical
 from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
@@ -68,7 +70,7 @@ def critical_zero(
     energy = SecondVariation(structure, separated)
     by_energy = structure.work.decreases and energy.applies and _definite_beside(energy, structure, separated)
     # Motions along symmetries near the reference are not examined.
-    if len(separated.L) or separated.speeds or count > 2 or not (by_energy or (count == 1 and others_decay)):
+    if len(separated.L) or separated.choice.moving or count > 2 or not (by_energy or (count == 1 and others_decay)):
         return None
     direction = _direction(structure, separated)
     if direction is None or digits.zeros(separated.frequencies()).number != separated.neutral.count + count:
@@ -117,8 +119,7 @@ def _definite_beside(energy: SecondVariation, structure: Structure, separated: S
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(h)), np.max(np.abs(h)) * 1e-12))
     _, vectors = np.linalg.eigh(h * scale * scale[:, None])
     rest = W @ (scale[:, None] * vectors[:, 1:])
-    known = np.abs(rest).T @ energy.known_to @ np.abs(rest)
-    return not rest.shape[1] or sign_of(rest.T @ energy.H @ rest, known) == 1
+    return sign_of(energy.on(rest)) == 1
 
 
 def _direction(structure: Structure, separated: Separated) -> Array | None:
@@ -247,7 +248,7 @@ def _drift(separated: Separated, count: int) -> int:
     """Return the power of time with which disturbances along neutral directions and of the remaining zeros grow."""
     values, vectors = np.linalg.eig(separated.A)
     zeros = vectors[:, np.argsort(np.abs(values))[:count]]
-    T = orthonormal([*separated.T.T, *(separated.B @ zeros.real).T, *(separated.B @ zeros.imag).T], len(separated.S))
+    T = span(separated.T, separated.B @ zeros.real, separated.B @ zeros.imag)
     return Neutral(chains=chains_of(replace(separated, T=T, L=separated.L[:0], B=complement(T)))).drift
 
 

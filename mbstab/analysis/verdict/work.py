@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
-from mbstab.analysis.algebra.ball_arrays import BALLS, as_ball, excludes_zero, known_to, many_bits, not_negative
+from mbstab.analysis.algebra.ball_arrays import BALLS, as_ball, excludes_zero, many_bits, not_negative
 from mbstab.analysis.reference.changes import At, Cluster, Local, Results
 from mbstab.analysis.reference.identities import NO_VALUE
 from mbstab.analysis.reference.symmetries import Invariance
@@ -145,7 +145,7 @@ class Work:
         if self.generator is None:
             return BALLS.zeros((self.invariance.identities.basis.size,))
         found = self.invariance.identities.of_generator(self.generator)
-        return found if found is None else known_to(found, self.bits)
+        return found if found is None else self.invariance.identities.known_to(found, self.bits)
 
     def _field(self, cluster: Cluster, at: At) -> Array:
         """Return X at a state, shape (n,)."""

@@ -4,33 +4,28 @@ from __future__ import annotations
 
 import math
 
+from mbstab.compiler.machine import formulas
 from mbstab.compiler.machine import tables as at
-from mbstab.compiler.machine.constraints import SPEEDS, settle, watched
-from mbstab.compiler.machine.implicit import (
-    CONVERGED,
-    DIVERGES,
-    GOES_ON,
-    balanced,
-    consistent,
-    finished,
-    follower,
-    size_of,
-)
+from mbstab.compiler.machine.constraints import SPEEDS, follower, settle, watched
+from mbstab.compiler.machine.formulas import CONVERGED, DIVERGES, GOES_ON
+from mbstab.compiler.machine.implicit import arrived, balanced, consistent, cover, moved, newton, size_of, step_control
 from mbstab.compiler.machine.interpreter import evaluate
 from mbstab.compiler.machine.linear import factor
-from mbstab.compiler.machine.march import EVALUATIONS, LENGTH, TIME, Implicit, March
 from mbstab.compiler.machine.native import called, compiled, copy, fill, floats, integers
 from mbstab.compiler.machine.newton import decompose, differentiate, imbalance, solved, violation
-from mbstab.compiler.machine.tables import Floats, Machine
+from mbstab.compiler.machine.tables import Floats, Implicit, Machine, March
+
+alpha_known, alpha_factors = compiled(formulas.alpha_known), compiled(formulas.alpha_factors)
 
 
 @compiled
 def begin(m: Machine, s: March, p: Implicit) -> bool:
     """Start at the state of a march: its accelerations, and their rate from those nearby."""
-    t, n, begun, y = s.t[TIME], m.coordinates, floats(m, at.Y), floats(m, at.TRIAL)
+    t, n, begun, y = s.t[at.TIME], m.coordinates, floats(m, at.Y), floats(m, at.TRIAL)
     a, nu, next_a, next_nu = floats(m, at.A), floats(m, at.NU), floats(m, at.NEXT_A), floats(m, at.NEXT_NU)
     jerk, drift, x = floats(m, at.JERK), floats(m, at.DRIFT), 1e-4 / p.rate
-    s.counts[EVALUATIONS] += 3
+    alpha_m, alpha_f, _, _ = p.alpha
+    s.counts[at.EVALUATIONS] += 3
     if not consistent(m, t, begun, a, nu):
         return False
     for k in range(2):
@@ -43,8 +38,8 @@ def begin(m: Machine, s: March, p: Implicit) -> bool:
         for i in range(n):
             jerk[i] = next_a[i] if k == 0 else (jerk[i] - next_a[i]) / (2.0 * x)
     for i in range(n):
-        drift[i] = (p.alpha_m - p.alpha_f) * jerk[i]  # (w − a)/h
-    s.t[LENGTH] = 0.0
+        drift[i] = (alpha_m - alpha_f) * jerk[i]  # (w − a)/h
+    s.t[at.LENGTH] = 0.0
     return consistent(m, t, begun, a, nu) and watched(m, s)
 
 
@@ -78,17 +73,17 @@ def correct(m: Machine, da: Floats, to_q: float, to_u: float) -> None:
 @compiled
 def iterate(m: Machine, s: March, p: Implicit, h: float, to_q: float, to_u: float) -> bool:
     """Find accelerations and multipliers at the end of a step by Newton's method."""
-    t, y, da, before = s.t[TIME] + h, floats(m, at.TRIAL), floats(m, at.CHANGE), math.inf
+    t, y, da, before = s.t[at.TIME] + h, floats(m, at.TRIAL), floats(m, at.CHANGE), math.inf
     c, lu, found, k = floats(m, at.NEWTON_C), floats(m, at.NEWTON_LU), GOES_ON, 0
     fill(c, 1.0)
     c[at.STIFFNESS], c[at.DAMPING] = to_q, to_u
     c[at.HOLONOMIC_RATE], c[at.NONHOLONOMIC_RATE] = 0.0, to_q / to_u
     while found == GOES_ON and k < p.iterations:
         arrive(m, to_q, to_u)
-        s.counts[EVALUATIONS] += 1
+        s.counts[at.EVALUATIONS] += 1
         known = True
         if k == 0:
-            s.counts[EVALUATIONS] += 1
+            s.counts[at.EVALUATIONS] += 1
             known = differentiate(m, t, y, floats(m, at.NEXT_A), floats(m, at.NEXT_NU), p.kink, floats(m, at.OTHER))
             decompose(m, 0.0, c, lu)
         else:
@@ -96,7 +91,7 @@ def iterate(m: Machine, s: March, p: Implicit, h: float, to_q: float, to_u: floa
         if known:
             correct(m, da, to_q, to_u)
             size = size_of(m, p, da, da, to_q, to_u)
-            found = finished(p, size, before, h)
+            found = newton(size, before, h, p.rate, p.goal, p.stalled)
             before = size
         else:
             found = DIVERGES
@@ -115,13 +110,10 @@ def attempt(m: Machine, s: March, p: Implicit, h: float) -> float:
         floats(m, at.NEXT_A),
     )
     jerk, drift, ahead, da = floats(m, at.JERK), floats(m, at.DRIFT), floats(m, at.AHEAD), floats(m, at.CHANGE)
-    c, past = (1.0 - p.alpha_f) / (1.0 - p.alpha_m), floats(m, at.PAST)
-    to_q, to_u = h * h * p.beta * c, h * p.gamma * c
+    (alpha_m, alpha_f, _, beta), past = p.alpha, floats(m, at.PAST)
+    c, to_q, to_u = alpha_factors(h, p.alpha)
     for i in range(n):
-        w = a[i] + h * drift[i]
-        ahead[i] = (p.alpha_f * a[i] - p.alpha_m * w) / (1.0 - p.alpha_m)
-        known[i] = begun[i] + h * begun[n + i] + h * h * ((0.5 - p.beta) * w + p.beta * ahead[i])
-        known[n + i] = begun[n + i] + h * ((1.0 - p.gamma) * w + p.gamma * ahead[i])
+        ahead[i], known[i], known[n + i] = alpha_known(h, begun[i], begun[n + i], a[i], drift[i], p.alpha)
         next_a[i] = a[i] + h * jerk[i]
     copy(floats(m, at.NEXT_NU), floats(m, at.NU))
     error = math.nan
@@ -138,10 +130,10 @@ def attempt(m: Machine, s: March, p: Implicit, h: float) -> float:
                 for i in range(n):
                     ahead[i] += next_a[i] - da[i]
                     da[i] = next_a[i] - a[i]
-                in_q = abs(p.beta + 0.5 * (p.alpha_m - p.alpha_f) - 1.0 / 6.0) * h * h
+                in_q = abs(beta + 0.5 * (alpha_m - alpha_f) - 1.0 / 6.0) * h * h
                 error = size_of(m, p, da, da, in_q, 0.0)
                 for i in range(n):
-                    da[i] -= h * jerk[i] if s.t[LENGTH] == 0.0 else h / s.t[LENGTH] * past[i]
+                    da[i] -= h * jerk[i] if s.t[at.LENGTH] == 0.0 else h / s.t[at.LENGTH] * past[i]
                 error = max(error, size_of(m, p, da, da, 0.0, h / 12.0)) / p.tol
     return error
 
@@ -152,7 +144,7 @@ def straightened(m: Machine, s: March, h: float) -> bool:
 
     Variable steps would turn the error of speeds normal to the constraints into jumps of accelerations.
     """
-    if not settle(m, s.t[TIME] + h, floats(m, at.TRIAL), s.counts, SPEEDS) < math.inf:
+    if not settle(m, s.t[at.TIME] + h, floats(m, at.TRIAL), s.counts, SPEEDS) < math.inf:
         return False
     factor(m)
     return balanced(m, floats(m, at.NEXT_A), floats(m, at.NEXT_NU))
@@ -167,11 +159,12 @@ def accept(m: Machine, s: March, p: Implicit, t: float, h: float) -> bool:
         past[i] = next_a[i] - a[i]
         jerk[i] = past[i] / h
         drift[i] = (ahead[i] - next_a[i]) / h
-    s.t[LENGTH] = h
+    s.t[at.LENGTH] = h
+    moved(m)
     return True
 
 
-follow = follower(begin, attempt, accept)
+follow = follower(begin, step_control(attempt), arrived, cover, accept)
 
 
 @called

@@ -1,17 +1,18 @@
-"""Constraints of a state in machine code: residuals, projection, rank, and where a chart of Euler angles ends."""
+"""Constraints of a state in machine code: residuals, projection, rank, where a chart of Euler angles ends; marches."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from mbstab.compiler.machine import tables as at
 from mbstab.compiler.machine.interpreter import evaluate
 from mbstab.compiler.machine.linear import factor, kinetic, solve
-from mbstab.compiler.machine.march import DRIFT, EVALUATIONS, LEAST, PEAK, March
 from mbstab.compiler.machine.native import compiled, copy, fill, floats, integers
-from mbstab.compiler.machine.tables import Floats, Integers, Machine
+from mbstab.compiler.machine.tables import Floats, Integers, Machine, March
 
 WHOLE, SPEEDS = np.int64(0), np.int64(1)
 """What `settle` moves. Of a literal integer Numba would make two functions."""
@@ -81,7 +82,7 @@ def settle(m: Machine, t: float, y: Floats, counts: Integers, first: np.int64) -
     best = floats(m, at.BEST)
     least = math.inf
     for _ in range(m.projections):
-        counts[EVALUATIONS] += 1
+        counts[at.EVALUATIONS] += 1
         if not evaluate(m, t, y, 1):
             return math.inf
         position, velocity = residual(m, y)
@@ -99,7 +100,7 @@ def settle(m: Machine, t: float, y: Floats, counts: Integers, first: np.int64) -
             if not correct(m, y, speeds):
                 return math.inf
             if speeds == 0:
-                counts[EVALUATIONS] += 1
+                counts[at.EVALUATIONS] += 1
                 if not evaluate(m, t, y, 1):
                     return math.inf
     return least
@@ -174,9 +175,9 @@ def watched(m: Machine, s: March) -> bool:
     for _ in range(3):
         watch(m)
     _, value = watch(m)
-    if s.t[LEAST] == 0.0:
-        s.t[LEAST] = value
-    return not value <= s.near * s.t[LEAST]
+    if s.t[at.LEAST] == 0.0:
+        s.t[at.LEAST] = value
+    return not value <= s.near * s.t[at.LEAST]
 
 
 @compiled
@@ -188,8 +189,53 @@ def passed(m: Machine, s: March) -> bool:
     left_over = max(*residual(m, floats(m, at.TRIAL)))
     if m.rows > 0:
         flipped, value = watch(m)
-        if flipped or value <= s.near * s.t[LEAST]:
+        if flipped or value <= s.near * s.t[at.LEAST]:
             return False
-    s.t[PEAK] = max(s.t[PEAK], kinetic(m))
-    s.t[DRIFT] = max(s.t[DRIFT], left_over)
+    s.t[at.PEAK] = max(s.t[at.PEAK], kinetic(m))
+    s.t[at.RESIDUAL] = max(s.t[at.RESIDUAL], left_over)
     return True
+
+
+def follower(
+    begin: Callable[[Machine, March, Any], bool],
+    advance: Callable[[Machine, March, Any], tuple[float, float, float]],
+    arrived: Callable[[Machine, March, Any, float], bool],
+    cover: Callable[[Machine, March, Any, float, float], bool],
+    keep: Callable[[Machine, March, Any, float, float], bool],
+) -> Callable[[Machine, March, Any, int, bool], int]:
+    """Return the function that takes the steps of a method, which is given as functions that may say False.
+
+    Parameters
+    ----------
+    begin
+        Starts a march.
+    advance
+        Takes a step to `tables.TRIAL`; returns its end, nan if there is none, it, and the next one (s).
+    arrived, cover, keep
+        Look at the end of a step, find its output, and keep what the next one needs.
+    """
+
+    @compiled
+    def follow(m: Machine, s: March, p: Any, most: int, fresh: bool) -> int:
+        """Take steps, at first those of a `fresh` start; return why it ended.
+
+        A step that somebody has to look at is not taken.
+        """
+        y, before = floats(m, at.Y), floats(m, at.BEFORE)
+        if fresh and not begin(m, s, p):
+            return at.LOOK
+        for _ in range(most):
+            t, h, following = advance(m, s, p)
+            if math.isnan(t) or not arrived(m, s, p, t) or not cover(m, s, p, t, h) or not keep(m, s, p, t, h):
+                return at.LOOK
+            s.counts[at.STEPS] += 1
+            copy(before, y)
+            copy(y, floats(m, at.TRIAL))
+            s.t[at.TIME], s.t[at.FOLLOWING], s.t[at.TAKEN] = t, following, h
+            if chart_ends(m, before, y):
+                return at.CHART
+            if t >= s.end:
+                return at.DONE
+        return at.MORE
+
+    return follow

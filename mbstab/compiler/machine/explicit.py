@@ -8,26 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mbstab.compiler.machine import tables as at
-from mbstab.compiler.machine.constraints import WHOLE, chart_ends, passed, settle, watched
+from mbstab.compiler.machine.constraints import WHOLE, follower, passed, settle, watched
 from mbstab.compiler.machine.linear import accelerate, factor, power, slope
-from mbstab.compiler.machine.march import (
-    CHART,
-    COVERED,
-    DONE,
-    EVALUATIONS,
-    FOLLOWING,
-    LOOK,
-    MORE,
-    RATE,
-    REJECTED,
-    STEPS,
-    TAKEN,
-    TIME,
-    WORK,
-    March,
-)
 from mbstab.compiler.machine.native import called, compiled, copy, fill, floats
-from mbstab.compiler.machine.tables import Floats, Machine
+from mbstab.compiler.machine.tables import Floats, Machine, March
 
 SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 10.0
 """Of a step to the next one, as in SciPy's integrators."""
@@ -56,7 +40,7 @@ class Tableau(NamedTuple):
 
 
 @compiled
-def stages(m: Machine, tableau: Tableau, s: March, h: float, start: int, stop: int, y: Floats) -> bool:
+def stages(m: Machine, s: March, tableau: Tableau, h: float, start: int, stop: int, y: Floats) -> bool:
     """Find the slopes at stages of a step."""
     begun = floats(m, at.Y)
     for i in range(start, stop):
@@ -67,15 +51,15 @@ def stages(m: Machine, tableau: Tableau, s: March, h: float, start: int, stop: i
                     y[c] += tableau.A[i, j] * s.k[j, c]
         for c in range(len(y)):
             y[c] = begun[c] + h * y[c]
-        s.counts[EVALUATIONS] += 1
-        if not slope(m, s.t[TIME] + tableau.C[i] * h, y, s.k[i]):
+        s.counts[at.EVALUATIONS] += 1
+        if not slope(m, s.t[at.TIME] + tableau.C[i] * h, y, s.k[i]):
             return False
         s.power[i] = power(m, y)
     return True
 
 
 @compiled
-def error_of(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> float:
+def error_of(m: Machine, s: March, tableau: Tableau, h: float, y: Floats) -> float:
     """Return the error of a step relative to the tolerances, as SciPy estimates it."""
     begun = floats(m, at.Y)
     first, second = 0.0, 0.0
@@ -96,10 +80,10 @@ def error_of(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> flo
 
 
 @compiled
-def attempt(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> float:
+def attempt(m: Machine, s: March, tableau: Tableau, h: float, y: Floats) -> float:
     """Make a step to y; return its error relative to the tolerances."""
     last, begun = tableau.stages, floats(m, at.Y)
-    if not stages(m, tableau, s, h, tableau.first, last, y):
+    if not stages(m, s, tableau, h, tableau.first, last, y):
         return math.nan
     fill(y, 0.0)
     for i in range(last):
@@ -108,15 +92,15 @@ def attempt(m: Machine, tableau: Tableau, s: March, h: float, y: Floats) -> floa
                 y[c] += tableau.B[i] * s.k[i, c]
     for c in range(len(y)):
         y[c] = begun[c] + h * y[c]
-    s.counts[EVALUATIONS] += 1
-    if not slope(m, s.t[TIME] + h, y, s.k[last]):
+    s.counts[at.EVALUATIONS] += 1
+    if not slope(m, s.t[at.TIME] + h, y, s.k[last]):
         return math.nan
     s.power[last] = power(m, y)
-    return error_of(m, tableau, s, h, y)
+    return error_of(m, s, tableau, h, y)
 
 
 @compiled
-def interpolate(m: Machine, tableau: Tableau, s: March, h: float, x: float, y: Floats) -> float:
+def interpolate(m: Machine, s: March, tableau: Tableau, h: float, x: float, y: Floats) -> float:
     """Set y to the state at a part of the step, and return the work until there."""
     n_k = tableau.W.shape[1]
     copy(y, floats(m, at.Y))
@@ -133,10 +117,10 @@ def interpolate(m: Machine, tableau: Tableau, s: March, h: float, x: float, y: F
 
 
 @compiled
-def first_step(m: Machine, tableau: Tableau, s: March) -> float:
+def first_step(m: Machine, s: March, tableau: Tableau) -> float:
     """Return the step to begin with, as SciPy chooses it (Hairer, Norsett and Wanner 1993, section II.4)."""
     y, inside, rates = floats(m, at.Y), floats(m, at.INSIDE), floats(m, at.RATES)
-    n, most = len(y), min(s.longest, s.end - s.t[TIME])
+    n, most = len(y), min(s.longest, s.end - s.t[at.TIME])
     place, rate = 0.0, 0.0
     for c in range(n):
         scale = s.absolute[c] + s.relative * abs(y[c])
@@ -146,8 +130,8 @@ def first_step(m: Machine, tableau: Tableau, s: March) -> float:
     h = min(1e-6 if place < 1e-5 or rate < 1e-5 else 0.01 * place / rate, most)
     for c in range(n):
         inside[c] = y[c] + h * s.k[0, c]
-    s.counts[EVALUATIONS] += 1
-    if not slope(m, s.t[TIME] + h, inside, rates):
+    s.counts[at.EVALUATIONS] += 1
+    if not slope(m, s.t[at.TIME] + h, inside, rates):
         return float(h)
     bend = 0.0
     for c in range(n):
@@ -160,115 +144,107 @@ def first_step(m: Machine, tableau: Tableau, s: March) -> float:
 
 
 @compiled
-def begin(m: Machine, tableau: Tableau, s: March) -> bool:
+def begin(m: Machine, s: March, tableau: Tableau) -> bool:
     """Start at the state of a march; False if nothing can be done there."""
     y = floats(m, at.Y)
-    s.counts[EVALUATIONS] += 1
-    if not slope(m, s.t[TIME], y, s.k[0]):
+    s.counts[at.EVALUATIONS] += 1
+    if not slope(m, s.t[at.TIME], y, s.k[0]):
         return False
     s.power[0] = power(m, y)
-    if s.t[FOLLOWING] == 0.0:
-        s.t[FOLLOWING] = first_step(m, tableau, s)
-        if not slope(m, s.t[TIME], y, s.k[0]):
+    if s.t[at.FOLLOWING] == 0.0:
+        s.t[at.FOLLOWING] = first_step(m, s, tableau)
+        if not slope(m, s.t[at.TIME], y, s.k[0]):
             return False
     return watched(m, s)
 
 
 @compiled
-def accepted(m: Machine, tableau: Tableau, s: March, y: Floats) -> tuple[float, float]:
-    """Make a step to y whose error is within the tolerances; return its end, nan if none, and the next step."""
-    t, rejected = s.t[TIME], False
+def advance(m: Machine, s: March, tableau: Tableau) -> tuple[float, float, float]:
+    """Make a step whose error is within the tolerances; return its end, nan if none, it, and the next one."""
+    y = floats(m, at.TRIAL)
+    t, rejected = s.t[at.TIME], False
     least = 10.0 * (np.nextafter(t, np.inf) - t)
-    h = min(max(s.t[FOLLOWING], least), s.longest)
+    h = min(max(s.t[at.FOLLOWING], least), s.longest)
     while True:
         if h < least:
-            return math.nan, h
+            return math.nan, h, h
         following = min(t + h, s.end)
         h = following - t
-        error = attempt(m, tableau, s, h, y)
+        error = attempt(m, s, tableau, h, y)
         if error < 1.0:
             break
         ratio = SAFETY * error**tableau.exponent
         h *= ratio if ratio > LEAST_FACTOR else LEAST_FACTOR  # also where there is none
         rejected = True
-        s.counts[REJECTED] += 1
+        s.counts[at.REJECTED] += 1
     ratio = min(LARGEST_FACTOR, SAFETY * error**tableau.exponent) if error > 0.0 else LARGEST_FACTOR
     if rejected:
         ratio = min(1.0, ratio)
-    return following, h * ratio
+    return following, h, h * ratio
 
 
 @compiled
-def arrived(m: Machine, s: March, t: float, y: Floats, dy: Floats) -> bool:
+def arrived(m: Machine, s: March, tableau: Tableau, t: float) -> bool:
     """Move the end of a step onto the constraints, find its rates, and look at it; False if it is to be left."""
+    y = floats(m, at.TRIAL)
     if not settle(m, t, y, s.counts, WHOLE) <= m.accepted:
         return False
     factor(m)
-    if not accelerate(m, dy):
+    if not accelerate(m, floats(m, at.RATES)):
         return False
-    s.t[RATE] = power(m, y)
+    s.t[at.RATE] = power(m, y)
     return passed(m, s)
 
 
 @compiled
-def cover(m: Machine, tableau: Tableau, s: March, following: float, y: Floats) -> bool:
-    """Find the work of a step to y and the states at the times of output within; False where there are none."""
-    t, n, z = s.t[TIME], m.coordinates, floats(m, at.INSIDE)
-    h = following - t
-    done, extended, work, missed = s.counts[COVERED], False, 0.0, 0.0
+def cover(m: Machine, s: March, tableau: Tableau, following: float, h: float) -> bool:
+    """Find the work of a step and the states at the times of output within; False where there are none."""
+    t, n, y, z = s.t[at.TIME], m.coordinates, floats(m, at.TRIAL), floats(m, at.INSIDE)
+    done, extended, work, missed = s.counts[at.COVERED], False, 0.0, 0.0
     if m.power_register >= 0:
-        if not stages(m, tableau, s, h, tableau.stages + 1, len(tableau.C), z):
+        if not stages(m, s, tableau, h, tableau.stages + 1, len(tableau.C), z):
             return False
         extended = True
         for i in range(len(NODES)):
-            interpolate(m, tableau, s, h, NODES[i], z)
-            s.counts[EVALUATIONS] += 1
+            interpolate(m, s, tableau, h, NODES[i], z)
+            s.counts[at.EVALUATIONS] += 1
             if not slope(m, t + h * NODES[i], z, floats(m, at.OTHER)):
                 return False
             work += h * WEIGHTS[i] * power(m, z)
-        missed = work - interpolate(m, tableau, s, h, 1.0, z)
+        missed = work - interpolate(m, s, tableau, h, 1.0, z)
     while done < len(s.times) and s.times[done] <= following:
         if s.times[done] == following:
             copy(s.found[done, : 2 * n], y)
-            s.found[done, 2 * n] = s.t[WORK] + work
+            s.found[done, 2 * n] = s.t[at.WORK] + work
         else:
-            if not extended and not stages(m, tableau, s, h, tableau.stages + 1, len(tableau.C), z):
+            if not extended and not stages(m, s, tableau, h, tableau.stages + 1, len(tableau.C), z):
                 return False
             extended = True
             part = (s.times[done] - t) / h
-            s.found[done, 2 * n] = s.t[WORK] + interpolate(m, tableau, s, h, part, z) + part * missed
+            s.found[done, 2 * n] = s.t[at.WORK] + interpolate(m, s, tableau, h, part, z) + part * missed
             if not settle(m, s.times[done], z, s.counts, WHOLE) <= m.accepted:
                 return False
             copy(s.found[done, : 2 * n], z)
         done += 1
-    s.counts[COVERED] = done
-    s.t[WORK] += work
+    s.counts[at.COVERED] = done
+    s.t[at.WORK] += work
     return True
+
+
+@compiled
+def keep(m: Machine, s: March, tableau: Tableau, t: float, h: float) -> bool:
+    """Keep the rates at the end of a step."""
+    n, y, dy = m.coordinates, floats(m, at.TRIAL), floats(m, at.RATES)
+    for i in range(n):
+        s.k[0, i], s.k[0, n + i] = y[n + i], dy[n + i]
+    s.power[0] = s.t[at.RATE]
+    return True
+
+
+follow = follower(begin, advance, arrived, cover, keep)
 
 
 @called
 def march(m: Machine, tableau: Tableau, s: March, most: int, fresh: bool) -> int:
-    """Take steps, at first those of a `fresh` start; return why it ended.
-
-    A step that somebody has to look at is not taken.
-    """
-    if fresh and not begin(m, tableau, s):
-        return LOOK
-    n, begun, y, dy = m.coordinates, floats(m, at.Y), floats(m, at.TRIAL), floats(m, at.RATES)
-    before = floats(m, at.BEFORE)
-    for _ in range(most):
-        t, next_step = accepted(m, tableau, s, y)
-        if math.isnan(t) or not arrived(m, s, t, y, dy) or not cover(m, tableau, s, t, y):
-            return LOOK
-        s.counts[STEPS] += 1
-        copy(before, begun)
-        copy(begun, y)
-        for i in range(n):
-            s.k[0, i], s.k[0, n + i] = y[n + i], dy[n + i]
-        s.power[0] = s.t[RATE]
-        s.t[TIME], s.t[FOLLOWING], s.t[TAKEN] = t, next_step, t - s.t[TIME]
-        if chart_ends(m, before, begun):
-            return CHART
-        if t >= s.end:
-            return DONE
-    return MORE
+    """Take steps of an explicit method; return why it ended."""
+    return follow(m, s, tableau, most, fresh)

@@ -15,7 +15,7 @@ from numba.np.arrayobj import populate_array
 
 from mbstab.compiler.machine.operations import REFUSED, TEXTS
 from mbstab.compiler.machine.pieces import Pieces
-from mbstab.compiler.machine.tables import ALL_INTEGERS, Floats
+from mbstab.compiler.machine.tables import Floats
 from mbstab.compiler.trace import OPERATIONS
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -89,7 +89,7 @@ def telling(tell: Callable[[float], object]) -> AbstractContextManager[object]:
     return context
 
 
-def _view(kind: Any, own: Any, place: int, first: int) -> Callable[..., Any]:
+def _view(kind: Any, own: Any, place: int) -> Callable[..., Any]:
     """Return a function that is given a machine and the number of a table, and returns the table as it stands there.
 
     Nothing is called or counted, which is why arrays may be returned. A slice means the same, but Numba takes ten
@@ -101,8 +101,6 @@ def _view(kind: Any, own: Any, place: int, first: int) -> Callable[..., Any]:
         Of the numbers, and of those of which the table consists; one of the first may be several of the second.
     place : int
         Of the array in a machine.
-    first : int
-        Where the places of these tables begin.
     """
     array, table = types.Array(kind, 1, "C"), types.Array(own, 1, "C")
 
@@ -111,8 +109,7 @@ def _view(kind: Any, own: Any, place: int, first: int) -> Callable[..., Any]:
         make = context.make_array
         places = make(types.Array(types.int64, 1, "C"))(context, builder, builder.extract_value(m, 0)).data
         whole = make(table)(context, builder, builder.extract_value(m, place))
-        at = builder.add(name, name.type(first))
-        start, stop = (builder.load(builder.gep(places, [builder.add(at, name.type(k))])) for k in range(2))
+        start, stop = (builder.load(builder.gep(places, [builder.add(name, name.type(k))])) for k in range(2))
         view = make(array)(context, builder)
         size = context.get_abi_sizeof(context.get_data_type(kind))
         count = builder.sdiv(builder.sub(stop, start), name.type(kind.bitwidth // own.bitwidth))
@@ -124,13 +121,13 @@ def _view(kind: Any, own: Any, place: int, first: int) -> Callable[..., Any]:
     return lambda context, m, name: (array(m, types.int64), code)
 
 
-integers = intrinsic(_view(types.int64, types.int64, 0, 0))
+integers = intrinsic(_view(types.int64, types.int64, 0))
 """Returns a table of integers of a machine."""
 
-floats = intrinsic(_view(types.float64, types.float64, 1, ALL_INTEGERS))
+floats = intrinsic(_view(types.float64, types.float64, 1))
 """Returns a table of floats of a machine."""
 
-complexes = intrinsic(_view(types.complex128, types.float64, 1, ALL_INTEGERS))
+complexes = intrinsic(_view(types.complex128, types.float64, 1))
 """Returns a table of floats of a machine, as complex numbers."""
 
 

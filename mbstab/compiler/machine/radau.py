@@ -16,20 +16,24 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from mbstab.compiler.machine import formulas
 from mbstab.compiler.machine import tables as at
-from mbstab.compiler.machine.constraints import watched
-from mbstab.compiler.machine.implicit import CONVERGED, DIVERGES, GOES_ON, consistent, finished, follower
+from mbstab.compiler.machine.constraints import follower, watched
+from mbstab.compiler.machine.formulas import CONVERGED, DIVERGES, GOES_ON
+from mbstab.compiler.machine.implicit import arrived, consistent, cover, moved, newton, step_control
 from mbstab.compiler.machine.interpreter import evaluate
-from mbstab.compiler.machine.march import EVALUATIONS, LENGTH, TIME, Implicit, March
 from mbstab.compiler.machine.native import called, compiled, complexes, copy, fill, floats, integers
 from mbstab.compiler.machine.newton import decompose, differentiate, imbalance, solved, times, violation
-from mbstab.compiler.machine.tables import Floats, Machine
+from mbstab.compiler.machine.tables import Floats, Implicit, Machine, March
 
 STAGES = 3
 
 C, E, LEFT, RIGHT, LEFT_REAL, LEFT_IMAG, RIGHT_REAL, RIGHT_IMAG, EIGENVALUES = range(3, 12)
 """Rows of `Implicit.coefficients` after those of A: nodes, the estimate of the error, the real eigenvector and its row
 of the inverse, the parts of the complex ones, and the real eigenvalue with the parts of the complex one."""
+
+
+weight = compiled(formulas.weight)
 
 
 @compiled
@@ -48,9 +52,9 @@ def prepare(m: Machine, p: Implicit, t: float, y: Floats, a: Floats, nu: Floats)
 def begin(m: Machine, s: March, p: Implicit) -> bool:
     """Start at the state of a march."""
     y, a, nu = floats(m, at.Y), floats(m, at.A), floats(m, at.NU)
-    s.counts[EVALUATIONS] += 2
-    s.t[LENGTH] = 0.0
-    return consistent(m, s.t[TIME], y, a, nu) and watched(m, s) and prepare(m, p, s.t[TIME], y, a, nu)
+    s.counts[at.EVALUATIONS] += 2
+    s.t[at.LENGTH] = 0.0
+    return consistent(m, s.t[at.TIME], y, a, nu) and watched(m, s) and prepare(m, p, s.t[at.TIME], y, a, nu)
 
 
 @compiled
@@ -66,7 +70,8 @@ def predict(m: Machine, s: March, p: Implicit, h: float) -> None:
     """Extrapolate accelerations and multipliers of the stages from the last step."""
     stage_a, stage_nu = floats(m, at.STAGE_A), floats(m, at.STAGE_NU)
     last_a, last_nu = floats(m, at.LAST_A), floats(m, at.LAST_NU)
-    a, nu, n, rows, length, c = floats(m, at.A), floats(m, at.NU), m.coordinates, m.rows, s.t[LENGTH], p.coefficients[C]
+    a, nu, n, rows = floats(m, at.A), floats(m, at.NU), m.coordinates, m.rows
+    length = s.t[at.LENGTH]
     for i in range(STAGES):
         if length == 0.0:
             copy(stage_a[i * n : i * n + n], a)
@@ -77,14 +82,11 @@ def predict(m: Machine, s: March, p: Implicit, h: float) -> None:
         for k in range(rows):
             stage_nu[i * rows + k] = 0.0
         for j in range(STAGES):
-            weight = 1.0
-            for k in range(STAGES):
-                if k != j:
-                    weight *= (1.0 + c[i] * h / length - c[k]) / (c[j] - c[k])
+            part = weight(p.coefficients[C], i, j, h, length)
             for k in range(n):
-                stage_a[i * n + k] += weight * last_a[j * n + k]
+                stage_a[i * n + k] += part * last_a[j * n + k]
             for k in range(rows):
-                stage_nu[i * rows + k] += weight * last_nu[j * rows + k]
+                stage_nu[i * rows + k] += part * last_nu[j * rows + k]
 
 
 @compiled
@@ -114,8 +116,8 @@ def look(m: Machine, s: March, p: Implicit, h: float) -> bool:
     size = len(all_b) // STAGES
     for i in range(STAGES):
         b, e = all_b[i * size : i * size + size], all_e[i * size : i * size + size]
-        s.counts[EVALUATIONS] += 1
-        if not evaluate(m, s.t[TIME] + p.coefficients[C, i] * h, y[2 * n * i : 2 * n * i + 2 * n], 1):
+        s.counts[at.EVALUATIONS] += 1
+        if not evaluate(m, s.t[at.TIME] + p.coefficients[C, i] * h, y[2 * n * i : 2 * n * i + 2 * n], 1):
             return False
         imbalance(m, a[i * n : i * n + n], nu[i * rows : i * rows + rows], b)
         for k in range(rows):
@@ -250,7 +252,7 @@ def iterate(m: Machine, s: March, p: Implicit, h: float) -> bool:
             part(m, other, h * other, complex_c, complex_lu, complex_b, complex_e, complex_g)
             spread(m, p, h)
             size = changed(m, p, h)
-            found = finished(p, size, before, h)
+            found = newton(size, before, h, p.rate, p.goal, p.stalled)
             before = size
         else:
             found = DIVERGES
@@ -310,12 +312,13 @@ def accept(m: Machine, s: March, p: Implicit, t: float, h: float) -> bool:
     """Keep what the next step needs."""
     copy(floats(m, at.LAST_A), floats(m, at.STAGE_A))
     copy(floats(m, at.LAST_NU), floats(m, at.STAGE_NU))
-    s.t[LENGTH] = h
-    s.counts[EVALUATIONS] += 1
-    return prepare(m, p, t, floats(m, at.TRIAL), floats(m, at.NEXT_A), floats(m, at.NEXT_NU))
+    s.t[at.LENGTH] = h
+    s.counts[at.EVALUATIONS] += 1
+    moved(m)
+    return prepare(m, p, t, floats(m, at.TRIAL), floats(m, at.A), floats(m, at.NU))
 
 
-follow = follower(begin, attempt, accept)
+follow = follower(begin, step_control(attempt), arrived, cover, accept)
 
 
 @called

@@ -1,4 +1,4 @@
-"""A scene as arrays: tables of integers and of floats, each with a number."""
+"""A scene as arrays: tables of integers and of floats, each with a number: where the machine says where it begins."""
 
 from __future__ import annotations
 
@@ -18,148 +18,54 @@ MASS, STIFFNESS, DAMPING, HOLONOMIC, HOLONOMIC_FORCE, NONHOLONOMIC, NONHOLONOMIC
 HOLONOMIC_RATE, NONHOLONOMIC_RATE, KINDS = range(7, 10)
 """Kinds of parts: M, K, R, C, Cᵀ, D, Dᵀ, and V_q of holonomic and of nonholonomic rows; how many there are."""
 
-INTEGERS = (
-    "run_operation",  # of each run of equal operations
-    "run_start",  # its first operation; of one more than there are runs
-    "first",  # register of each operand
-    "second",
-    "ends",  # runs for the accelerations, for the residuals as well, and for derivatives as well
-    "entry_register",  # entries of the lower triangle of the matrix
-    "entry_row",
-    "entry_column",
-    "entry_target",  # place in `lower`, -1 on the diagonal
-    "right_register",  # of b, by place
-    "column_start",  # columns of L
-    "lower_row",
-    "update_start",  # first of the targets of each column
-    "update_target",  # places in `lower`
-    "place",  # of the coordinates
-    "row_place",  # of all rows; -1 where they are left out
-    "jacobian_row",
-    "jacobian_column",
-    "jacobian_register",
-    "mass_row",
-    "mass_column",
-    "mass_register",
-    "residual_register",  # E, then V
-    "newton_kind",  # of the parts of a Newton matrix, such as `MASS`
-    "newton_register",
-    "newton_row",  # places
-    "newton_column",
-    "newton_target",  # place in a factored matrix: the diagonal, columns below it, rows beside it
-    "angle",  # coordinates near whose ±pi/2 the chart ends
-    "pinned",
-)
-"""Tables of integers of a machine; places are those in the order of elimination, registers come with a sign."""
-
-FLOATS = (
-    "w",  # registers: q, u, t, base rotations, a and ν of derivatives, constants, results
-    "entry_factor",
-    "entry_value",
-    "right_factor",
-    "shift",  # of the diagonal, by place
-    "lower",
-    "diagonal",  # inverse of D
-    "b",
-    "x",
-    "dx",
-    "scale",  # of coordinates and rows
-    "row_scale",
-    "jacobian_sign",
-    "mass_sign",
-    "residual_sign",
-    "newton_factor",
-    "newton_value",
-    "sizes",
-    "least_cosine",
-    "left",  # of the least singular value, by place of rows
-    "right",  # by place
-    "reach",
-    "best",
-    "y",  # q and u at the start of a step
-    "before",  # at the start of the step before
-    "trial",  # at its end
-    "inside",
-    "rates",
-    "other",
-    "a",  # of implicit methods: accelerations at the start of a step
-    "nu",
-    "next_a",  # at its end
-    "next_nu",
-    "known",  # of q and u at its end
-    "jerk",
-    "drift",
-    "past",
-    "ahead",
-    "change",
-    "newton_c",  # coefficients of kinds
-    "newton_b",  # by place
-    "newton_lu",
-    "stage_y",  # of Radau IIA, for each stage: q and u
-    "stage_a",
-    "stage_nu",
-    "stage_pull",  # h G η
-    "stage_b",  # what is left of the equations, by place
-    "stage_e",  # of rows in position
-    "step_a",  # the last changes
-    "step_pull",
-    "last_a",  # of the step before
-    "last_nu",
-    "gram",  # the factors of C Cᵀ
-    "real_e",  # parts of the real eigenvalue, by place
-    "real_g",
-    "complex_c",  # of the complex one: twice as many floats
-    "complex_b",
-    "complex_e",
-    "complex_g",
-    "complex_lu",
-)
-"""Tables of floats. What has no comment is working memory, or belongs to the table of integers of that name."""
-
 (
-    RUN_OPERATION,
-    RUN_START,
-    FIRST,
+    RUN_OPERATION,  # of each run of equal operations
+    RUN_START,  # its first operation; of one more than there are runs
+    FIRST,  # register of each operand
     SECOND,
-    ENDS,
-    ENTRY_REGISTER,
+    ENDS,  # runs for the accelerations, for the residuals as well, and for derivatives as well
+    ENTRY_REGISTER,  # entries of the lower triangle of the matrix
     ENTRY_ROW,
     ENTRY_COLUMN,
-    ENTRY_TARGET,
-    RIGHT_REGISTER,
-    COLUMN_START,
+    ENTRY_TARGET,  # place in `lower`, -1 on the diagonal
+    RIGHT_REGISTER,  # of b, by place
+    COLUMN_START,  # columns of L
     LOWER_ROW,
-    UPDATE_START,
-    UPDATE_TARGET,
-    PLACE,
-    ROW_PLACE,
+    UPDATE_START,  # first of the targets of each column
+    UPDATE_TARGET,  # places in `lower`
+    PLACE,  # of the coordinates
+    ROW_PLACE,  # of all rows; -1 where they are left out
     JACOBIAN_ROW,
     JACOBIAN_COLUMN,
     JACOBIAN_REGISTER,
     MASS_ROW,
     MASS_COLUMN,
     MASS_REGISTER,
-    RESIDUAL_REGISTER,
-    NEWTON_KIND,
+    RESIDUAL_REGISTER,  # E, then V
+    NEWTON_KIND,  # of the parts of a Newton matrix, such as `MASS`
     NEWTON_REGISTER,
-    NEWTON_ROW,
+    NEWTON_ROW,  # places
     NEWTON_COLUMN,
-    NEWTON_TARGET,
-    ANGLE,
+    NEWTON_TARGET,  # place in a factored matrix: the diagonal, columns below it, rows beside it
+    ANGLE,  # coordinates near whose ±pi/2 the chart ends
     PINNED,
-) = range(len(INTEGERS))
+    INTEGERS,
+) = range(31)
+"""Tables of integers of a machine, and how many they are; places are those in the order of elimination, registers come
+with a sign."""
+
 (
-    W,
+    W,  # registers: q, u, t, base rotations, a and ν of derivatives, constants, results
     ENTRY_FACTOR,
     ENTRY_VALUE,
     RIGHT_FACTOR,
-    SHIFT,
+    SHIFT,  # of the diagonal, by place
     LOWER,
-    DIAGONAL,
+    DIAGONAL,  # inverse of D
     B,
     X,
     DX,
-    SCALE,
+    SCALE,  # of coordinates and rows
     ROW_SCALE,
     JACOBIAN_SIGN,
     MASS_SIGN,
@@ -168,59 +74,70 @@ FLOATS = (
     NEWTON_VALUE,
     SIZES,
     LEAST_COSINE,
-    LEFT,
-    RIGHT,
+    LEFT,  # of the least singular value, by place of rows
+    RIGHT,  # by place
     REACH,
     BEST,
-    Y,
-    BEFORE,
-    TRIAL,
+    Y,  # q and u at the start of a step
+    BEFORE,  # at the start of the step before
+    TRIAL,  # at its end
     INSIDE,
     RATES,
     OTHER,
-    A,
+    A,  # of implicit methods: accelerations at the start of a step
     NU,
-    NEXT_A,
+    NEXT_A,  # at its end
     NEXT_NU,
-    KNOWN,
+    KNOWN,  # of q and u at its end
     JERK,
     DRIFT,
     PAST,
     AHEAD,
     CHANGE,
-    NEWTON_C,
-    NEWTON_B,
+    NEWTON_C,  # coefficients of kinds
+    NEWTON_B,  # by place
     NEWTON_LU,
-    STAGE_Y,
+    STAGE_Y,  # of Radau IIA, for each stage: q and u
     STAGE_A,
     STAGE_NU,
-    STAGE_PULL,
-    STAGE_B,
-    STAGE_E,
-    STEP_A,
+    STAGE_PULL,  # h G η
+    STAGE_B,  # what is left of the equations, by place
+    STAGE_E,  # of rows in position
+    STEP_A,  # the last changes
     STEP_PULL,
-    LAST_A,
+    LAST_A,  # of the step before
     LAST_NU,
-    GRAM,
-    REAL_E,
+    GRAM,  # the factors of C Cᵀ
+    REAL_E,  # parts of the real eigenvalue, by place
     REAL_G,
-    COMPLEX_C,
+    COMPLEX_C,  # of the complex one: twice as many floats
     COMPLEX_B,
     COMPLEX_E,
     COMPLEX_G,
     COMPLEX_LU,
-) = range(len(FLOATS))
+    FLOATS,
+) = range(INTEGERS + 1, 92)
+"""Tables of floats, and the number after them. What has no comment is working memory, or belongs to the table of
+integers of that name."""
 
 
-ALL_INTEGERS = len(INTEGERS) + 1
-"""Where the places of the tables of floats begin."""
+TIME, FOLLOWING, TAKEN, WORK, PEAK, RESIDUAL, LEAST, RATE, LENGTH, PLACES = range(10)
+"""Places in `March.t`: the time, the next step (0: to be chosen), the last one (s), work, the largest kinetic energy
+(J), the largest residual, the square of the least singular value at the start, the power (W), the step before
+of an implicit method (s; 0: none); how many they are."""
+
+STEPS, REJECTED, EVALUATIONS, COVERED = range(4)
+"""Places in `March.counts`; the last is of times of output that are done."""
+
+DONE, MORE, CHART, LOOK = range(4)
+"""Why `march` returns: the end, so many steps, an angle near its singularity, something that it leaves to others."""
 
 
 class Machine(NamedTuple):
     """A scene as arrays; N = n_q + number of rows kept.
 
-    All tables stand in two arrays, as a call takes time for each array. The first integers say where tables begin and
-    end: those of integers, then those of floats.
+    All tables stand in two arrays, as a call takes time for each array. The first integers say where tables begin: at
+    the number of each, and behind the last of either kind where it ends.
     """
 
     integers: Integers
@@ -239,16 +156,50 @@ class Machine(NamedTuple):
     accepted: float
 
 
-def machine(tables: Mapping[str, npt.ArrayLike], **numbers: float) -> Machine:
+def machine(tables: Mapping[int, npt.ArrayLike], **numbers: float) -> Machine:
     """Return the machine that has these tables and numbers."""
-    integers = [np.asarray(tables[name], dtype=np.int64).ravel() for name in INTEGERS]
-    floats = [np.asarray(tables[name], dtype=np.float64).ravel() for name in FLOATS]
-    head = len(INTEGERS) + len(FLOATS) + 2
-    starts = [*np.cumsum([head, *map(len, integers)]), *np.cumsum([0, *map(len, floats)])]
+    integers = [np.asarray(tables[k], dtype=np.int64).ravel() for k in range(INTEGERS)]
+    floats = [np.asarray(tables[k], dtype=np.float64).ravel() for k in range(INTEGERS + 1, FLOATS)]
+    starts = [*np.cumsum([FLOATS + 1, *map(len, integers)]), *np.cumsum([0, *map(len, floats)])]
     return Machine(np.concatenate([np.array(starts), *integers]), np.concatenate(floats), **numbers)  # type: ignore[arg-type]
 
 
-def table(m: Machine, name: str) -> Floats:
+def table(m: Machine, number: int) -> Floats:
     """Return a table of floats, which may be changed."""
-    start, stop = m.integers[ALL_INTEGERS + FLOATS.index(name) :][:2]
+    start, stop = m.integers[number : number + 2]
     return m.floats[start:stop]
+
+
+class March(NamedTuple):
+    """The state of a march, which `march` changes in place; more of it stands in the tables of the machine."""
+
+    k: Floats  # slopes at all stages of an explicit method
+    power: Floats  # at all stages
+    t: Floats
+    counts: Integers
+    absolute: Floats  # tolerances
+    relative: float
+    longest: float
+    end: float
+    near: float  # part of the square of the least singular value at the start, below which somebody has to look
+    times: Floats
+    found: Floats  # q, u, work at times of output
+
+
+class Implicit(NamedTuple):
+    """Numbers of an implicit method, as in `mbstab.analysis.simulate.steppers.implicit`."""
+
+    tol: float
+    rate: float
+    fixed: bool
+    iterations: int
+    goal: float
+    stalled: float
+    kink: float
+    collapsed: float
+    begin: float  # where the march starts (s)
+    quadrature: Floats  # of the power: nodes in -1 … 1, weights
+    power: float  # one over the order of the estimate plus one
+    consistent: bool  # accelerations at the end of a step are those of the state
+    coefficients: Floats  # of stages
+    alpha: tuple[float, float, float, float]  # α_m, α_f, γ and β

@@ -8,22 +8,20 @@ Where something unusual happens, a march stops before it and the caller continue
 from __future__ import annotations
 
 import importlib
-from dataclasses import replace
 from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.simulate.constrained import Constrained
-from mbstab.analysis.simulate.energy import Energy, quadrature
+from mbstab.analysis.simulate.energy import Energy
 from mbstab.analysis.simulate.steppers.implicit import (
     RADAU_A,
     RADAU_C,
     RADAU_E,
-    GeneralizedAlpha,
-    RadauIIA,
     alpha_coefficients,
     first_step,
     newton_goal,
@@ -31,16 +29,13 @@ from mbstab.analysis.simulate.steppers.implicit import (
 from mbstab.analysis.simulate.steppers.interface import Method, Options
 from mbstab.analysis.simulate.steppers.layout import machine_of
 from mbstab.analysis.simulate.tolerances import TOLERANCES
-from mbstab.compiler.machine import march as at
-from mbstab.compiler.machine.tables import Machine, table
+from mbstab.compiler.machine import tables as at
+from mbstab.compiler.machine.tables import table
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 
 if TYPE_CHECKING:
     from mbstab.compiler.machine.explicit import Tableau
-
-
-IMPLICIT: dict[str, type[GeneralizedAlpha] | type[RadauIIA]] = {"alpha": GeneralizedAlpha, "radau": RadauIIA}
 
 
 @cache
@@ -64,120 +59,6 @@ def tableau_of(solver: str) -> Tableau:
     first, last = np.eye(len(C))[[0, s]]
     W = np.vstack([B, first - B, 2.0 * B - first - last, method.D])
     return Tableau(A, B, C, np.stack([method.E5, method.E3]), W, 1, s, 1, -1.0 / 8.0)
-
-
-class State:
-    """The state of a march; its arrays are changed by the machine.
-
-    Attributes
-    ----------
-    found : ndarray, shape (n_t, 2 n_q + 1)
-        q, u and the work at the output times, as far as they are `done`.
-    """
-
-    def __init__(
-        self,
-        machine: Machine,
-        t: float,
-        q: Array,
-        u: Array,
-        times: Array,
-        end: float,
-        stages: int,
-        sizes: Array,
-        options: Options,
-        least: float,
-        near: float,
-    ) -> None:
-        self.n = n = len(q)
-        self._y, self._before = table(machine, "y"), table(machine, "before")
-        self._y[:n], self._y[n:] = q, u
-        self._before[:] = self._y
-        values = {at.TIME: t, at.FOLLOWING: options.step or options.first or 0.0, at.LEAST: least}
-        self.march = at.March(
-            k=np.zeros((stages, 2 * n)),
-            power=np.zeros(stages),
-            t=np.array([values.get(place, 0.0) for place in range(at.PLACES)]),
-            counts=np.zeros(4, dtype=np.int64),
-            absolute=options.tolerances(sizes),
-            relative=TOLERANCES.step_tolerance_relative,
-            longest=options.step or options.longest,
-            end=end,
-            near=near * near,
-            times=np.ascontiguousarray(times, dtype=float),
-            found=np.zeros((len(times), 2 * n + 1)),
-        )
-        self.found = self.march.found
-
-    @property
-    def q(self) -> Array:
-        """Coordinates, shape (n_q,)."""
-        return self._y[: self.n].copy()
-
-    @property
-    def u(self) -> Array:
-        """Speeds, shape (n_q,)."""
-        return self._y[self.n :].copy()
-
-    @property
-    def before(self) -> Array:
-        """Coordinates before the last step."""
-        return self._before[: self.n].copy()
-
-    @property
-    def t(self) -> float:
-        """The time reached (s)."""
-        return float(self.march.t[at.TIME])
-
-    @property
-    def following(self) -> float:
-        """The step to try next (s)."""
-        return float(self.march.t[at.FOLLOWING])
-
-    @property
-    def taken(self) -> float:
-        """The last step (s)."""
-        return float(self.march.t[at.TAKEN])
-
-    @property
-    def work(self) -> float:
-        """The work since the start of the march (J)."""
-        return float(self.march.t[at.WORK])
-
-    @property
-    def peak(self) -> float:
-        """The largest kinetic energy after a step (J)."""
-        return float(self.march.t[at.PEAK])
-
-    @property
-    def drift(self) -> float:
-        """The largest residual of a row after a step."""
-        return float(self.march.t[at.DRIFT])
-
-    @property
-    def least(self) -> float:
-        """Square of the smallest singular value of the rows at the start, in the metric of M."""
-        return float(self.march.t[at.LEAST])
-
-    @property
-    def steps(self) -> int:
-        """Steps taken."""
-        return int(self.march.counts[at.STEPS])
-
-    @property
-    def rejected(self) -> int:
-        """Number of rejected steps."""
-        return int(self.march.counts[at.REJECTED])
-
-    @property
-    def evaluations(self) -> int:
-        """Number of evaluations of the equations."""
-        return int(self.march.counts[at.EVALUATIONS])
-
-    @property
-    def done(self) -> int:
-        """Number of output times that are done."""
-        return int(self.march.counts[at.COVERED])
 
 
 def machine_code() -> ModuleType:
@@ -207,11 +88,10 @@ def radau_coefficients() -> Array:
     return np.array([*RADAU_A, RADAU_C, RADAU_E, left[:, real].real, right[real].real, *parts, eigenvalues])
 
 
-def implicit_of(t: float, options: Options, method: Method) -> at.Implicit:
+def implicit_of(t: float, options: Options) -> at.Implicit:
     """Return the numbers of an implicit method for a march that starts at t (s)."""
-    fixed = options.step is not None
-    alpha_m, alpha_f, gamma, beta = alpha_coefficients()
-    stages = method.start is RadauIIA
+    method, fixed = options.method, options.step is not None
+    stages = method.compiled == "radau"
     return at.Implicit(
         tol=options.tol,
         rate=options.rate,
@@ -222,19 +102,24 @@ def implicit_of(t: float, options: Options, method: Method) -> at.Implicit:
         kink=TOLERANCES.kink_offset,
         collapsed=TOLERANCES.step_collapsed,
         begin=t,
-        quadrature=np.array(quadrature(method.order)).T.copy(),
-        power=1.0 / (IMPLICIT[method.compiled].order_of_estimate + 1),
+        quadrature=np.array(legendre.leggauss(max(2, (method.order + 1) // 2))),
+        power=method.exponent,
         consistent=stages,
         coefficients=radau_coefficients() if stages else np.zeros((0, 0)),
-        alpha_m=alpha_m,
-        alpha_f=alpha_f,
-        gamma=gamma,
-        beta=beta,
+        alpha=alpha_coefficients(),
     )
 
 
+def _counted(place: int) -> property:
+    return property(lambda self: int(self.march.counts[place]))
+
+
+def _told(place: int) -> property:
+    return property(lambda self: float(self.march.t[place]))
+
+
 class Marching:
-    """An integrator of one scene as machine code.
+    """An integrator of one scene as machine code, and the state of its march, once it is started.
 
     Parameters
     ----------
@@ -243,20 +128,37 @@ class Marching:
     attitudes : Attitudes
     energy : Energy
     method : Method
-    solver : str
-        DOP853 or RK45 of the explicit ones.
+
+    Attributes
+    ----------
+    machine : Machine
+    march : March
+        The state, which machine code changes, with that in the tables of the machine.
+    t, following, taken : float
+        The time reached, the step to try next, and the last one (s).
+    work, peak : float
+        Work since the start, and the largest kinetic energy after a step (J).
+    residual : float
+        The largest residual of a row after a step.
+    least : float
+        Square of the smallest singular value of the rows at the start, in the metric of M.
+    steps, rejected, evaluations : int
+    found : ndarray, shape (n_t, 2 n_q + 1)
+        q, u and the work at the output times, as far as they are `done`: how many.
     """
 
-    def __init__(
-        self, equations: Constrained, attitudes: Attitudes, energy: Energy, method: Method, solver: str = ""
-    ) -> None:
+    t, following, taken, work = (_told(k) for k in (at.TIME, at.FOLLOWING, at.TAKEN, at.WORK))
+    peak, residual, least = (_told(k) for k in (at.PEAK, at.RESIDUAL, at.LEAST))
+    steps, rejected, evaluations, done = (_counted(k) for k in (at.STEPS, at.REJECTED, at.EVALUATIONS, at.COVERED))
+
+    def __init__(self, equations: Constrained, attitudes: Attitudes, energy: Energy, method: Method) -> None:
         machine_code()
         self._march = importlib.import_module(f"mbstab.compiler.machine.{method.compiled}").march
         self._free = [i for i, _ in attitudes.parts if i not in attitudes.pinned]
-        self._sizes, self._fresh = equations.sizes, True
-        self.method, self.tableau = method, tableau_of(solver) if method.compiled == "explicit" else None
-        self.machine = machine_of(equations, self._free, attitudes, energy, not self.tableau)
-        self._arrays: Tableau | at.Implicit | None = self.tableau
+        self._sizes, self._fresh, self.n = equations.sizes, True, equations.n
+        self._tableau = tableau_of(method.solver) if method.solver else None
+        self.machine = machine_of(equations, self._free, attitudes, energy, not self._tableau)
+        self._y, self._before = table(self.machine, at.Y), table(self.machine, at.BEFORE)
 
     def start(
         self,
@@ -287,19 +189,48 @@ class Marching:
         near : float
             Fraction of that singular value below which no compiled steps are taken.
         """
+        n, first = self.n, options.step or options.first or 0.0
         bases = [x for i in self._free for x in system.scene.bodies[i].base]
-        table(self.machine, "w")[2 * len(q) + 1 : 2 * len(q) + 1 + len(bases)] = bases
-        stages = len(self.tableau.C) if self.tableau else 0
-        if not self.tableau:
-            options = replace(
-                options, first=first_step(options, IMPLICIT[self.method.compiled].order_of_estimate, end - t)
-            )
-            self._arrays = implicit_of(t, options, self.method)
-        self.state = State(self.machine, t, q, u, times, end, stages, self._sizes, options, least, near)
-        self._fresh = True
+        table(self.machine, at.W)[2 * n + 1 : 2 * n + 1 + len(bases)] = bases
+        self._method: Tableau | at.Implicit | None = self._tableau
+        if not self._tableau:
+            self._method, first = implicit_of(t, options), first_step(options, end - t)
+        stages = len(self._tableau.C) if self._tableau else 0
+        self._y[:n], self._y[n:] = q, u
+        self._before[:] = self._y
+        values = {at.TIME: t, at.FOLLOWING: first, at.LEAST: least}
+        self.march = at.March(
+            k=np.zeros((stages, 2 * n)),
+            power=np.zeros(stages),
+            t=np.array([values.get(place, 0.0) for place in range(at.PLACES)]),
+            counts=np.zeros(4, dtype=np.int64),
+            absolute=options.tolerances(self._sizes),
+            relative=TOLERANCES.step_tolerance_relative,
+            longest=options.step or options.longest,
+            end=end,
+            near=near * near,
+            times=np.ascontiguousarray(times, dtype=float),
+            found=np.zeros((len(times), 2 * n + 1)),
+        )
+        self.found, self._fresh = self.march.found, True
+
+    @property
+    def q(self) -> Array:
+        """Coordinates, shape (n_q,)."""
+        return self._y[: self.n].copy()
+
+    @property
+    def u(self) -> Array:
+        """Speeds, shape (n_q,)."""
+        return self._y[self.n :].copy()
+
+    @property
+    def before(self) -> Array:
+        """Coordinates before the last step."""
+        return self._before[: self.n].copy()
 
     def go(self) -> str:
         """Take a limited number of steps; return why it stopped: ``done``, ``more``, ``chart`` or ``look``."""
         fresh, self._fresh = self._fresh, False
-        reason = self._march(self.machine, self._arrays, self.state.march, TOLERANCES.compiled_steps, fresh)
+        reason = self._march(self.machine, self._method, self.march, TOLERANCES.compiled_steps, fresh)
         return {at.DONE: "done", at.MORE: "more", at.CHART: "chart"}.get(reason, "look")

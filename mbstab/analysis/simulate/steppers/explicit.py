@@ -7,12 +7,13 @@ order of the integrator is preserved).
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.simulate.constrained import Constrained
-from mbstab.analysis.simulate.steppers.interface import HINT, Options, Stepper
+from mbstab.analysis.simulate.steppers.interface import HINT, Options
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
@@ -21,11 +22,10 @@ from mbstab.errors import MbstabError, NumericalError
 class Projected:
     """An integrator of SciPy for the index-1 equations, with a projection after every step."""
 
-    def __init__(
-        self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options, implicit: bool
-    ) -> None:
+    def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
         import scipy.integrate
 
+        implicit = math.isinf(options.method.boundary)
         self.equations, self.n = equations, equations.n
         self.t, self.q, self.u = t, q, u
         self.rejected, self.taken = 0, 0.0
@@ -40,8 +40,8 @@ class Projected:
             settings["first_step"] = min(settings["first_step"], end - t)
         if implicit:
             settings["jac"] = self._jacobian
-        self._multistep = options.solver == "BDF"
-        make = getattr(scipy.integrate, options.solver)
+        self._multistep = options.method.solver == "BDF"
+        make = getattr(scipy.integrate, options.method.solver)
         self._solver = make(self._slope, t, np.concatenate([q, u]), end, **settings)
 
     def _slope(self, t: float, y: Array) -> Array:
@@ -56,9 +56,7 @@ class Projected:
         return np.concatenate([u, a])
 
     def _jacobian(self, t: float, y: Array) -> Array:
-        n = self.n
-        by_q, by_u = self.equations.jacobian(t, y[:n], y[n:])
-        return np.block([[np.zeros((n, n)), np.eye(n)], [by_q, by_u]])
+        return self.equations.jacobian(t, y[: self.n], y[self.n :])
 
     def advance(self) -> None:
         """Take one step and project the state onto the constraints."""
@@ -90,13 +88,3 @@ class Projected:
             self._dense = self._solver.dense_output()
         y = self._dense(t).T
         return y[..., : self.n], y[..., self.n :]
-
-
-def explicit(equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> Stepper:
-    """Start an explicit integrator of SciPy with projection."""
-    return Projected(equations, t, q, u, end, options, implicit=False)
-
-
-def implicit(equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> Stepper:
-    """Start an implicit integrator of SciPy with projection."""
-    return Projected(equations, t, q, u, end, options, implicit=True)

@@ -34,6 +34,7 @@ from mbstab.analysis.algebra.augmented import augmented_matrix
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.steppers.interface import HINT, Options
 from mbstab.analysis.simulate.tolerances import TOLERANCES
+from mbstab.compiler.machine import formulas
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
 
@@ -57,9 +58,9 @@ RADAU_GAMMA = 1.0 / (3.0 + 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0))
 DIVERGES = "Newton's method does not converge"
 
 
-def first_step(options: Options, order: int, left: float) -> float:
-    """Return the step to begin with (s), for an error estimate of some order and a time that is left (s)."""
-    guess = 0.3 * max(options.tol, 1e-13) ** (1.0 / (order + 1)) / options.rate
+def first_step(options: Options, left: float) -> float:
+    """Return the step to begin with (s) where a time is left (s)."""
+    guess = 0.3 * max(options.tol, 1e-13) ** options.method.exponent / options.rate
     return options.step or options.first or min(guess, 0.1 * left)
 
 
@@ -80,8 +81,6 @@ def alpha_coefficients(rho: float = RHO) -> tuple[float, float, float, float]:
 class _Implicit:
     """Common parts of implicit methods: step control, Newton's convergence test, and quintic interpolation."""
 
-    order_of_estimate = 0
-
     def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
         self.equations, self.end, self.options = equations, end, options
         self.t, self.q, self.u = t, q, u
@@ -89,7 +88,7 @@ class _Implicit:
         self.begin = t
         a, nu, self.state = equations.accelerations(t, q, u)
         self.a, self.nu = a, nu
-        self.h = first_step(options, self.order_of_estimate, end - t)
+        self.h = first_step(options, end - t)
         self._before: Any = None
 
     def _attempt(self, h: float) -> tuple[Array, Array, float]:
@@ -101,15 +100,9 @@ class _Implicit:
 
     def advance(self) -> None:
         fixed = self.options.step is not None
-        power = 1.0 / (self.order_of_estimate + 1)
-        failures = 0
+        power, failures = self.options.method.exponent, 0
         while True:
-            left = self.end - self.t
-            h = min(self.h, left, math.inf if fixed else self.options.longest)
-            if not fixed and h < left < 1.5 * h:
-                h = 0.5 * left
-            last = left - h <= 1e-9 * h
-            h = left if last else h
+            h, last = formulas.tried(self.h, self.end - self.t, self.options.longest, fixed)
             try:
                 q, u, error = self._attempt(h)
                 trouble = ""
@@ -124,7 +117,7 @@ class _Implicit:
                 break
             self.rejected += 1
             failures += 1
-            self.h = h * (0.25 if not math.isfinite(error) else max(0.2, 0.85 * error**-power))
+            self.h = formulas.shortened(h, error, power)
             if self.h < TOLERANCES.step_collapsed * max(self.end - self.begin, abs(self.t)) or failures > 60:
                 raise NumericalError(
                     f"the step size has collapsed at t = {self.t:.9g} s: {self.h:.1e} s"
@@ -135,26 +128,13 @@ class _Implicit:
         self._accepted(h)
         self.taken, self._before = h, before
         if not fixed:
-            factor = min(4.0, 0.85 * max(error, 1e-10) ** -power)
-            if failures:
-                factor = min(factor, 1.0)
-            if not 1.0 <= factor <= 1.3 and not last:
-                self.h = h * factor
+            self.h = formulas.lengthened(self.h, h, error, power, failures, last)
 
     def at(self, t: Any) -> tuple[Array, Array]:
         """Return the quintic polynomial through positions, speeds and accelerations at both ends, and its slope."""
         t0, q0, u0, a0 = self._before
         h = self.t - t0
-        x = np.asarray((t - t0) / h)[..., None]
-        rest = self.q - q0 - h * u0 - 0.5 * h * h * a0
-        slope = h * (self.u - u0) - h * h * a0
-        bend = h * h * (self.a - a0)
-        c3 = 10.0 * rest - 4.0 * slope + 0.5 * bend
-        c4 = -15.0 * rest + 7.0 * slope - bend
-        c5 = 6.0 * rest - 3.0 * slope + 0.5 * bend
-        q = q0 + x * (h * u0 + x * (0.5 * h * h * a0 + x * (c3 + x * (c4 + x * c5))))
-        u = u0 + x * (h * a0 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)) / h)
-        return q, u
+        return formulas.quintic(np.asarray((t - t0) / h)[..., None], h, q0, u0, a0, self.q, self.u, self.a)
 
     def _size(self, dq: Array, du: Array) -> float:
         """Return the size of changes of positions and speeds, in sizes of the scene."""
@@ -170,25 +150,22 @@ class _Implicit:
         NumericalError
             If corrections grow.
         """
-        # Rounding of positions moves speeds by as much over the step.
-        longer = max(1.0, 1.0 / (h * self.options.rate))
-        stalled = before < math.inf and size > 0.3 * before and size <= TOLERANCES.newton_correction_stalled * longer
-        if size <= newton_goal(self.options) or stalled:
-            return True
-        if not size < 2.0 * before:
+        found = formulas.newton(
+            size, before, h, self.options.rate, newton_goal(self.options), TOLERANCES.newton_correction_stalled
+        )
+        if found == formulas.DIVERGES:
             raise NumericalError(DIVERGES)
-        return False
+        return found == formulas.CONVERGED
 
 
 class GeneralizedAlpha(_Implicit):
     """Generalized-α on the index-3 equations, order 2."""
 
-    order_of_estimate = 2
-
     def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
         super().__init__(equations, t, q, u, end, options)
-        self.m, self.f, self.gamma, self.beta = alpha_coefficients()
-        self.ahead = self.m - self.f
+        self.coefficients = alpha_coefficients()
+        m, f, _, beta = self.coefficients
+        self.ahead, self.part = m - f, abs(beta + 0.5 * (m - f) - 1.0 / 6.0)
         self._jerk = self._rate_of_acceleration()
         self._drift = self.ahead * self._jerk  # (w − a)/h
         self._past: tuple[float, Array] | None = None
@@ -209,12 +186,8 @@ class GeneralizedAlpha(_Implicit):
         equations, t = self.equations, self.t + h
         n, n_h, scale, rows = equations.n, equations.n_h, equations.scale, equations.row_scale
         P_h, P = equations.combinations
-        w = self.a + h * self._drift
-        c = (1.0 - self.f) / (1.0 - self.m)
-        known = (self.f * self.a - self.m * w) / (1.0 - self.m)
-        to_q, to_u = h * h * self.beta * c, h * self.gamma * c
-        q0 = self.q + h * self.u + h * h * ((0.5 - self.beta) * w + self.beta * known)
-        u0 = self.u + h * ((1.0 - self.gamma) * w + self.gamma * known)
+        c, to_q, to_u = formulas.alpha_factors(h, self.coefficients)
+        known, q0, u0 = formulas.alpha_known(h, self.q, self.u, self.a, self._drift, self.coefficients)
         a, nu = self.a + h * self._jerk, self.nu
         lines: Any = None
         before = math.inf
@@ -253,7 +226,7 @@ class GeneralizedAlpha(_Implicit):
         if self.options.step is not None:
             return 0.0
         change = a - self.a
-        in_q = abs(self.beta + 0.5 * self.ahead - 1.0 / 6.0) * h * h * change
+        in_q = self.part * h * h * change
         earlier = h * self._jerk if self._past is None else change * 0.0 + h / self._past[0] * self._past[1]
         in_u = h / 12.0 * (change - earlier)
         return self._size(in_q, in_u) / self.options.tol
@@ -269,8 +242,6 @@ class GeneralizedAlpha(_Implicit):
 
 class RadauIIA(_Implicit):
     """Radau IIA with three stages on the stabilized index-2 form, order 5."""
-
-    order_of_estimate = 3
 
     def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
         super().__init__(equations, t, q, u, end, options)
@@ -348,12 +319,7 @@ class RadauIIA(_Implicit):
         if self._stages is None:
             return np.tile(self.a, (3, 1)), np.tile(self.nu, (3, 1))
         length, a, nu = self._stages
-        x = 1.0 + RADAU_C * h / length
-        weights = np.ones((3, 3))
-        for j in range(3):
-            for k in range(3):
-                if k != j:
-                    weights[:, j] *= (x - RADAU_C[k]) / (RADAU_C[j] - RADAU_C[k])
+        weights = np.array([[formulas.weight(RADAU_C, i, j, h, length) for j in range(3)] for i in range(3)])
         return weights @ a, weights @ nu
 
     def _error(self, h: float, positions: Array, speeds: Array) -> float:

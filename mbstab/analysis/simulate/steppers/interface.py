@@ -19,76 +19,6 @@ HINT = (
 
 
 @dataclass(frozen=True)
-class Options:
-    """Options of a stepper.
-
-    Attributes
-    ----------
-    tol : float
-        Local error of a step, relative to the sizes in the scene and to their rates.
-    step : float or None
-        Fixed step (s); None: chosen by the tolerance.
-    first : float or None
-        Step to begin with (s).
-    rate : float (1/s)
-        The rate that counts as fast, for a coordinate of size 1.
-    longest : float (s)
-        Longest step; given functions of time may rest for a while and then start.
-    solver : str
-        Integrator of the projection method.
-    compiled : bool
-        Let `mbstab.analysis.simulate.steppers.compiled` take the steps.
-    """
-
-    tol: float
-    step: float | None
-    first: float | None
-    rate: float
-    longest: float = math.inf
-    solver: str = ""
-    compiled: bool = False
-
-    def tolerances(self, sizes: Array) -> Array:
-        """Return the allowed errors per step in q and u, shape (2 n_q,)."""
-        # With a fixed step the tolerance has no effect, and the largest step is the step.
-        tol = self.tol if self.step is None else 1e6
-        return tol * np.concatenate([sizes, sizes * self.rate])
-
-
-class Stepper(Protocol):
-    """A method at work.
-
-    Attributes
-    ----------
-    t : float (s)
-    q, u : ndarray, shape (n_q,)
-        The state reached; it satisfies the constraints to the accuracy of the method.
-    rejected : int
-        Number of rejected steps.
-    taken : float
-        The last step (s).
-    state : Dynamics
-        Matrices at the state reached.
-    """
-
-    t: float
-    q: Array
-    u: Array
-    rejected: int
-    taken: float
-    state: Dynamics
-
-    def advance(self) -> None:
-        """Take one step, or raise a `NumericalError`."""
-
-    def at(self, t: Any) -> tuple[Array, Array]:
-        """Return q and u, shape (…, n_q), at times within the last step."""
-
-
-Start = Callable[[Constrained, float, Array, Array, float, Options], Stepper]
-
-
-@dataclass(frozen=True)
 class Method:
     """An integration method.
 
@@ -101,14 +31,103 @@ class Method:
     power : float
         The global error is proportional to this power of the tolerance per step: order / (order of the
         error estimate + 1).
+    solver : str
+        Integrator of SciPy, or empty.
+    boundary : float
+        Largest h |λ| of an explicit method where λ is negative, the number of the test for stiffness in Hairer and
+        Wanner 1996, section IV.2; infinite for the others.
     fixed : bool
         Whether steps of fixed size are possible.
     compiled : str
         The module of `mbstab.compiler.machine` that can take the steps, or empty.
     """
 
-    start: Start
+    start: Callable[[Constrained, float, Array, Array, float, Options], Stepper]
     order: int
     power: float
+    solver: str = ""
+    boundary: float = math.inf
     fixed: bool = True
     compiled: str = ""
+
+    @property
+    def exponent(self) -> float:
+        """Steps are proportional to this power of the tolerance per step: 1 / (order of the error estimate + 1)."""
+        return self.power / self.order
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of a stepper.
+
+    Attributes
+    ----------
+    method : Method
+    tol : float
+        Local error of a step, relative to the sizes in the scene and to their rates.
+    step : float or None
+        Fixed step (s); None: chosen by the tolerance.
+    first : float or None
+        Step to begin with (s).
+    rate : float (1/s)
+        The rate that counts as fast, for a coordinate of size 1.
+    longest : float (s)
+        Longest step; given functions of time may rest for a while and then start.
+    compiled : bool
+        Let `mbstab.analysis.simulate.steppers.compiled` take the steps.
+    """
+
+    method: Method
+    tol: float
+    step: float | None
+    first: float | None
+    rate: float
+    longest: float = math.inf
+    compiled: bool = False
+
+    def tolerances(self, sizes: Array) -> Array:
+        """Return the allowed errors per step in q and u, shape (2 n_q,)."""
+        # With a fixed step the tolerance has no effect, and the largest step is the step.
+        tol = self.tol if self.step is None else 1e6
+        return tol * np.concatenate([sizes, sizes * self.rate])
+
+
+class Reached(Protocol):
+    """The state that a method has reached; it satisfies the constraints to the accuracy of the method."""
+
+    @property
+    def t(self) -> float:
+        """The time (s)."""
+
+    @property
+    def q(self) -> Array:
+        """Coordinates, shape (n_q,)."""
+
+    @property
+    def u(self) -> Array:
+        """Speeds, shape (n_q,)."""
+
+    @property
+    def taken(self) -> float:
+        """The last step (s)."""
+
+
+class Stepper(Reached, Protocol):
+    """A method at work.
+
+    Attributes
+    ----------
+    rejected : int
+        Number of rejected steps.
+    state : Dynamics
+        Matrices at the state reached.
+    """
+
+    rejected: int
+    state: Dynamics
+
+    def advance(self) -> None:
+        """Take one step, or raise a `NumericalError`."""
+
+    def at(self, t: Any) -> tuple[Array, Array]:
+        """Return q and u, shape (…, n_q), at times within the last step."""

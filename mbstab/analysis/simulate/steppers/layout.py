@@ -175,59 +175,60 @@ def layout_of(
     w = np.zeros(base + len(code.operands))
     w[code.inputs : base] = code.constants
     arrays = {
-        "run_operation": [operation for operation, _ in code.runs],
-        "run_start": [0, *(end for _, end in code.runs)],
-        "first": [x for x, _ in code.operands],
-        "second": [x for _, x in code.operands],
-        "ends": code.ends,
-        "w": w,
-        "entry_register": entry,
-        "entry_factor": entry_sign,
-        "entry_row": [max(pair) for pair in places],
-        "entry_column": [min(pair) for pair in places],
-        "entry_target": [-1 if i == j else at[max(i, j), min(i, j)] for i, j in places],
-        "entry_value": np.zeros(len(matrix)),
-        "right_register": right_register[order],
-        "right_factor": -right_sign[order],
-        "shift": shift[order],
-        "column_start": start,
-        "lower_row": [row for column in columns for row in column],
-        "lower": np.zeros(int(start[-1])),
-        "update_start": np.cumsum([0, *map(len, updates)]),
-        "update_target": [target for column in updates for target in column],
-        **{name: np.zeros(n + rank) for name in ("diagonal", "b", "x", "dx", "right")},
-        "place": place[:n],
-        "row_place": [place[unknown[i]] if i in unknown else -1 for i in range(rows)],
-        "jacobian_row": [i for i, _, _ in jacobian],
-        "jacobian_column": [j for _, j, _ in jacobian],
-        "jacobian_register": jacobian_register,
-        "jacobian_sign": jacobian_sign,
-        "mass_row": [i for i, _, _ in mass],
-        "mass_column": [j for _, j, _ in mass],
-        "mass_register": mass_register,
-        "mass_sign": mass_sign,
-        "residual_register": residual_register,
-        "residual_sign": residual_sign,
-        "newton_kind": [kind for kind, *_ in parts],
-        "newton_register": part_register,
-        "newton_factor": part_sign,
-        "newton_value": np.zeros(len(parts)),
-        "newton_row": [place[i] for _, i, _, _ in parts],
-        "newton_column": [place[j] for _, _, j, _ in parts],
-        "newton_target": [_newton_target(place[i], place[j], at, n + rank) for _, i, j, _ in parts],
-        "left": np.where(shift[order] < 0.0, 1.0 / np.sqrt(max(rank, 1)), 0.0),
-        "reach": np.zeros(rows),
-        **{name: np.zeros(2 * n) for name in ("best", "y", "before", "trial", "inside", "rates", "other")},
+        tables.RUN_OPERATION: [operation for operation, _ in code.runs],
+        tables.RUN_START: [0, *(end for _, end in code.runs)],
+        tables.FIRST: [x for x, _ in code.operands],
+        tables.SECOND: [x for _, x in code.operands],
+        tables.ENDS: code.ends,
+        tables.W: w,
+        tables.ENTRY_REGISTER: entry,
+        tables.ENTRY_FACTOR: entry_sign,
+        tables.ENTRY_ROW: [max(pair) for pair in places],
+        tables.ENTRY_COLUMN: [min(pair) for pair in places],
+        tables.ENTRY_TARGET: [-1 if i == j else at[max(i, j), min(i, j)] for i, j in places],
+        tables.ENTRY_VALUE: np.zeros(len(matrix)),
+        tables.RIGHT_REGISTER: right_register[order],
+        tables.RIGHT_FACTOR: -right_sign[order],
+        tables.SHIFT: shift[order],
+        tables.COLUMN_START: start,
+        tables.LOWER_ROW: [row for column in columns for row in column],
+        tables.LOWER: np.zeros(int(start[-1])),
+        tables.UPDATE_START: np.cumsum([0, *map(len, updates)]),
+        tables.UPDATE_TARGET: [target for column in updates for target in column],
+        **{k: np.zeros(n + rank) for k in (tables.DIAGONAL, tables.B, tables.X, tables.DX, tables.RIGHT)},
+        tables.PLACE: place[:n],
+        tables.ROW_PLACE: [place[unknown[i]] if i in unknown else -1 for i in range(rows)],
+        tables.JACOBIAN_ROW: [i for i, _, _ in jacobian],
+        tables.JACOBIAN_COLUMN: [j for _, j, _ in jacobian],
+        tables.JACOBIAN_REGISTER: jacobian_register,
+        tables.JACOBIAN_SIGN: jacobian_sign,
+        tables.MASS_ROW: [i for i, _, _ in mass],
+        tables.MASS_COLUMN: [j for _, j, _ in mass],
+        tables.MASS_REGISTER: mass_register,
+        tables.MASS_SIGN: mass_sign,
+        tables.RESIDUAL_REGISTER: residual_register,
+        tables.RESIDUAL_SIGN: residual_sign,
+        tables.NEWTON_KIND: [kind for kind, *_ in parts],
+        tables.NEWTON_REGISTER: part_register,
+        tables.NEWTON_FACTOR: part_sign,
+        tables.NEWTON_VALUE: np.zeros(len(parts)),
+        tables.NEWTON_ROW: [place[i] for _, i, _, _ in parts],
+        tables.NEWTON_COLUMN: [place[j] for _, _, j, _ in parts],
+        tables.NEWTON_TARGET: [_newton_target(place[i], place[j], at, n + rank) for _, i, j, _ in parts],
+        tables.LEFT: np.where(shift[order] < 0.0, 1.0 / np.sqrt(max(rank, 1)), 0.0),
+        tables.REACH: np.zeros(rows),
+        **{k: np.zeros(2 * n) for k in (tables.BEST, tables.Y, tables.BEFORE, tables.TRIAL, tables.INSIDE)},
+        **{k: np.zeros(2 * n) for k in (tables.RATES, tables.OTHER)},
         **_memory(n, rows, len(place), int(start[-1]), implicit),
-        "scale": np.zeros(n),
-        "row_scale": np.zeros(rows),
-        "sizes": np.zeros(n),
-        "angle": [part.start + 1 for _, part in attitudes.parts],
-        "least_cosine": [
+        tables.SCALE: np.zeros(n),
+        tables.ROW_SCALE: np.zeros(rows),
+        tables.SIZES: np.zeros(n),
+        tables.ANGLE: [part.start + 1 for _, part in attitudes.parts],
+        tables.LEAST_COSINE: [
             REFERENCE.euler_cosine_pinned if i in attitudes.pinned else REFERENCE.euler_cosine_chart_left
             for i, _ in attitudes.parts
         ],
-        "pinned": [i in attitudes.pinned for i, _ in attitudes.parts],
+        tables.PINNED: [i in attitudes.pinned for i, _ in attitudes.parts],
     }
     numbers = {
         "coordinates": n,
@@ -248,17 +249,17 @@ def layout_of(
     return Layout(machine(arrays, **numbers), entries, both, order)
 
 
-def _memory(n: int, rows: int, unknowns: int, below: int, implicit: bool) -> dict[str, Array]:
+def _memory(n: int, rows: int, unknowns: int, below: int, implicit: bool) -> dict[int, Array]:
     """Return the working memory of implicit methods."""
-    sizes = {name: n for name in ("a", "next_a", "jerk", "drift", "past", "ahead", "change")}
-    sizes |= {"nu": rows, "next_nu": rows, "known": 2 * n, "newton_c": tables.KINDS, "newton_b": unknowns}
-    sizes |= {"newton_lu": unknowns + 2 * below, "gram": unknowns + 2 * below, "real_e": unknowns, "real_g": unknowns}
-    sizes |= {f"stage_{name}": 3 * size for name, size in (("y", 2 * n), ("a", n), ("nu", rows), ("pull", n))}
-    sizes |= {"stage_b": 3 * unknowns, "stage_e": 3 * unknowns, "step_a": 3 * n, "step_pull": 3 * n}
-    sizes |= {"last_a": 3 * n, "last_nu": 3 * rows, "complex_c": 2 * tables.KINDS}
-    sizes |= {name: 2 * unknowns for name in ("complex_b", "complex_e", "complex_g")}
-    sizes |= {"complex_lu": 2 * (unknowns + 2 * below)}
-    return {name: np.zeros(size if implicit else 0) for name, size in sizes.items()}
+    at, factors = tables, unknowns + 2 * below
+    sizes = {k: n for k in (at.A, at.NEXT_A, at.JERK, at.DRIFT, at.PAST, at.AHEAD, at.CHANGE)}
+    sizes |= {at.NU: rows, at.NEXT_NU: rows, at.KNOWN: 2 * n, at.NEWTON_C: at.KINDS, at.NEWTON_B: unknowns}
+    sizes |= {at.NEWTON_LU: factors, at.GRAM: factors, at.REAL_E: unknowns, at.REAL_G: unknowns}
+    sizes |= {at.STAGE_Y: 6 * n, at.STAGE_A: 3 * n, at.STAGE_NU: 3 * rows, at.STAGE_PULL: 3 * n}
+    sizes |= {at.STAGE_B: 3 * unknowns, at.STAGE_E: 3 * unknowns, at.STEP_A: 3 * n, at.STEP_PULL: 3 * n}
+    sizes |= {at.LAST_A: 3 * n, at.LAST_NU: 3 * rows, at.COMPLEX_C: 2 * at.KINDS, at.COMPLEX_LU: 2 * factors}
+    sizes |= {k: 2 * unknowns for k in (at.COMPLEX_B, at.COMPLEX_E, at.COMPLEX_G)}
+    return {k: np.zeros(size if implicit else 0) for k, size in sizes.items()}
 
 
 def _newton_target(i: int, j: int, at: dict[tuple[int, int], int], count: int) -> int:
@@ -276,9 +277,9 @@ def machine_of(
     floats = layout.machine.floats.copy()
     found = layout.machine._replace(floats=floats, slowest=float(equations.slowest))
     factors = np.concatenate([equations.scale, equations.row_scale[kept]])
-    table(found, "entry_factor")[:] *= factors[layout.entries[0]] * factors[layout.entries[1]]
-    table(found, "newton_factor")[:] *= factors[layout.parts[0]] * factors[layout.parts[1]]
-    table(found, "right_factor")[:] *= factors[layout.order]
-    for name in ("scale", "row_scale", "sizes"):
-        table(found, name)[:] = getattr(equations, name)
+    table(found, tables.ENTRY_FACTOR)[:] *= factors[layout.entries[0]] * factors[layout.entries[1]]
+    table(found, tables.NEWTON_FACTOR)[:] *= factors[layout.parts[0]] * factors[layout.parts[1]]
+    table(found, tables.RIGHT_FACTOR)[:] *= factors[layout.order]
+    table(found, tables.SCALE)[:], table(found, tables.ROW_SCALE)[:] = equations.scale, equations.row_scale
+    table(found, tables.SIZES)[:] = equations.sizes
     return found

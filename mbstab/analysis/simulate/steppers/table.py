@@ -13,16 +13,16 @@ of orders 1 to 5 with exact derivatives. The methods `alpha` and `radau` are in
 
 from __future__ import annotations
 
-from mbstab.analysis.simulate.steppers.explicit import explicit, implicit
+from mbstab.analysis.simulate.steppers.explicit import Projected
 from mbstab.analysis.simulate.steppers.implicit import GeneralizedAlpha, RadauIIA
 from mbstab.analysis.simulate.steppers.interface import Method
 
 METHODS: dict[str, dict[str, Method]] = {
     "projection": {
-        "DOP853": Method(explicit, 8, 1.0, compiled="explicit"),
-        "RK45": Method(explicit, 5, 1.0, compiled="explicit"),
-        "Radau": Method(implicit, 5, 1.25, fixed=False),
-        "BDF": Method(implicit, 5, 0.8, fixed=False),
+        "DOP853": Method(Projected, 8, 1.0, "DOP853", 6.1, compiled="explicit"),
+        "RK45": Method(Projected, 5, 1.0, "RK45", 3.3, compiled="explicit"),
+        "Radau": Method(Projected, 5, 1.25, "Radau", fixed=False),
+        "BDF": Method(Projected, 5, 0.8, "BDF", fixed=False),
     },
     "alpha": {"": Method(GeneralizedAlpha, 2, 2.0 / 3.0, compiled="alpha")},
     "radau": {"": Method(RadauIIA, 5, 1.25, compiled="radau")},
