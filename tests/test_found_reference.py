@@ -124,7 +124,8 @@ def test_a_steady_circle_of_a_bicycle_is_isolated():
     assert {"translation along x", "rotation about z"} <= set(found.symmetries)
 
 
-@pytest.mark.parametrize("stiffer", [1.0, 1e3, 1e4, 1e5, 1e6])
+@pytest.mark.few(2)
+@pytest.mark.parametrize("stiffer", [1.0, 1e4, 1e6])
 def test_a_triple_solution_at_the_end_of_a_curved_valley_is_found_with_its_error(stiffer):
     """Without gravity the rods of the governor turn level, the slider at the height of their pivots.
 

@@ -156,7 +156,7 @@ class Search:
             step = self.balance.equations(at).step(at.residual)
             longest = float(np.max(np.abs(step[: self.balance.moving]), initial=0.0))
             if at.size < TOLERANCES.newton_residual_polished and longest <= TOLERANCES.newton_step_settled:
-                return at
+                return self._solution(at)
             part = min(1.0, TOLERANCES.newton_reach / max(longest, 1e-300))
             trial = None
             while trial is None or trial.size > at.size * (1.0 - TOLERANCES.valley_descent * part):
