@@ -223,6 +223,11 @@ def string_of_points(points):
     return _as_text([0, -9.81], bodies, joints, {}, places)
 
 
+def free_bodies(number):
+    """Return points that nothing holds, as text."""
+    return "mbstab: 1\nbodies:\n" + "".join(f"  p{i}: {{type: point, mass: 1}}\n" for i in range(number))
+
+
 def _as_text(gravity, bodies, joints, forces, places):
     model = {"mbstab": 1, "gravity": gravity, "bodies": bodies, "joints": joints}
     model |= {"forces": forces} if forces else {}

@@ -543,6 +543,7 @@ DIVISORS = {
     "spatial_tyre": {"sqrt", "sum of squares"},
     "spatial_tyre_relaxation": {"sqrt", "sum of squares", "cornering", "relaxation"},
     "spatial_angle_effort": {"sum of squares"},
+    "spatial_measure_angle": {"sum of squares"},
     "spatial_angle_spring": {"sum of squares"},
     "spatial_ellipsoid_height": {"sqrt"},
     "spatial_ellipsoid_slip": {"sqrt"},

@@ -473,6 +473,13 @@ reference: {guess: {b: {z: 1}}}
 TURNTABLE = mbstab.load(models_folder() / "turntable.yaml")
 
 
+@pytest.mark.parametrize("k", [1e-2, 1e-4, 1e-6])
+def test_a_ball_of_little_inertia_is_known_within_its_bounds(k):
+    """The ball's spin about the vertical carries nothing, its rolling the mass; the motion turns one into the other."""
+    (pair,) = (x for x in TURNTABLE.eig(k=k).eigenvalues if x.value.imag > 0.0 and x.kind != "neutral")
+    assert abs(pair.value - 1j * k / (1.0 + k) * 3.5) <= pair.error_bound < 1e-12
+
+
 @pytest.mark.parametrize(
     "values",
     [{"m": 1e-6}, {"R": 1e-5}, {"R": 1e4}, {"Omega": 1e-5}, {"Omega": 1e5}, {"k": 1e-6}, {"x0": 1e6}, {"x0": 1e-6}],

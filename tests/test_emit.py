@@ -121,10 +121,15 @@ def is_square(product):
 
 def in_words(total, steps):
     """Return what a sum of products, some of them with names, consists of, or its text."""
-    terms = [total]
-    while isinstance(terms[0], ast.BinOp) and isinstance(terms[0].op, ast.Add):
-        terms[:1] = [terms[0].left, terms[0].right]
-    terms = [steps.get(term.id, term) if isinstance(term, ast.Name) else term for term in terms]
+    terms, left = [], [total]
+    while left:
+        match left.pop():
+            case ast.BinOp(one, ast.Add(), other):
+                left += [other, one]
+            case ast.Name(name) if name in steps:
+                left.append(steps[name])
+            case term:
+                terms.append(term)
     one = "1 + " if ast.unparse(terms[0]) == "1" else ""
     products = terms[1:] if one else terms
     if not all(isinstance(term, ast.BinOp) and isinstance(term.op, ast.Mult | ast.Div) for term in products):

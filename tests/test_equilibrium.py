@@ -540,6 +540,15 @@ def test_the_governor_is_found_from_angles_off_by_03_rad():
         assert np.max(np.abs(difference)) < 1e-13
 
 
+def test_rounding_of_multipliers_is_no_imbalance():
+    system = governor()
+    rng = np.random.default_rng(103)
+    sizes = {n: 0.2 if n.rpartition(".")[2] in "xyz" else 3.0 for n in system.scene.guess}
+    guess = {n: x + 0.3 * sizes[n] * rng.uniform(-1.0, 1.0) for n, x in system.scene.guess.items()}
+    motion = found_motion(guessed(system, guess))
+    assert imbalance(system, motion, *turning(system, motion.q, 10.0))[0] < 1e-9
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(("spread", "seed"), sample([(spread, seed) for spread in (1.0, 0.3) for seed in range(5)], 10))
 def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(spread, seed):
@@ -733,14 +742,9 @@ reference: {{find: equilibrium, guess: {{b: {{x: 0.2, y: -0.5}}}}}}
 """
 
 
-def test_a_spring_too_stiff_to_follow_is_refused():
-    # From a bad guess the search would have to follow a valley as narrow as the weight is small beside the spring.
-    with pytest.raises(EquilibriumError, match=r"at best, \S+ N unbalanced on b\.x"):
-        only(STIFF.format(stiffness=1e9))
-
-
-@pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6])
+@pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6, 1e9, 1e12])
 def test_stiff_springs_are_found_like_soft_ones(stiffness):
+    """From a guess beside it, along a valley as narrow as the weight is small beside the spring."""
     state, _ = only(STIFF.format(stiffness=stiffness))
     assert abs(state["b.y"] + 0.6 + G / stiffness) < 1e-14
 

@@ -122,6 +122,11 @@ def test_left_and_right_do_not_matter_in_space(name):
     assert_same(name, mirrored_in_space(read(MODELS[name])))
 
 
+@pytest.mark.parametrize("name", ["flyball_governor", "turntable"])
+def test_axes_that_are_parallel_to_sixteen_digits_are_parallel(name):
+    assert_same(name, turned(read(MODELS[name])))
+
+
 @pytest.mark.parametrize("name", TURNABLE)
 def test_the_direction_of_the_axes_does_not_matter(name):
     assert_same(name, turned(read(MODELS[name])))

@@ -529,7 +529,8 @@ def test_slow_motions_of_what_floats_are_not_counted_among_its_neutral_ones(kind
     # The energy decides even where rounding hides the slow ones beside the fast.
     assert result.verdict in ("asymptotically stable up to symmetry", "stable up to symmetry")
     if damping <= 1e6:
-        assert result.verdict == "asymptotically stable up to symmetry"
+        # A body in space may tumble for ever with a small momentum.
+        assert (result.verdict == "asymptotically stable up to symmetry") == (kind == "planar")
         assert result.counts.neutral == (6 if kind == "planar" else 12)
     assert len(result.modulo.symmetries) == (3 if kind == "planar" else 6)
 

@@ -2,7 +2,9 @@
 
 import math
 
+import mpmath
 import pytest
+from mpmath import mp
 
 import mbstab
 from mbstab.model.library import installed_models
@@ -120,3 +122,60 @@ def test_a_steady_circle_of_a_bicycle_is_isolated():
     (found,) = mbstab.loads(text).equilibria()
     assert found.isolated  # its lean is given: the family of other leans has been left
     assert {"translation along x", "rotation about z"} <= set(found.symmetries)
+
+
+@pytest.mark.parametrize("stiffer", [1.0, 1e3, 1e4, 1e5, 1e6])
+def test_a_triple_solution_at_the_end_of_a_curved_valley_is_found_with_its_error(stiffer):
+    """Without gravity the rods of the governor turn level, the slider at the height of their pivots.
+
+    The springs hold the slider with the cube of its displacement only: two eigenvalues are 0. The rods swing like
+    pendulums in the field of centrifugal forces. The guess is 0.3 rad away, in a valley whose walls are the springs.
+    """
+    model, omega = mbstab.load("flyball_governor.yaml"), 2.0 * math.pi
+    bar, ball, arm, edge = 0.3, 5.0, 0.05, 0.01
+    first, second = bar / 2.0 + ball, bar * (1.0 / 3.0 + edge**2 / 12.0) + ball
+    swing = omega * ((arm * first + second - bar * edge**2 / 6.0) / second) ** 0.5
+    found = model.eig(K=8e5 * stiffer, g=0)
+    rates = [(e.value, e.error_bound) for e in found.eigenvalues if e.kind != "neutral"]
+    assert len(rates) == 6
+    for value, error in rates:
+        assert min(abs(value - exact) for exact in (0.0, 1j * swing, -1j * swing)) <= error + 1e-12
+    assert sum(abs(value) <= error for value, error in rates) == 2
+    assert max(error for value, error in rates if abs(value) > 1.0) < 1e-3
+
+
+BUCKLING = """
+mbstab: 1
+parameters: {m: 1.3, l: 0.7, k: STIFFNESS, r: REST}
+gravity: [0, -9.81]
+bodies: {b: {type: planar, mass: m, inertia: 0.02, points: {o: [0, -l]}}}
+joints: {j: {type: revolute, between: [b.o, ground]}}
+forces: {s: {type: joint_spring, joint: j, stiffness: k, rest: r, damping: 0.3}}
+reference: {find: equilibrium, guess: {b: {theta: START, y: 0.7}}}
+"""
+
+
+@mpmath.workdps(60)
+@pytest.mark.parametrize("beyond", ["-1e-2", "-1e-6", "-1e-10", "1e-14", "1e-8", "1e-3"])
+@pytest.mark.parametrize("rest", ["0", "1e-6", "1e-12", "1e-15"])
+def test_beside_buckling_nothing_is_refused_and_bounds_hold(beyond, rest):
+    """An inverted pendulum on a spring that is as stiff as its weight, but for a part `beyond`, and nearly straight.
+
+    No force acts along x but what the joint transmits: an imbalance there is that along the angle, or rounding.
+    """
+    mass, length = mp.mpf("1.3"), mp.mpf("0.7")
+    weight, inertia = mass * mp.mpf("9.81") * length, mass * length**2 + mp.mpf("0.02")
+    text = mp.nstr(weight * (1 + mp.mpf(beyond)), 30)
+    k, r, start = mp.mpf(text), mp.mpf(rest), "0.01" if rest == "0" and beyond[0] != "-" else "0.3"
+    found = mbstab.loads(BUCKLING.replace("STIFFNESS", text).replace("REST", rest).replace("START", start)).eig()
+    size = mp.sqrt(max(-6 * mp.mpf(beyond), mp.mpf(0)))
+    values = sorted(found.eigenvalues, key=lambda e: (-e.value.real, e.value.imag))
+    held = []
+    for near in (size + mp.cbrt(6 * r), mp.mpf("1e-20"), -size, mp.mpf("0.3")):
+        angle = mp.findroot(lambda x: k * (x - r) - weight * mp.sin(x), near, tol=1e-100, maxsteps=300, verify=False)
+        if abs(k * (angle - r) - weight * mp.sin(angle)) > 1e-50:
+            continue
+        exact = mp.polyroots([inertia, mp.mpf("0.3"), k - weight * mp.cos(angle)], maxsteps=500, extraprec=200)
+        exact.sort(key=lambda s: (-s.real, s.imag))
+        held.append(all(abs(mp.mpc(e.value) - s) <= e.error_bound for e, s in zip(values, exact, strict=True)))
+    assert any(held)

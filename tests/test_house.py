@@ -22,7 +22,7 @@ NUMBERS_BESIDE_TOLERANCES = {
     "mbstab/analysis/simulate/steppers/implicit.py:RADAU_GAMMA",
     "mbstab/analysis/simulate/steppers/implicit.py:RHO",
     "mbstab/analysis/sweep/batched_verdict.py:MINIMUM, MAXIMUM, MULTIPLE",
-    "mbstab/analysis/sweep/batched_verdict.py:RIGHT, LEFT, AXIS, OPEN",
+    "mbstab/analysis/verdict/rule.py:RIGHT, LEFT, AXIS, OPEN",
 }
 """Codes, coefficients of integrators, lengths of lists, values without a structure: what is no tolerance."""
 

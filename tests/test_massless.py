@@ -12,7 +12,7 @@ from scipy.optimize import brentq, fsolve, linear_sum_assignment
 
 import mbstab
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import RIGHT
+from mbstab.analysis.verdict.rule import RIGHT
 from mbstab.errors import MassError, MbstabError, NumericalError
 
 

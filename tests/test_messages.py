@@ -324,6 +324,31 @@ MISTAKES = {
         "stiffness: k}\n  f: {type: pid, joint: pin, of: a9.q, P: 1}",
         "coordinates: rod.x, rod.y",
     ),
+    "a coordinate of a point": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: pid, joint: pin, of: rod.end.y, P: 1}",
+        "did you mean 'y(rod.end)'?",
+    ),
+    "a speed of a point": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: pid, joint: pin, of: rod.end.vy, P: 1}",
+        "did you mean 'vy(rod.end)'?",
+    ),
+    "an output of a point of the ground": (
+        "reference:",
+        "ground: {points: {mark: [0, 1]}}\noutputs: {o: rod.y - ground.mark.y}\nreference:",
+        "did you mean 'y(ground.mark)'?",
+    ),
+    "a force along a coordinate of a point": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: expression, on: {rod.end.y: 1}}",
+        "did you mean 'y(rod.end)'?",
+    ),
+    "a place of another body in a vector": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: force, at: rod, vector: [vx(rods.end), 0]}",
+        "there is no body 'rods'; did you mean 'rod'?; a force written type: expression, on: {vx(…): …} takes them",
+    ),
     "a part as text": ("title: Pendulum", "include: part.yaml", "include: [{file: part.yaml, prefix: left_}]"),
     "a repetition as a number": ("title: Pendulum", "repeat: 3", "repeat: [{for: {i: [1, 10]}, bodies: {…}}]"),
     "a list of values": (

@@ -82,10 +82,50 @@ def test_a_whirl_that_changes_its_sense_is_told():
         found.crossings[0], whirl={"forward": "backward", "backward": "forward"}[found.crossings[0].whirl]
     )
     search = orders._Search(mbstab.loads(ROTOR).model, found)
-    told = search.whirls([changed])
+    told = replace(found, senses=search.senses([changed])).whirls
     pair = [j for j, (one, other) in enumerate(zip(told, found.whirls, strict=True)) if one != other]
     assert [told[j] for j in pair] == ["changing", "changing"]
     assert changed.branch in pair
+
+
+UNEQUAL = """mbstab: 1
+title: Rotor on bearings of unequal stiffness
+parameters:
+  Omega: {value: 300, unit: rad/s}
+bodies:
+  rotor:
+    type: spatial
+    mass: 50
+    inertia: [1.2, 1.2, 2.0]
+    points: {A: [0, 0, 0.3], B: [0, 0, -0.3]}
+ground: {points: {A: [0, 0, 0.3], B: [0, 0, -0.3]}}
+forces:
+  upper: {type: rotor_bearing, between: [rotor.A, ground.A], kxx: 8e6, kyy: 7e6, cxx: 50, cyy: 50}
+  lower: {type: rotor_bearing, between: [rotor.B, ground.B], kxx: 8.8e6, kyy: 6.6e6, cxx: 50, cyy: 50}
+constraints: {axial: {holonomic: rotor.z}}
+reference:
+  coordinates: {rotor: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: 0}}
+  rates: {rotor: {x: 0, y: 0, z: 0, phi: 0, theta: 0, psi: Omega}}
+"""
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("points", [4, 6, 9, 41])
+def test_where_whirl_changes_its_sense_does_not_depend_on_the_points(points):
+    """The backward conical mode falls past both cylindrical ones, which avoid it and take its sense over.
+
+    Near the changes single answers tell it; between the points no curve is interrupted.
+    """
+    model = mbstab.loads(UNEQUAL)
+    speeds = np.linspace(100.0, 20000.0, points) * np.pi / 30.0
+    found = model.sweep("Omega", speeds, orders=(1.0,), detail=True)
+    (lowest,) = (parts for parts, s in zip(found.senses, found.branches[-1], strict=True) if 0 < s.imag < 320)
+    assert [word for *_, word in lowest] == ["mixed", "forward", "mixed", "backward"]
+    np.testing.assert_allclose([end for _, end, _ in lowest[:-1]], np.array([7345, 8135, 8765]) * np.pi / 30, rtol=5e-3)
+    for begin, end, word in lowest:
+        answer = model.eig(Omega=begin + 0.9 * (end - begin))
+        assert min((e for e in answer.eigenvalues if e.value.imag > 0), key=lambda e: e.value.imag).whirl == word
+    assert not np.any(np.isnan(found.detail.branches))
 
 
 def test_a_campbell_diagram_ends_at_a_frequency_that_is_given(tmp_path):

@@ -405,18 +405,30 @@ def test_branches_have_their_names_or_numbers_in_their_colours():
 def test_campbell_diagrams_name_every_sense_of_whirl_and_coincident_crossings_once():
     x = np.linspace(0.0, 10.0, 41)
     branches = np.column_stack([sign * 1j * k + 0.0 * x - 0.1 for k in (3.0, 5.0, 5.0, 7.0) for sign in (1, -1)])
-    senses = ("forward", "mixed", "mixed", "changing")
+    senses = ("forward", "mixed", "mixed", "backward")
     crossings = tuple(
-        OrderCrossing(1.0, k, k, 2 * n, "", whirl if n < 3 else "backward", ())
+        OrderCrossing(1.0, k, k, 2 * n, "", whirl, ())
         for n, (k, whirl) in enumerate(zip((3.0, 5.0, 5.0, 7.0), senses, strict=True))
     )
+    # The last branch changes its sense at 4.
+    ranges = [((0.0, 10.0, s),) for s in senses[:3]] + [((0.0, 4.0, "forward"), (4.0, 10.0, "backward"))]
     swept = replace(
-        made(x, branches), orders=(1.0,), crossings=crossings, whirls=tuple(s for s in senses for _ in range(2))
+        made(x, branches), orders=(1.0,), crossings=crossings, senses=tuple(s for s in ranges for _ in range(2))
     )
+    assert swept.whirls[-1] == "changing"
     figure = campbell(swept, "omega (rad/s)", "")
     shown = texts(figure)
-    assert {"forward whirl", "mixed whirl", "whirl changes its sense", "crossing, mixed whirl"} <= set(shown)
-    assert {"backward whirl", "no whirl"}.isdisjoint(shown)
+    assert {"forward whirl", "backward whirl", "mixed whirl", "crossing, mixed whirl"} <= set(shown)
+    assert "no whirl" not in shown
+    highest = [
+        (line.get_color(), np.asarray(line.get_xdata(), dtype=float)[np.isfinite(line.get_ydata())])
+        for line in figure.axes[0].get_lines()
+        if len(line.get_xdata()) > 1 and np.nanmax(np.abs(np.asarray(line.get_ydata()) - 3.5 / np.pi)) < 1e-9
+    ]
+    assert [(ink, at[0], at[-1]) for ink, at in highest] == [
+        (WHIRL_INK["forward"], 0.0, 4.0),
+        (WHIRL_INK["backward"], pytest.approx(4.0, abs=0.26), 10.0),
+    ]
     assert "frequency of a branch" not in shown
     assert [text for text in shown if text in ("3", "5", "7")] == ["3", "5", "7"]
     colours = {line.get_marker(): line.get_color() for line in figure.axes[0].get_lines() if len(line.get_xdata()) == 1}
@@ -589,7 +601,8 @@ def all_texts(figure):
 def test_a_branch_without_frequency_is_no_branch_without_whirl():
     x = np.linspace(0.0, 10.0, 41)
     branches = np.column_stack([3j - 0.1 + 0.0 * x, -3j - 0.1 + 0.0 * x, -1.0 - x])
-    swept = replace(made(x, branches), orders=(1.0,), whirls=("forward", "forward", ""))
+    senses = tuple(((0.0, 10.0, word),) for word in ("forward", "forward", ""))
+    swept = replace(made(x, branches), orders=(1.0,), senses=senses)
     assert "no whirl" not in all_texts(campbell(swept, "omega (rad/s)", ""))
 
 

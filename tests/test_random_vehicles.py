@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 
 import mbstab
+from mbstab.analysis.algebra.stacks import unit
 from mbstab.analysis.proof.characteristic import Proof
-from mbstab.analysis.sweep.stacks import orthonormal, unit
+from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.sweep import sweep
+from mbstab.analysis.verdict.directions import Ranks, orthonormal
 from mbstab.errors import ConstraintError
 
 STEP = 1e-30
@@ -203,10 +205,10 @@ def test_drives_whose_accelerations_differ_contradict_each_other_beside_whatever
 def test_a_pattern_with_other_directions_than_a_point_does_not_hold_there(rows, count, rank, holds):
     """Fewer columns than the rank, no more rows than the rank, and columns of a larger rank."""
     columns = unit(np.random.default_rng(1).standard_normal((2, rows, count)))
-    good = np.ones(2, dtype=bool)
-    basis = orthonormal(columns, rank, good)
+    ranks = Ranks({"columns": rank}, points=2)
+    basis = orthonormal(columns, ranks, "columns")
     assert basis.shape == (2, rows, rank)
-    assert good.tolist() == [holds, holds]
+    assert ranks.good.tolist() == [holds, holds]
     assert np.allclose(np.swapaxes(basis, 1, 2) @ basis, np.eye(rank), atol=1e-14)
 
 
@@ -338,6 +340,27 @@ def test_a_free_car_is_judged_as_its_linear_equations_are(seed):
         for x in left:
             distance = min(abs(mpmath.mpc(x.value) - y) for y in expected)
             assert distance <= x.error_bound + 4e-16 * abs(x.value)
+
+
+def test_all_speeds_of_a_free_car_have_the_structure_of_one_of_them():
+    """It may roll on at any speed, but not sideways; the eigenvalues are those of the single-track model."""
+    m, inertia, C, a, b = 1700.0, 3500.0, 8e4, 1.7, 1.2
+    text = (
+        "mbstab: 1\nparameters: {u: 20.0}\n"
+        f"bodies: {{c: {{type: planar, mass: {m}, inertia: {inertia}, points: {{f: [{a}, 0], r: [{-b}, 0]}}}}}}\n"
+        f"forces:\n  f: {{type: tyre, at: c.f, cornering_stiffness: {C}}}\n"
+        f"  r: {{type: tyre, at: c.r, cornering_stiffness: {C}}}\n"
+        "reference: {coordinates: {c: {x: 0, y: 0, theta: 0}}, rates: {c: {x: u}}}\n"
+    )
+    speeds, evaluator = np.linspace(5.0, 60.0, 12), Evaluator(mbstab.loads(text).model)
+    found = evaluator.near({"u": speeds}, 2)
+    assert evaluator.alone == 1
+    for u, values in zip(speeds, found.values, strict=True):
+        A = [
+            [-2 * C / (m * u), -u - C * (a - b) / (m * u)],
+            [-C * (a - b) / (inertia * u), -C * (a * a + b * b) / (inertia * u)],
+        ]
+        assert np.sort_complex(values) == pytest.approx(np.sort_complex(np.linalg.eigvals(A)), rel=1e-12)
 
 
 def test_a_car_that_a_force_brakes_is_not_proven_to_roll_at_any_speed():

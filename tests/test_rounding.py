@@ -421,3 +421,34 @@ def test_an_eigenvalue_without_a_bound_is_not_printed():
 def test_an_exponent_of_what_moves_stays_as_it_is():
     with pytest.raises(MbstabError, match="no finite equations"):
         point("-p.x - rate(p.x)**(p.x)")
+
+
+DRIVEN = """
+mbstab: 1
+parameters: {a: 0.1, b: 0.2, c: 0.3, more: 0}
+bodies: {slider: {type: planar, mass: 1, inertia: 1}, p: {type: planar_point, mass: 1}}
+joints: {rail: {type: prismatic, between: [slider, ground], axis: x}}
+drives: {d: {type: joint, joint: rail, position: "(1e8*(a + b - c) + more)*t**2"}}
+forces: {s: {type: bearing, between: [p, ground], stiffness: 5, damping: 1}}
+REPEATED
+reference:
+  coordinates: {slider: {x: 0, y: 0, theta: 0}, p: {x: 0, y: 0}}
+  rates: {slider: {x: 0, y: 0, theta: 0}, p: {x: 0, y: 0}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("repeated", "told"),
+    [
+        ("", "the reference is at rest at this time only: a drive accelerates slider.x"),
+        ("constraints: {again: {holonomic: slider.x}}", "contradicts other constraints: no accelerations satisfy"),
+    ],
+)
+def test_accelerations_that_the_decimals_of_the_file_do_not_have_are_none(repeated, told):
+    """0.1 + 0.2 - 0.3 leaves 5.6e-17 in floats, here 1.1e-8 m/s²; what the file says beyond its rounding counts."""
+    model = mbstab.loads(DRIVEN.replace("REPEATED", repeated))
+    found = model.eig()
+    assert found.verdict == "asymptotically stable"
+    np.testing.assert_allclose(found.values().real, -0.5, rtol=1e-12)
+    with pytest.raises(MbstabError, match=told):
+        model.eig(more=1e-7)

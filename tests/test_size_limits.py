@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import pytest
+from chains import free_bodies
 from click.testing import CliRunner
 
 import mbstab
@@ -11,11 +12,6 @@ from mbstab.analysis.algebra.budget import Cost
 from mbstab.analysis.algebra.failures import guarded
 from mbstab.cli import main
 from mbstab.errors import NumericalError, UsageError
-
-
-def free_bodies(number):
-    return "mbstab: 1\nbodies:\n" + "".join(f"  p{i}: {{type: point, mass: 1}}\n" for i in range(number))
-
 
 QUESTIONS = {
     "check": lambda model: model.check(),
@@ -67,17 +63,6 @@ def test_every_command_has_the_option(command, monkeypatch, tmp_path):
     assert refused.exit_code == 2
     assert "--force" in refused.output
     assert CliRunner().invoke(main, [command, "pendulum.yaml", "--force", *more]).exit_code == 0
-
-
-def test_many_free_bodies_take_time_as_a_cube_of_their_number():
-    times = []
-    for number in (40, 120):
-        model = mbstab.loads(free_bodies(number))
-        started = time.process_time()
-        model.check()
-        times.append(time.process_time() - started)
-    assert times[1] < 27.0 * times[0] + 1.0
-    assert times[1] < Cost.of("motion", 360, 0).most_time  # what is not refused without --force
 
 
 def test_lack_of_memory_is_said():

@@ -722,7 +722,7 @@ def test_disturbances_of_states_alone_stay_such(states, expected):
     """S F = F A with the eigenvalues of the states alone, although their rates contain those of bodies."""
     system = System(evaluate(shafts(states).model))
     grounds = Grounds(linearize(system, reference_motion(system)))
-    F, S = grounds.structure.followers, grounds.S
+    F, S = grounds.at.followers(grounds.system.following), grounds.S
     A = np.linalg.lstsq(F, S @ F, rcond=None)[0]
     assert np.max(np.abs(S @ F - F @ A)) < 1e-12 * np.max(np.abs(S))
     assert np.sort(np.linalg.eigvals(A)) == pytest.approx(expected, rel=1e-12)

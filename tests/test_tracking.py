@@ -11,10 +11,6 @@ import mbstab
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import Search, root
 from mbstab.analysis.sweep.batched_verdict import (
-    AXIS,
-    LEFT,
-    OPEN,
-    RIGHT,
     WORD,
     eigenvalues,
     pinned,
@@ -25,7 +21,6 @@ from mbstab.analysis.sweep.batched_verdict import (
     unplaced,
     unstable_counts,
 )
-from mbstab.analysis.sweep.stacks import inertia
 from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP
 from mbstab.analysis.sweep.tracking import (
     continuous,
@@ -36,7 +31,8 @@ from mbstab.analysis.sweep.tracking import (
     squares,
     symmetric_product,
 )
-from mbstab.analysis.verdict.rule import MARGINAL, STABLE, UNDECIDED, UNSTABLE
+from mbstab.analysis.verdict.minimum import inertia
+from mbstab.analysis.verdict.rule import AXIS, LEFT, MARGINAL, OPEN, RIGHT, STABLE, UNDECIDED, UNSTABLE
 from mbstab.errors import NumericalError
 
 

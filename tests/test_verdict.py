@@ -3,6 +3,7 @@
 import math
 import random
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -464,3 +465,57 @@ reference: {coordinates: {a: {x: 0, y: 0}, b: {x: 0, y: 0}, c: {x: 0, y: 0}}}
 """).eig()
     assert answer.verdict == UNSTABLE
     assert answer.counts.neutral + answer.counts.critical == 6
+
+
+CENTRE = {
+    "states": """
+bodies: {{p: {{type: planar_point, mass: 2}}}}
+forces: {{f: {{type: expression, on: {{p.x: -rate(p.x) - p.x, p.y: -rate(p.y) - p.y}}}}}}
+states:
+  s: {{rate: "{a}*s*w + {b}*s**3 + {d}*s**5"}}
+  w: {{rate: "-{k}*w + {c}*s**2"}}
+""",
+    "damped": """
+bodies: {{p: {{type: planar_point, mass: 2}}}}
+forces:
+  f: {{type: expression, on: {{p.x: "-rate(p.x) + {a}*p.x*p.y + {b}*p.x**3 + {d}*p.x**5",
+    p.y: "-rate(p.y) - {k}*p.y + {c}*p.x**2"}}}}
+""",
+    "row": """
+bodies: {{p: {{type: planar_point, mass: 2}}}}
+constraints: {{r: {{nonholonomic: "rate(p.x) - {a}*p.x*p.y - {b}*p.x**3 - {d}*p.x**5"}}}}
+forces: {{f: {{type: expression, on: {{p.y: "-rate(p.y) - {k}*p.y + {c}*p.x**2"}}}}}}
+""",
+}
+"""x' = a x y + b x³ + d x⁵ with y = c x²/k + … on the centre manifold (Carr 1981): x' = (a c/k + b) x³ + d x⁵ + …"""
+
+
+@pytest.mark.parametrize("form", CENTRE)
+@pytest.mark.parametrize("seed", sample(range(30), 4))
+def test_the_drift_on_the_centre_manifold_decides(form, seed):
+    rng = random.Random(seed)
+    k, a, c = (rng.choice((1, 2, 4)) * rng.choice((1, sign)) for sign in (1, -1, -1))
+    d = rng.choice((-3, 2))
+    cube = rng.choice((-1, 0, 1))
+    b = cube * rng.choice((1, 1e-12)) - a * c / k
+    text = f"mbstab: 1\n{CENTRE[form].format(a=f'({a})', b=f'({b!r})', c=f'({c})', d=f'({d})', k=k)}"
+    result = mbstab.loads(text).eig()
+    # What is left of b + a c/k in the decimals of the file decides before the fifth power.
+    left = Fraction(repr(b)) + Fraction(a * c, k)
+    assert result.verdict == (UNSTABLE if (left or d) > 0 else ASYMPTOTIC), result.reasons
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        'constraints: {r: {nonholonomic: "rate(p.y) - p.y**2*exp(-1e4*p.y**2)"}}',
+        'states: {s: {rate: "s**3*exp(-1e4*s**2)"}}\nconstraints: {r: {holonomic: p.y}}',
+    ],
+)
+def test_a_drift_that_is_flat_but_near_the_reference_is_seen(law):
+    text = (
+        "mbstab: 1\nbodies: {p: {type: planar_point, mass: 1}}\n"
+        "forces: {f: {type: expression, on: {p.x: -p.x - rate(p.x)}}}\n"
+        f"reference: {{coordinates: {{p: {{x: 0, y: 0}}}}}}\n{law}"
+    )
+    assert mbstab.loads(text).eig().verdict == UNSTABLE

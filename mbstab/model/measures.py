@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from mbstab.errors import Location, alternatives
+from mbstab.errors import Location, alternatives, nearest
 from mbstab.mechanics.catalogue import Kind
 from mbstab.mechanics.measures import MEASURES, is_measure, parts
 from mbstab.model.expressions import DERIVED, Expression, ExpressionError, Name, Rate
@@ -158,6 +158,21 @@ class Places:
         points.update((name, body.values.get("points", {})) for name, body in model.bodies.items())
         joints = {name: joint.kind for name, joint in model.entries["joints"].items()}
         return Places(model.dimension, joints, model.bodies, points)
+
+    def meant(self, word: str, coordinates: Collection[str]) -> str:
+        """Return what an unknown name with a dot may stand for, as a hint: ``z(a.tip)`` for ``a.tip.z``."""
+        place, _, last = word.rpartition(".")
+        body, _, point = word.partition(".")
+        points = self.points.get(None if body == "ground" else body, ())
+        measure = MEASURES.get(last)
+        if measure is not None and self.dimension in measure.dimensions:
+            of = body if measure.arguments == ("body",) else place if measure.arguments == ("point",) else ""
+            if of in self.bodies or of.partition(".")[2] in points:
+                return f"did you mean {f'{last}({of})'!r}?"
+        own = [x.partition(".")[2] for x in coordinates if x.startswith(f"{body}.")]
+        if near := nearest(point, own):
+            return f"did you mean {f'{body}.{near}'!r}?"
+        return f"{body} has the coordinates {', '.join(own)}" if own else alternatives(word, coordinates, "coordinates")
 
     def measure(self, kind: str, arguments: Collection[str], at: int = 0) -> MeasureValue:
         """Return what a measure names.

@@ -8,6 +8,7 @@ from mbstab.errors import alternatives
 from mbstab.mechanics.catalogue import Kind
 from mbstab.model import units
 from mbstab.model.expressions import Expression
+from mbstab.model.measures import Places
 from mbstab.model.nodes import NodeReader
 from mbstab.model.schema import Components, Entry, MeasureValue, Parameter, TableValue, entry_word
 from mbstab.model.turns import Counted
@@ -66,6 +67,12 @@ class Names:
         self.measures: dict[str, MeasureValue] = {}
         self.geometry: dict[str | None, tuple[dict[str, Components], dict[str, Components]]] = {}
 
+    @property
+    def places(self) -> Places:
+        """What measures may name, as far as the file has been read."""
+        points = {body: points for body, (points, _) in self.geometry.items()}
+        return Places(self.dimension, self.joints, self.bodies, points, self.written["bodies"])
+
     def unread(self, coordinate: str) -> bool:
         """Whether a coordinate belongs to a body that is in the file but could not be read."""
         body = coordinate.partition(".")[0]
@@ -108,7 +115,7 @@ class Names:
         if word is None or self.unread(word):
             return None
         if word not in self.coordinates:
-            hint = alternatives(word, self.coordinates, "coordinates")
+            hint = self.places.meant(word, self.coordinates)
             self.nodes.complain(node, path, f"there is no coordinate {word!r}", hint)
             return None
         return word

@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from mbstab.errors import alternatives, nearest, suggestion
+from mbstab.errors import suggestion
 from mbstab.mechanics.measures import MEASURES, is_measure, is_speed, parts
 from mbstab.model import units
 from mbstab.model.arithmetic import CONSTANTS
 from mbstab.model.expressions import Expression, ExpressionError, Node, filled_in
 from mbstab.model.functions import CALLED
-from mbstab.model.measures import Places
 from mbstab.model.names import Names
 from mbstab.model.nodes import decimal_commas, single
 from mbstab.model.schema import (
@@ -153,11 +152,18 @@ class QuantityReader:
 
     def _moving_elsewhere(self, name: str) -> str:
         """Return where expressions may contain what moves, as a hint; `name` is that of a coordinate or measure."""
+        mistaken = ""
+        if is_measure(name) and "joints" in self.names.written:  # all that it may name has been found
+            try:
+                self.names.places.measure(*parts(name))
+            except ExpressionError as error:
+                mistaken = "; ".join(x for x in (error.message, error.hint) if x) + "; "
+                name = f"{parts(name)[0]}(…)"
         own = is_state(name) and not is_measure(name)
         along = f"angle(joint): …}} or {{vz(body.point): {name}" if own else f"{name}: …"
         return (
-            f"a force written type: expression, on: {{{along}}} takes them; what moves with them is a constraint, "
-            "{holonomic: angle(joint) - …}"
+            f"{mistaken}a force written type: expression, on: {{{along}}} takes them; what moves with them is a "
+            "constraint, {holonomic: angle(joint) - …}"
         )
 
     def _check_coordinate(self, name: str, at: int, allowed: bool) -> None:
@@ -169,13 +175,7 @@ class QuantityReader:
             return
         coordinates = self.names.coordinates
         if name not in coordinates and not self.names.unread(name):
-            body, _, word = name.partition(".")
-            own = [x.partition(".")[2] for x in coordinates if x.startswith(f"{body}.")]
-            near = nearest(word, own)
-            hint = f"did you mean {f'{body}.{near}'!r}?" if near else f"{body} has the coordinates {', '.join(own)}"
-            raise ExpressionError(
-                f"unknown coordinate {name!r}", at, hint if own else alternatives(name, coordinates, "coordinates")
-            )
+            raise ExpressionError(f"unknown coordinate {name!r}", at, self.names.places.meant(name, coordinates))
 
     def measure(self, name: str, at: int = 0) -> None:
         """Note what a measure names.
@@ -187,14 +187,7 @@ class QuantityReader:
         """
         names = self.names
         if name not in names.measures:
-            names.measures[name] = self.places.measure(*parts(name), at)
-
-    @property
-    def places(self) -> Places:
-        """What measures may name, as far as the file has been read."""
-        names = self.names
-        points = {body: points for body, (points, _) in names.geometry.items()}
-        return Places(names.dimension, names.joints, names.bodies, points, names.written["bodies"])
+            names.measures[name] = names.places.measure(*parts(name), at)
 
     def check_unit(self, expression: Expression, unit: str) -> None:
         """Refuse an expression that is known to have another unit.

@@ -136,9 +136,14 @@ def _zeros_text(zeros: Zeros) -> list[str]:
         return ["the output does not respond to the input: nothing but gains of 0 leads from one to the other"]
     # One of each pair stands for both.
     pairs = [(z if abs(z) > e else 0j, e) for z, e in zip(zeros.values, zeros.errors, strict=True) if z.imag >= 0.0]
-    each = [f"{eigenvalue(z)} ± {e:.0e}" for z, e in pairs]
+    each = [f"{eigenvalue(z)} ± {e:.0e}" if e else f"{eigenvalue(z)} (exact)" for z, e in pairs]
     lines = wrap_lines(f"zeros (1/s, with errors): {', '.join(each) or 'none'}")
-    words = {True: "minimum phase", False: "not minimum phase", None: "whether it is minimum phase is not decided"}
+    axis = "" if zeros.growing else f": {counted(int(np.sum(zeros.on_axis)), 'zero')} on the imaginary axis"
+    words = {
+        True: "minimum phase",
+        False: f"not minimum phase{axis}",
+        None: "whether it is minimum phase is not decided",
+    }
     reserve = ", as far as rounding errors tell" if zeros.hidden and zeros.minimum_phase is not None else ""
     lines.append(words[zeros.minimum_phase] + reserve)
     if zeros.hidden:

@@ -33,7 +33,8 @@ def sweep_data(result: Sweep, model: Model, sensitivity: bool = False) -> dict[s
     ``warnings``, ``names`` (of the branches, null for those without), ``start`` (from where equilibria were followed,
     null if they are given), ``orders``, ``crossings`` (of frequencies with these: ``value``, ``order``,
     ``frequency`` in rad/s, ``branch`` from 1, ``name``, ``whirl``, ``motions``), ``whirls`` (of the branches:
-    ``forward``, ``backward``, ``mixed``, ``changing``, null where nothing whirls; null as a whole without orders),
+    ``forward``, ``backward``, ``mixed``, ``changing``, null where nothing whirls; null as a whole without orders) and
+    ``senses`` (of each branch its ranges of one sense: ``from``, ``to``, ``whirl``; null without orders),
     ``reference`` (where the file asks to find it, lists of its coordinates in m and rad by name, and of its rates as
     ``rate(…)``; else empty), ``outputs`` (the outputs of the file there, lists by name) and ``beyond``: for each path
     beyond a fold or branch point, an object with the same keys from ``values`` on.
@@ -93,6 +94,12 @@ def _path_data(result: Sweep, factor: float) -> dict[str, Any]:
             for c in result.crossings
         ],
         "whirls": [word or None for word in result.whirls] if result.orders else None,
+        "senses": [
+            [{"from": low / factor, "to": high / factor, "whirl": word or None} for low, high, word in parts]
+            for parts in result.senses
+        ]
+        if result.orders
+        else None,
         "reference": result.reference,
         "outputs": result.outputs,
     }

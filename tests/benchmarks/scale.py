@@ -32,6 +32,7 @@ MODELS = {
     "spherical": (50, 200),
     "four_bars": (100, 400),
     "spinning": (20, 40, 80),
+    "free": (40, 120),
 }
 BESIDE = {"rods": (100, 200, 400), "universal": (100, 200)}
 """The chains of which other programs are asked."""
@@ -48,7 +49,7 @@ PATIENCE = 600
 
 def text_of(name, count):
     """Return the text of a model."""
-    from chains import four_bar_loops, spinning_chain, straight_chain, string_of_points
+    from chains import four_bar_loops, free_bodies, spinning_chain, straight_chain, string_of_points
 
     return {
         "rods": lambda: straight_chain(count),
@@ -58,6 +59,7 @@ def text_of(name, count):
         "spherical": lambda: straight_chain(count, "spherical"),
         "four_bars": lambda: four_bar_loops(count, "-pi/2"),
         "spinning": lambda: spinning_chain(count),
+        "free": lambda: free_bodies(count),
     }[name]()
 
 
@@ -141,7 +143,8 @@ def own(name, count):
     result = answer(system)
     whole = time.process_time() - start
     found = sorted((e.value.imag, e.error_bound) for e in result.eigenvalues if e.value.imag > 0)
-    return read, whole, *zip(*found, strict=True), len(model.model.bodies), result.counts.expected, result.verdict
+    frequencies, bounds = ([x[k] for x in found] for k in (0, 1))
+    return read, whole, frequencies, bounds, len(model.model.bodies), result.counts.expected, result.verdict
 
 
 def of_peer(program, name, count):

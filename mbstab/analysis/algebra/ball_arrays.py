@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from functools import cache, cached_property
 from typing import Any
 
@@ -47,6 +48,10 @@ class Doubles:
         """Return the exponents of the sizes of the entries."""
         size = np.abs(x)
         return np.asarray(np.log2(size, out=np.full(size.shape, NONE), where=size != 0.0))
+
+    def sized(self, x: Array) -> tuple[Array, Array]:
+        """Return numbers with the exponents of their sizes; of balls these are not needed, and -inf."""
+        return x, self.powers(x)
 
     def multiplied(self, A: Array, B: Array) -> Array:
         """Return a product of matrices."""
@@ -110,6 +115,9 @@ class Balls(Doubles):
         # What is beyond the range of doubles has no size: then everything shows beside it.
         return super().powers(np.where(np.isfinite(size), size, 0.0))
 
+    def sized(self, x: Array) -> tuple[Array, Array]:  # noqa: D102
+        return x, np.full(x.shape, NONE)
+
     def multiplied(self, A: Array, B: Array) -> Array:  # noqa: D102
         return _array(_matrix(A) * _matrix(B))
 
@@ -169,6 +177,15 @@ def as_ball(x: Any) -> Any:
     return x if x.__class__ is arb else arb(x.v) if hasattr(x, "v") else arb(x)
 
 
+def in_ball(x: Any) -> Any:
+    """Return a fraction or a float as ``flint.arb``; integers stay."""
+    if x.__class__ is int:
+        return x
+    from flint import arb, fmpq
+
+    return arb(fmpq(x.numerator, x.denominator)) if isinstance(x, Fraction) else arb(x)
+
+
 def plain_ball(x: Any) -> Any:
     """Return a number as ``flint.arb``, and as an integer where it is a small one."""
     value = as_ball(x)
@@ -186,80 +203,88 @@ def filled(x: Array) -> list[int]:
     return found
 
 
-def _least_powers(x: Array) -> Array:
-    """Return the exponents of the sizes that entries have at least; of those that may be zero none."""
-
-    def one(y: Any) -> float:
-        if y.__class__ is int:
-            return y.bit_length() if y else NONE
-        y = as_ball(y)
-        if not y.is_finite():
-            return np.inf
-        mantissa, exponent = y.abs_lower().man_exp()
-        return int(mantissa).bit_length() + int(exponent) if mantissa else NONE
-
-    return np.asarray(np.frompyfunc(one, 1, 1)(x), dtype=float)
-
-
 def largest_terms(A: Array, B: Array) -> Array:
     """Return the exponents of the largest terms of the entries of a product, from those of the factors."""
     return np.asarray(np.max(A[..., :, :, None] + B[..., None, :, :], axis=-2, initial=NONE))
 
 
-def shows(value: Array, size: Any, bits: int = TOLERANCES.bits_of_zero) -> Flags:
-    """Return which entries are not zero beside the sizes of their terms, to so many bits."""
-    with np.errstate(invalid="ignore"):
-        result: Flags = np.nan_to_num(_least_powers(value) - size, nan=NONE) > -bits
-    return result
+def excludes_zero(x: Array) -> Flags:
+    """Return which entries cannot be zero, or have no value."""
+
+    def one(y: Any) -> bool:
+        if y.__class__ is int:
+            return bool(y != 0)
+        y = as_ball(y)
+        return not (y.is_finite() and y.contains(0))
+
+    return np.asarray(np.frompyfunc(one, 1, 1)(x), dtype=bool)
 
 
-def kept_combinations(rows: Array, sizes: Array) -> Array:
-    """Return the combinations of columns that vanish in all rows, shape (columns, number), in balls.
+def widened(x: Array, radius: Array | float) -> Array:
+    """Return balls with radii that are larger by some doubles."""
+    return np.asarray(np.frompyfunc(lambda y, r: y + _types()[0](0, r) if r else y, 2, 1)(x, radius))
 
-    Columns are eliminated one by one, with the largest entry left, relative to its terms, as pivot.
+
+def kept_combinations(rows: Array) -> Array:
+    """Return the combinations of columns that may vanish in all rows, shape (columns, number), in balls.
+
+    Columns are eliminated one by one, with the entry left of which the most digits are known as pivot. Combinations of
+    which too few digits are known are left out.
 
     Parameters
     ----------
     rows : ndarray of balls, shape (rows, columns)
-    sizes : ndarray, shape (rows, columns)
-        Exponents of the largest terms.
     """
     d = rows.shape[1]
-    found, left, rows, sizes = np.eye(d, dtype=int).astype(object), list(range(d)), rows.copy(), sizes.copy()
-    powers = _least_powers(rows)
-
-    def beside(powers: Array, sizes: Array) -> Array:
-        with np.errstate(invalid="ignore"):
-            return np.nan_to_num(powers - sizes, nan=NONE)
-
-    relative = beside(powers, sizes)
-    most = np.max(relative, axis=1, initial=NONE)
+    found, left, rows = np.eye(d, dtype=int).astype(object), list(range(d)), rows.copy()
+    known = _digits(rows)
+    most = np.max(known, axis=1, initial=NONE)
     while left and len(rows):
         i = int(np.argmax(most))
-        pivot = int(np.argmax(relative[i]))
-        if not relative[i, pivot] > -TOLERANCES.bits_of_zero:
+        pivot = int(np.argmax(known[i]))
+        if known[i, pivot] == NONE:
             break
         left.remove(pivot)
-        changed = relative[:, pivot] > NONE
-        relative[:, pivot] = NONE
+        changed = known[:, pivot] > NONE
+        known[:, pivot] = NONE
         on, own = filled(rows[:, pivot]), filled(found[:, pivot])
-        for k in (k for k in left if relative[i, k] > -TOLERANCES.bits_of_zero):
+        for k in (k for k in left if known[i, k] > NONE):
             factor = as_ball(rows[i, k]) / rows[i, pivot]
             rows[on, k] = rows[on, k] - factor * rows[on, pivot]
-            found[own, k] = BALLS.settled(found[own, k] - factor * found[own, pivot])
-            sizes[:, k] = np.maximum(sizes[:, k], sizes[:, pivot] + BALLS.powers(np.array([factor], dtype=object))[0])
+            found[own, k] = found[own, k] - factor * found[own, pivot]
             rows[i, k] = 0
-            powers[on, k] = _least_powers(rows[on, k])
-            before, relative[:, k] = relative[:, k].copy(), beside(powers[:, k], sizes[:, k])
-            changed |= relative[:, k] != before
-        most[changed] = np.max(relative[changed], axis=1, initial=NONE)
-    return found[:, left]
+            before, known[:, k] = known[:, k].copy(), known[:, k]
+            known[on, k] = _digits(rows[on, k])
+            changed |= known[:, k] != before
+        most[changed] = np.max(known[changed], axis=1, initial=NONE)
+    return found[:, [k for k in left if resolved(found[:, k])]]
+
+
+def radii(x: Array) -> Array:
+    """Return the radii of balls."""
+    return np.asarray(np.frompyfunc(lambda y: 0 if y.__class__ is int else as_ball(y).rad(), 1, 1)(x))
+
+
+def resolved(x: Array) -> bool:
+    """Return whether the entries of a vector of balls are known, relative to the largest, as combinations must be."""
+    return bool(
+        np.all(BALLS.powers(radii(x)) <= np.max(BALLS.powers(x), initial=NONE) - TOLERANCES.bits_of_combinations)
+    )
+
+
+def _digits(x: Array) -> Array:
+    """Return how many bits of entries are known, of those that may be zero none (-inf)."""
+
+    def one(y: Any) -> float:
+        most = TOLERANCES.bits_of_identities
+        return float(most if y.__class__ is int else min(as_ball(y).rel_accuracy_bits(), most))
+
+    return np.where(excludes_zero(x), np.asarray(np.frompyfunc(one, 1, 1)(x), dtype=float), NONE)
 
 
 def not_negative(R: Array) -> bool:
     """Return whether Σ R_ij u_i u_j ≥ 0 for all u, shape (n, n): by elimination, each row in its own unit."""
-    size = np.maximum(BALLS.powers(R), BALLS.powers(R.T))
-    S, units, left = np.where(shows(R + R.T, size), R + R.T, 0), np.diagonal(size), list(range(len(R)))
+    S, units, left = R + R.T, np.diagonal(BALLS.powers(R)), list(range(len(R)))
 
     def relative(i: int) -> float:
         value = float(S[i, i])
@@ -267,11 +292,9 @@ def not_negative(R: Array) -> bool:
 
     while left:
         k = max(left, key=relative)
-        if not relative(k) > -TOLERANCES.bits_of_zero:
-            # Rounding is all that may be left, off the diagonal, too.
-            return not np.any(shows(S[np.ix_(left, left)], 0.5 * (units[left][:, None] + units[left])))
         if not S[k, k] > 0:
-            return False
+            # All that is left must be zero, off the diagonal, too.
+            return not np.any(excludes_zero(S[np.ix_(left, left)]))
         left.remove(k)
         for i in left:
             S[i, left] = S[i, left] - S[i, k] / S[k, k] * S[k, left]

@@ -19,6 +19,7 @@ import numbers
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from decimal import Decimal
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -329,8 +330,29 @@ def _finite(x: Any) -> Any:
 
 
 @cache
-def ball_arithmetic() -> Arithmetic:
-    """Return the arithmetic of real balls, at the precision in use.
+def decimal(text: str) -> Ball:
+    """Return a decimal exactly."""
+    value = Fraction(text)
+    if value and len(text) > MAX_DIGITS:
+        raise OverflowError("too many digits")
+    return ball(value)
+
+
+def rounded_decimal(text: str) -> Ball:
+    """Return a decimal, with half a unit of its last digit as an error if it has as many digits as a double."""
+    value = decimal(text)
+    if "/" in text:
+        return value
+    _, digits, exponent = Decimal(text).as_tuple()
+    if len(digits) < TOLERANCES.digits_of_rounded or not isinstance(exponent, int):
+        return value
+    from flint import arb
+
+    return real(value) + arb(0, 0.5 * 10.0**exponent)
+
+
+def ball_arithmetic(number: Callable[[str], Ball] = decimal) -> Arithmetic:
+    """Return the arithmetic of real balls, at the precision in use, in which literals are what a function says.
 
     A function raises ValueError where it has no finite enclosure: outside its domain, or where a
     ball contains a kink.
@@ -339,12 +361,6 @@ def ball_arithmetic() -> Arithmetic:
 
     copyreg.pickle(arb, _as_integers)  # balls go to other processes
     Turns = _turns_type()
-
-    def number(text: str) -> Any:
-        value = Fraction(text)
-        if value and len(text) > MAX_DIGITS:
-            raise OverflowError("too many digits")
-        return ball(value)
 
     def plain(name: str) -> Callable[[Any], Any]:
         return lambda x: _finite(getattr(real(x), name)())

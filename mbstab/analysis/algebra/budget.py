@@ -80,6 +80,23 @@ class Cost:
             )
 
 
+def require_room(points: int, numbers: int, what: str) -> None:
+    """Refuse a result at many points, with so many numbers for each, that takes too much memory.
+
+    Raises
+    ------
+    UsageError
+        Tells the estimate, the limit, and how many points fit.
+    """
+    size, most = 8.0 * points * numbers, TOLERANCES.estimated_memory
+    if size > most:
+        raise UsageError(
+            f"{points} {what} take about {size / 1e9:.2g} GB of memory ({numbers} numbers each), where "
+            f"{most / 1e9:g} GB is the limit\n"
+            f"hint: {int(most / (8 * numbers))} --points fit, or allow it with --force"
+        )
+
+
 def duration(seconds: float) -> str:
     """Return a time in words, such as ``40 s``, ``12 min`` or ``3 h``; at least one second."""
     seconds = max(seconds, 1.0)

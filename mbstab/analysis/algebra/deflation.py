@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mbstab.analysis.algebra.stacks import frobenius
 from mbstab.compiler.system import Array
 
 
@@ -104,3 +105,19 @@ def deflated_matrix(M: Array, R: Array, K: Array, N: Array, Z: Array, P: Array) 
         for block, x in ((np.s_[..., n:, :n], lower[0]), (np.s_[..., n:, n:], lower[1])):
             A[block] = -np.linalg.solve(M_z, x) if inverse is None else -inverse @ x
     return A, M_z
+
+
+def time_scale(A: Array, n: int) -> Array:
+    """Return typical rates of deflated systems (1/s), shape (…), of whose components the first n are positions."""
+    sizes = [np.sqrt(frobenius(A[..., n:, :n])), frobenius(A[..., n:, n:]), frobenius(A[..., :n, :n])]
+    largest: Array = np.max(sizes, axis=0)
+    return np.where(largest > 0.0, largest, 1.0)
+
+
+def balanced(A: Array, n: int, gamma: Array | float) -> Array:
+    """Return the matrices with speeds in units of γ, so that their blocks are of similar size."""
+    weights = np.ones(A.shape[:-1])
+    weights[..., n:] = np.asarray(gamma)[..., None]
+    result: Array = A * weights[..., None, :]
+    result /= weights[..., :, None]
+    return result

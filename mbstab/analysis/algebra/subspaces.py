@@ -6,7 +6,9 @@ carries their inertia: scaled by its own mass it would dominate the rows on both
 would seem to depend on each other. Where coordinates in such rows are light, the scale that
 separates the rows better is taken. In the end each coordinate has the scale of the inertia that it carries in allowed
 motions, if that is much larger than its own, but of no more than the largest one: N, Z and P would have small entries
-for light coordinates, known to the rounding of the large ones, which stiffness and the rows D_q multiply. With
+for light coordinates, known to the rounding of the large ones, which stiffness and the rows D_q multiply. Where the
+frame of a motion mixes coordinates of which one carries inertia and another does not, it is the other way round:
+`mbstab.analysis.linear.linearize` compares both. With
 J = [C_q; D_u],
 
     C_q N = 0,   W = D_u N,   W_q = D_q N,   W Z = 0,   P = −W⁺ W_q,
@@ -61,12 +63,16 @@ class Subspaces:
         Factors that give the scaled rows unit length.
     C, W : Rank
         Rank decisions about scaled C_q and scaled D_u N.
+    plain : Subspaces or None
+        The same in the scale of the coordinates' own inertias, where this is that of carried ones; None: that is no
+        other one, or hides the ranks.
     """
 
     scale: Array
     row_scale: Array
     C: Rank | SparseRank
     W: Rank
+    plain: Subspaces | None = None
 
     @property
     def N(self) -> Array:
@@ -177,7 +183,9 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array, scale
     if isinstance(found.C, Rank):
         carrying = _carrying(M, J[:n_h], found, sizes)
         if carrying is not found.scale:
-            found = _decided(J, n_h, carrying)
+            plain, found = found, _decided(J, n_h, carrying)
+            same = (plain.C.rank, plain.W.rank) == (found.C.rank, found.W.rank)
+            found = replace(found, plain=plain if same and _has_gap(plain.C) and _has_gap(plain.W) else None)
     require_gap(found.C, rows[:n_h])
     require_gap(found.W, rows[n_h:])
     return found
@@ -275,6 +283,11 @@ def aligned(basis: Array) -> tuple[Array, Array]:
     return np.where(np.abs(found) > TOLERANCES.aligned_rounding, found, 0.0), turn
 
 
+def _has_gap(rank: Rank | SparseRank) -> bool:
+    """Return whether a rank decision is certain."""
+    return bool(rank.smallest_kept >= TOLERANCES.singular_value_kept and rank.gap >= TOLERANCES.rank_gap)
+
+
 def require_gap(rank: Rank | SparseRank, rows: Sequence[Row]) -> None:
     """Refuse a rank decision without a gap.
 
@@ -283,7 +296,7 @@ def require_gap(rank: Rank | SparseRank, rows: Sequence[Row]) -> None:
     ConstraintError
         Names the rows that nearly depend on each other.
     """
-    if rank.smallest_kept >= TOLERANCES.singular_value_kept and rank.gap >= TOLERANCES.rank_gap:
+    if _has_gap(rank):
         return
     combination = np.abs(rank.doubtful)
     involved = [str(rows[i]) for i in np.argsort(-combination)[:4] if combination[i] > 0.1]

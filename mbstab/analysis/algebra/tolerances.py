@@ -103,8 +103,12 @@ class Tolerances:
     # Identities
     bits_of_identities: Final = 220
     """Bits of balls in which identities are tested at random states."""
+    bits_of_combinations: Final = 40
+    """Bits to which combinations of fields must be known: data that are rounded decimals have 50."""
     bits_of_zero: Final = 100
-    """A sum is zero if it is smaller than its terms by these bits; true identities leave 160, broken ones 84."""
+    """Bits to which a motion is known whose equations are proven."""
+    digits_of_rounded: Final = 15
+    """A decimal with so many digits was rounded when it was written."""
 
     sines_kept: Final = 500
     """Sines and cosines of so many angles are kept."""

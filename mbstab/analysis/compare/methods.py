@@ -32,7 +32,9 @@ from mbstab.analysis.spectrum.eigenvalues import judged
 from mbstab.analysis.spectrum.exactly import Exactly
 from mbstab.analysis.spectrum.precise import PreciseResult, precise_eigenvalues, rounded_eigenvalues
 from mbstab.analysis.spectrum.tolerances import TOLERANCES as SPECTRUM
-from mbstab.analysis.verdict.facts import Grounds, balanced, time_scale
+from mbstab.analysis.verdict.directions import Deflated
+from mbstab.analysis.verdict.facts import Grounds
+from mbstab.analysis.verdict.neutral import Structure
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
@@ -250,7 +252,7 @@ class _Ruler:
     def __init__(self, truth: PreciseResult, linear: Linearization) -> None:
         self.digits = truth.working_digits
         self.exact = truth.values()
-        self.rate = time_scale(state_space(linear))
+        self.rate = state_space(linear).rate
         with mp.workdps(self.digits):
             pairs = [mp.mpc(0, sign * mp.mpf(shift)) for shift in truth.shifts for sign in (1, -1)]
             self.neutral = [mp.zero] * (truth.neutral - len(pairs)) + pairs
@@ -368,6 +370,7 @@ def _alone(grounds: Grounds, method: str) -> Callable[[], object]:
     from mbstab.analysis.linear.acceleration_methods import Technique
 
     linear, separated = grounds.linear, grounds.separated
+    invariance, work = grounds.invariance, grounds.structure.work
     system, motion = linear.system, linear.motion
     default = enclosures(linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L)
     turning = separated.frequencies()
@@ -383,7 +386,7 @@ def _alone(grounds: Grounds, method: str) -> Callable[[], object]:
             return
         subspaces(linear.M, linear.J, linear.n_h, linear.rows, motion.sizes)
         space = state_space(linear)
-        left = grounds.structure.separated(balanced(space, time_scale(space))).A
+        left = Structure(linear, space, Deflated.of(linear, space, grounds.gamma), invariance, work).separated().A
         if len(left):
             np.linalg.eig(left)
 

@@ -39,7 +39,7 @@ from mbstab.analysis.simulate.steppers.table import METHODS
 from mbstab.analysis.spectrum.eigenvalues import answer
 from mbstab.analysis.spectrum.floquet import monodromy
 from mbstab.analysis.spectrum.results import EigenResult, Eigenvalue
-from mbstab.analysis.verdict.facts import Grounds, time_scale
+from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE
 from mbstab.analysis.verdict.wording import show
@@ -221,7 +221,7 @@ def _steady_frame(linear: Linearization, motion: Motion) -> _Frame:
     space = state_space(linear)
     generator = linear.generator if linear.generator is not None and linear.generator.turns else None
     to_u = space.to_rates
-    rows = 1.0 / np.concatenate([motion.sizes, motion.sizes * time_scale(space)])
+    rows = 1.0 / np.concatenate([motion.sizes, motion.sizes * space.rate])
     matrix = np.vstack([space.to_coordinates, to_u]) * rows[:, None]
     lengths = np.linalg.norm(matrix, axis=0)
     inverse = np.linalg.pinv(matrix / lengths) * rows / lengths[:, None]

@@ -10,7 +10,7 @@ from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.design.moving import Moving
 from mbstab.analysis.spectrum.sensitivity import moved_matrix
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import AXIS
+from mbstab.analysis.verdict.rule import AXIS
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError, UsageError
 from mbstab.model.parameters import bound, settings_in_si

@@ -10,13 +10,14 @@ the finite eigenvalues: with N, Z, P of `mbstab.analysis.algebra.subspaces` and 
 
 from __future__ import annotations
 
+import math
 from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.deflation import in_frame
+from mbstab.analysis.algebra.deflation import in_frame, time_scale
 from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in, multiplier_sizes
@@ -189,6 +190,11 @@ class StateSpace:
     spaces: Subspaces
 
     @cached_property
+    def rate(self) -> float:
+        """A typical rate (1/s)."""
+        return float(time_scale(self.A, self.n_xi))
+
+    @cached_property
     def to_coordinates(self) -> Array:
         """Δq = to_coordinates @ y, shape (n_q, n_f)."""
         scale, N = self.spaces.scale, self.spaces.N
@@ -219,8 +225,10 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
         If nothing determines a motion without mass; names body and coordinate.
     """
     variation, generator, matrices = coefficients(system, motion, frozen)
-    names = tuple(system.names)
+    names, plain = tuple(system.names), motion.spaces.plain
     if motion.massless is None:
+        if plain is not None and _fastest(matrices, plain) < _fastest(matrices, motion.spaces):
+            motion = motion.scaled(plain)
         rows = tuple(system.rows)
         return Linearization(system, *matrices, system.n_h, names, rows, motion, variation, generator, frozen)
     terms = _entries(system, motion, generator, multiplier_sizes(system, motion))
@@ -230,6 +238,19 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
     n_h = system.n_h + len(light.algebraic)
     matrices = light.extended(matrices)
     return Linearization(system, *matrices, n_h, names, light.rows, motion, variation, generator, frozen, light)
+
+
+def _fastest(matrices: Matrices, spaces: Subspaces) -> float:
+    """Return the largest rate in the scaled equations before they are reduced, which multiplies rounding of bases."""
+    scale, n_h = spaces.scale, len(matrices.J) - len(matrices.D_q)
+    M, R, K = (x * scale * scale[:, None] for x in matrices[:3])
+    D_q = matrices.D_q * scale * spaces.row_scale[n_h:, None]
+    M_z = spaces.allowed.T @ M @ spaces.allowed
+    least = float(np.linalg.eigvalsh(M_z)[0]) if len(M_z) else 1.0
+    if not least > 0.0:
+        return math.inf
+    norms = [float(np.linalg.norm(x, 2)) if x.size else 0.0 for x in (K, R, D_q)]
+    return max(math.sqrt(norms[0] / least), norms[1] / least, norms[2] / spaces.W.smallest_kept if len(D_q) else 0.0)
 
 
 def _terms(system: System, motion: Motion, generator: Generator | None) -> Matrices:

@@ -323,6 +323,7 @@ class _Roundings:
         steps = self._solved(balance.equations(at).inverse, np.concatenate(misfit), balance.open, sizes)
         dq = dq.copy()
         dq[balance.open] = steps[:count] * sizes + UNIT * np.abs(motion.q[balance.open])
+        dq += 0.0 if motion.spread is None else motion.spread
         if not family.size:
             return dq, 0.0 * dq
         dc[balance.free] = steps[count : balance.moving] * balance.speed

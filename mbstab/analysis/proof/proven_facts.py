@@ -125,7 +125,7 @@ class Case:
                 still = [ball(0)] * len(direction)
                 name = f"speed along {item.name.removeprefix('translation along ')}"
                 found.append((name, False, self.proof.column(still, direction)))
-        if self.grounds.plain.speeds:
+        if self.grounds.plain.choice.moving:
             for item in self.symmetries:
                 name = f"speed of {item.name}"
                 if name in self.grounds.plain.neutral.family and self._accepts(

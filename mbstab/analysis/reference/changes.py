@@ -21,6 +21,7 @@ from mbstab.analysis.algebra.ball_arrays import (
     largest_terms,
     middle,
     plain_ball,
+    radii,
 )
 from mbstab.analysis.reference.fields import SIZES, Block, field_values
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -61,7 +62,7 @@ class Results:
 
     def __init__(self, f: Doubles, values: Array, lead: tuple[int, ...], places: Places) -> None:
         self._f, self._values, self._lead, self._places = f, values, lead, places
-        self._found, self._sizes = dict[str, Array](), dict[str, Array]()
+        self._found, self._sizes = dict[str, Array](), dict[str, Sized]()
 
     def __getitem__(self, key: str) -> Array:
         if key not in self._found:
@@ -75,8 +76,8 @@ class Results:
     def sized(self, key: str) -> Sized:
         """Return a matrix with the exponents of the sizes of its entries."""
         if key not in self._sizes:
-            self._sizes[key] = self._f.powers(self[key])
-        return self[key], self._sizes[key]
+            self._sizes[key] = self._f.sized(self[key])
+        return self._sizes[key]
 
 
 Places = dict[str, tuple[tuple[int, ...], list[tuple[list[int], list[int]]]]]
@@ -90,7 +91,7 @@ class Change(NamedTuple):
     of : Local
     value : ndarray, shape (…, rows, k)
     size : ndarray, shape (…, rows, k)
-        Exponents of the largest terms of the entries.
+        Exponents of the largest terms of the entries, in doubles.
     usual : ndarray, shape (…, rows, 1)
         Exponents of the largest terms for fields that move the scene by about its own size, at its rate.
     """
@@ -291,12 +292,10 @@ class At:
         self.units, self.rate = np.log2(sizes), float(np.log2(rate))
         self.elements: Sequence[Local] = cluster.elements
         self._runs: dict[tuple[int, str], Results] = {}
-        self._known: dict[tuple[int, str], Sized] = {}
 
     def entry(self, own: Local, key: str) -> Sized:
         """Return a matrix of an element, or its force, with the exponents of the sizes."""
-        known = self._known.get((id(own), key))
-        return known or self._run(own, FUNCTION_OF[key]).sized(key)
+        return self._run(own, FUNCTION_OF[key]).sized(key)
 
     def _run(self, own: Local, function: str, nu: Any = None) -> Results:
         """Return the results of a function of the kernel of an element."""
@@ -312,10 +311,6 @@ class At:
             self.entry(own, "J" if own.element.rows else "F")
             if not own.holonomic:
                 self._run(own, "linearize")
-
-    def know(self, found: dict[int, Results]) -> None:
-        """Take ∂V/∂u of rows as known, by the identity of their elements."""
-        self._known |= {(key, "J"): x.sized("J") for key, x in found.items()}
 
     @cached_property
     def values(self) -> list[Any]:
@@ -344,15 +339,13 @@ class At:
 
     def changes(self, what: What, c: Array | None = None) -> Iterator[Change]:
         """Yield what combinations of fields, or in doubles all of its bodies, do to each of its elements."""
-        known = None if c is None else [[(x, self.f.powers(x)) for x in own] for own in self.fields(c)]
+        known = None if c is None else [list(map(self.f.sized, own)) for own in self.fields(c)]
         for own in self.elements:
             if known is None:
-                fields = [[(x, self.f.powers(x)) for x in block] for block in self._each(own.on)]
+                fields = [list(map(self.f.sized, block)) for block in self._each(own.on)]
             else:
                 fields = [known[k] for k in own.on]
-            yield from self._change(
-                own, what, [_below([x[i] for x in fields]) for i in range(3)], [x[3] for x in fields]
-            )
+            yield from self._change(own, what, fields)
 
     def _each(self, on: Sequence[int]) -> list[tuple[Array, ...]]:
         """Return each field of some blocks, in doubles."""
@@ -364,7 +357,8 @@ class At:
             start += size
         return found
 
-    def _change(self, own: Local, what: What, X: Sequence[Sized], slopes: Sequence[Sized]) -> Iterator[Change]:
+    def _change(self, own: Local, what: What, fields: Sequence[Sequence[Sized]]) -> Iterator[Change]:
+        X, slopes = [_below([x[i] for x in fields]) for i in range(3)], [x[3] for x in fields]
         if not own.analytic:
             found = self._untouched(own, what, X[0][0], [x for x, _ in slopes])
         elif own.element.rows:
@@ -403,7 +397,7 @@ class At:
         """Add (DX)ᵀ F, which acts on all coordinates of a body."""
         a = self.state[2][..., own.columns]
         force = self.entry(own, "F")[0] + self.f.multiplied(self.entry(own, "M")[0], a[..., None])[..., 0]
-        power, start = self.f.powers(force), 0
+        power, start = self.f.sized(force)[1], 0
         for slope, size in slopes:
             *lead, m, _, k = slope.shape
             here = slice(start, start + m)
@@ -428,7 +422,7 @@ class At:
             if what != "driven" and bool(own.element.rows) != (what == "held" and not own.of_state):
                 return None
             moved = X[..., speeds, :]
-        size = self.f.powers(moved)
+        size = self.f.sized(moved)[1]
         return Change(own, moved, size, np.max(size, axis=-1, keepdims=True, initial=NONE))
 
     def later(self, own: Local, step: Fraction, rows: int) -> Array:
@@ -486,7 +480,7 @@ class Balanced(At):
         solved = f.solved(matrix, right)[:, 0]
         numbers = [i for own in rows for i in own.element.rows]
         self.nu = dict.fromkeys(numbers, 0.0) | {numbers[k]: y for k, y in zip(kept, solved[n:], strict=True)}
-        self.M, self.state = M, (q, u, f.settled(solved[:n]), time)
+        self.M, self.state = M, (q, u, solved[:n], time)
 
     def evaluate(self, elements: Sequence[Local]) -> None:
         """Evaluate all elements."""
@@ -519,19 +513,35 @@ class Balanced(At):
                 own, size = self.entry(x, "F")
                 F[0, x.columns] += own
                 terms[0, x.columns] = np.maximum(terms[0, x.columns], size)
-            yield self._products(whole, ((F, terms), (X, f.powers(X)), 0))
+            total = self._products(whole, ((F, terms), f.sized(X), 0))
+            yield total
+            if f.exact:
+                yield from self._hidden(what, fields, total.value)
             return
         pairs = ((self._sum("K"), X, 0), (self._sum("R"), X1, 1), (self.M, X2, 2))
-        _, value, size, usual = self._products(whole, *(((A, f.powers(A)), (Y, f.powers(Y)), k) for A, Y, k in pairs))
+        _, value, size, usual = self._products(whole, *((f.sized(A), f.sized(Y), k) for A, Y, k in pairs))
         if len(self.J):
             weighted = self.J * self.sizes**2
             pulled = f.solved(f.multiplied(weighted, self.J.T), f.multiplied(weighted, value))
             value = value - f.multiplied(self.J.T, pulled)
             # Reactions mix what acts on coordinates.
             size, usual = (np.max(x + self.units[:, None], axis=0) - self.units[:, None] for x in (size, usual))
-        if f.exact:  # a weak force must not be lost beside those of all others
-            size, usual = size - TOLERANCES.bits_of_weak_forces, usual - TOLERANCES.bits_of_weak_forces
         yield Change(whole, value, size, usual)
+        if f.exact:
+            yield from self._hidden(what, fields, value)
+
+    def _hidden(self, what: What, fields: Sequence[tuple[Array, ...]], total: Array) -> Iterator[Change]:
+        """Yield changes of single forces that are lost in the rounding of their sum: nothing is known to balance them.
+
+        A weak force must not be lost beside those of all others.
+        """
+        lost = BALLS.powers(radii(total))
+        known = [list(map(BALLS.sized, own)) for own in fields]
+        for own in (x for x in self.smooth if not x.element.rows):
+            for change in self._change(own, what, [known[k] for k in own.on]):
+                rows = lost if what == "work" else lost[own.columns]
+                change.value[BALLS.powers(change.value) > rows] = 0
+                yield change
 
 
 def independent(J: Array, first: Flags | None = None) -> list[int]:

@@ -125,6 +125,24 @@ class LinearBalance:
         nu = -self.carried.pseudo_inverse.T @ (residual[:n] + self.forces @ moved)
         return np.concatenate([moved, nu / self.lengths])
 
+    def stiff_step(self, residual: Array) -> Array | None:
+        """Return the part of a step along which forces change much more than along the rest; None if there is none.
+
+        The two parts are divided where the singular values of the forces along what is allowed have their widest gap.
+        """
+        n = len(self.forces)
+        left, s, right = np.linalg.svd(self.free.T @ self.forces @ self.allowed)
+        if len(s) < 2 or s[0] == 0.0:
+            return None
+        drops = s[:-1] / np.maximum(s[1:], np.finfo(float).tiny)
+        k = int(np.argmax(drops)) + 1
+        if drops[k - 1] < TOLERANCES.valley_gap:
+            return None
+        first = -self.rows.pseudo_inverse @ residual[n:]
+        along = self.free.T @ (residual[:n] + self.forces @ first)
+        moved = first - self.allowed @ (right[:k].T @ (left[:, :k].T @ along / s[:k]))
+        return np.concatenate([moved, np.zeros(len(self.lengths))])
+
     def nearer(self, step: Array, residual: Array) -> bool:
         """Return whether a step led nearer to a solution: the residual after it asks for one of half its length.
 
@@ -293,6 +311,11 @@ class Balance:
         """Return the rows as they act on the coordinates: those of first-order states take no force."""
         states = np.isin(self.rows, self.system.states[1])
         return np.where(states[:, None], 0.0, J) if states.any() else J
+
+    def unconstrained(self, J: Array) -> Array:
+        """Return the forces that no row carries, scaled: orthonormal columns."""
+        rows = self._pushing(J) * self.acting * self.sizes
+        return rank_of(rows / np.maximum(norms(rows), 1e-300)[:, None]).null
 
     def lengths(self, J: Array) -> Array:
         """Return the lengths of rows in units of the characteristic sizes; 1 for rows of zeros."""

@@ -28,7 +28,7 @@ from mbstab.analysis.reference.equations import Balance, State
 from mbstab.analysis.reference.failure import STRATEGIES, Failure, excess, undetermined
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.reference.guard import coefficients, require_steady
-from mbstab.analysis.reference.imbalance import carrying, state_rounding
+from mbstab.analysis.reference.imbalance import carrying, force_rounding, state_rounding
 from mbstab.analysis.reference.motion import Finder, Motion
 from mbstab.analysis.reference.newton import Search, Stalled, newton_step
 from mbstab.analysis.reference.outputs import Outputs
@@ -65,7 +65,7 @@ class Equilibrium(Answer):
         Largest unbalanced force (N) and torque (N·m).
     iterations : int
     strategy : str
-        ``Newton``, ``relaxation`` or ``spin-up``: what led to the solution.
+        ``Newton``, ``relaxation``, ``valley`` or ``spin-up``: what led to the solution.
     symmetries : tuple of str
         Shifts that lead from this solution to others like it.
     open : tuple of str
@@ -111,8 +111,13 @@ def found_motion(system: System, massless: bool = False) -> Motion:
     if not search.balance.equations(at, TOLERANCES.isolated_singular_value).loose.size:
         return motion
     found = _open_directions(search, at, symmetries(system, motion))
-    said = [f"the {'equilibrium' if motion.at_rest else 'steady motion'} is not isolated: {text}" for text in found]
-    return replace(motion, warnings=(*motion.warnings, *said))
+    what = "equilibrium" if motion.at_rest else "steady motion"
+    said = [f"the {what} is not isolated: {text}" for text in found]
+    off = np.zeros(system.n_q)
+    if not motion.sharpened:
+        for vector in found.values():
+            off[search.balance.open] += _spread(search, at, vector) * np.abs(vector)
+    return replace(motion, spread=off * search.sizes, warnings=(*motion.warnings, *said))
 
 
 def find_equilibria(
@@ -455,11 +460,11 @@ def _unsure(search: Search, at: State) -> str:
     )
 
 
-def _open_directions(search: Search, at: State, known: list[Symmetry]) -> list[str]:
-    """Return directions in which a solution is not isolated although no symmetry explains them."""
+def _open_directions(search: Search, at: State, known: list[Symmetry]) -> dict[str, Array]:
+    """Return directions in which a solution is not isolated although no symmetry explains them, by their texts."""
     balance = search.balance
     if not balance.moving:
-        return []
+        return {}
     null = balance.equations(at, TOLERANCES.isolated_singular_value).loose[: len(balance.open)]
     if known:
         shifts = (
@@ -469,13 +474,37 @@ def _open_directions(search: Search, at: State, known: list[Symmetry]) -> list[s
         null = null - basis @ (basis.T @ null)
     left, s, _ = np.linalg.svd(null, full_matrices=False)
     names = [search.system.names[i] for i in search.balance.open]
-    found = []
+    found = {}
     for vector in left.T[: int(np.sum(s > 1e-6))]:
         strong = np.argsort(-np.abs(vector))
         parts = [names[i] for i in strong if abs(vector[i]) > 0.3 * np.max(np.abs(vector))]
         kind = "a continuum" if _continues(search, at, vector) else "a critical position"
-        found.append(f"{kind} along {', '.join(parts[:4])}")
+        found[f"{kind} along {', '.join(parts[:4])}"] = vector
     return found
+
+
+def _spread(search: Search, at: State, vector: Array) -> float:
+    """Return how far along a direction, relative to the scene, residuals are no more than rounding and that of `at`.
+
+    At an m-fold solution they grow like the m-th power of the distance, so that this is an m-th root of the rounding.
+    Along a continuum they stay: all is a solution, and none is off.
+    """
+    system, balance = search.system, search.balance
+    equations = balance.equations(at, TOLERANCES.isolated_singular_value)
+    ahead = np.concatenate([vector, np.zeros(balance.moving - len(vector))])
+    rounding = force_rounding(system, (at.q, at.u, at.a, at.nu)) * search.sizes / balance.energy
+    allowed = np.abs(equations.unmoved.T) @ (2.0 * rounding + np.abs(at.residual[: system.n_q]))
+
+    def held(step: Array) -> bool:
+        trial = search.tried(at, step)
+        trial = trial and search.tried(trial, equations.step(trial.residual))
+        return trial is not None and bool(np.all(np.abs(equations.unmoved.T @ trial.residual[: system.n_q]) <= allowed))
+
+    reached = 0.0
+    for distance in np.geomspace(*TOLERANCES.spread_searched):
+        if held(distance * ahead) or held(-distance * ahead):
+            reached = float(distance)
+    return reached if reached < TOLERANCES.spread_searched[1] else 0.0
 
 
 def _continues(search: Search, at: State, vector: Array) -> bool:

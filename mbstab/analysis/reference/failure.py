@@ -23,17 +23,20 @@ from mbstab.errors import EquilibriumError, MbstabError, ModelFileError, counted
 from mbstab.model.scene import Scene
 from mbstab.model.schema import is_length
 
-STRATEGIES = ("Newton", "relaxation", "spin-up")
+STRATEGIES = ("Newton", "relaxation", "valley", "spin-up")
 """What leads to a solution, in the order in which it is tried."""
 
 
 def excess(search: Search, at: State) -> Array:
     """Return the imbalance of each coordinate relative to what rounding of the forces that balance may leave.
 
-    Those forces are the ones along the coordinate itself, so that large ones elsewhere hide nothing.
+    Those forces are the ones along the coordinate itself, so that large ones elsewhere hide nothing. Multipliers spread
+    an imbalance over all coordinates that rows couple, and have a rounding of their own, which rows carry.
     """
     system, energy, sizes = search.system, search.balance.energy, search.sizes
-    left = np.abs(at.residual[: system.n_q]) * energy
+    free = search.balance.unconstrained(at.J)
+    projector = free @ free.T
+    left = np.abs(projector @ at.residual[: system.n_q]) * energy
     transmitted = np.abs(at.J.T) @ np.abs(at.nu[search.balance.rows])
     allowed = TOLERANCES.residual * (system.loads(at.q, at.u, at.a) + transmitted) * sizes
     if np.any(left > allowed):
@@ -41,6 +44,7 @@ def excess(search: Search, at: State) -> Array:
         state = at.q, at.u, at.a, at.nu
         rounding = TOLERANCES.coordinate_rounding * force_change(system, state, sizes, sizes)
         allowed += np.minimum(np.maximum(rounding, force_rounding(system, state) * sizes), TOLERANCES.residual * energy)
+        allowed = np.maximum(allowed, np.abs(projector) @ allowed)
     found: Array = left / np.maximum(allowed, 1e-300)
     return found
 

@@ -8,6 +8,7 @@ numbers that carry derivatives, whatever the numbers are: floats, arrays over th
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -15,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.ball_arrays import in_ball, many_bits
 from mbstab.analysis.algebra.sparse import nothing
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array, System
@@ -298,11 +300,20 @@ class Field:
         return found
 
     def __add__(self, other: Field) -> Field:
-        return Field(self.basis, self.c + other.c, [x + y for x, y in zip(self.exact, other.exact, strict=True)])
+        exact = [_exactly(operator.add, *x) for x in zip(self.exact, other.exact, strict=True)]
+        return Field(self.basis, self.c + other.c, exact)
 
     def times(self, factor: Any) -> Field:
         """Return a multiple of it."""
-        return Field(self.basis, self.c * float(factor), [x * factor for x in self.exact])
+        return Field(self.basis, self.c * float(factor), [x and _exactly(operator.mul, x, factor) for x in self.exact])
+
+
+def _exactly(function: Callable[[Any, Any], Any], x: Any, y: Any) -> Any:
+    """Return a sum or a product of exact coefficients, in balls if one of them is: fractions and balls do not mix."""
+    if not (hasattr(x, "rad") or hasattr(y, "rad")):
+        return function(x, y)
+    with many_bits():
+        return function(in_ball(x), in_ball(y))
 
 
 @dataclass(frozen=True, eq=False)

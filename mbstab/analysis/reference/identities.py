@@ -5,7 +5,8 @@ states that satisfy the rows of its bodies. Where that vanishes at a random stat
 function that is not zero vanishes at a random point with probability 0: Schwartz 1980, Zippel 1979; Mityagin 2015), and
 the group of X carries motions into motions (Lie; Olver 1993, theorem 2.31). Doubles propose a space of fields, element
 by element; balls of Arb with 220 bits, in which decimals of the file are exact, keep those of it for which the change
-vanishes.
+may vanish. Coordinates that rows determine, and coefficients that are no fractions, are balls that contain them: so a
+change that excludes zero is one, however weak it is.
 
 Of what is not analytic, as a force with abs, nothing is concluded from random states: fields pass if they change none
 of the coordinates and speeds that it contains.
@@ -28,14 +29,18 @@ from mbstab.analysis.algebra.ball_arrays import (
     NONE,
     Doubles,
     as_ball,
+    excludes_zero,
     filled,
+    in_ball,
     kept_combinations,
     many_bits,
     middle,
     plain_ball,
-    shows,
+    radii,
+    resolved,
+    widened,
 )
-from mbstab.analysis.reference.changes import At, Cluster, Local, Results, Sized, State, What, Whole, independent
+from mbstab.analysis.reference.changes import At, Cluster, Local, Results, State, What, Whole, independent
 from mbstab.analysis.reference.element_comparison import ElementComparison
 from mbstab.analysis.reference.fields import ROTATIONS, SIZES, Basis, Block, Field
 from mbstab.analysis.reference.rounded_scene import exact_system
@@ -211,7 +216,7 @@ class Identities:
             left[~on, 0] = 0
             if asked is not own.closing:
                 left[on] = 0  # these hold, and are linear in the speeds
-            steps = BALLS.shortest(J[kept], sizes, left)
+            steps = BALLS.shortest(BALLS.settled(J[kept]), sizes, BALLS.settled(left))
             reach = np.max(np.abs(middle(steps)) / sizes[:, None], axis=0).tolist()
             settled = far < half or reach[0] < half**2
             if not settled:
@@ -223,9 +228,11 @@ class Identities:
         else:
             if asked:
                 raise ArithmeticError("no state on the rows")
-        there = self._at(own, (q, u, a, time), BALLS)
-        there.know(found)
-        return there
+        if asked:
+            # Nothing is known of what rows determine beyond the last step.
+            held = np.where(np.any(J != 0, axis=0), TOLERANCES.rounding_on_rows * sizes, 0.0)
+            q, u = widened(q, held * np.any(own.holonomic)), widened(u, held * self.rate)
+        return self._at(own, (q, u, a, time), BALLS)
 
     # --- the space of fields ----------------------------------------------------------------------------------------
 
@@ -339,11 +346,10 @@ class Identities:
             every = BALLS.of(np.diag(self.scale[own.fields]))
             for visit in range(TOLERANCES.states_beyond + len(own.fields) // own.least):
                 for at in self._visited(own, visit):
-                    value, size = self._along(own, at, every, "along")
+                    value = self._along(own, at, every, "along")
+                    size = np.where(excludes_zero(value), BALLS.powers(value), NONE)
                     most = np.max(size, axis=1, initial=NONE)
-                    # What a row or a kernel cancels by itself is rounding of the state.
-                    felt = most > np.max(most, initial=NONE) - TOLERANCES.bits_of_weak_terms
-                    units = BALLS.of(np.where(felt, np.exp2(-np.where(felt, most, 0.0)), 0.0)[:, None])
+                    units = BALLS.of(np.where(most > NONE, np.exp2(-np.where(most > NONE, most, 0.0)), 0.0)[:, None])
                     slopes.append(np.zeros((len(value), self.basis.size)))
                     slopes[-1][:, own.fields] = middle(value * units)
                     parts.append((own, at, units))
@@ -353,13 +359,17 @@ class Identities:
         inverse = np.linalg.pinv(matrix[:, solved], rcond=TOLERANCES.proposed_change)
         free = free[solved]
         for _ in range(TOLERANCES.steps_of_refinement):
-            left = np.concatenate([self._along(own, at, space[own.fields], "along")[0] * x for own, at, x in parts])
+            left = np.concatenate([self._along(own, at, space[own.fields], "along") * x for own, at, x in parts])
             power = float(np.max(BALLS.powers(left), initial=NONE))
             if not np.isfinite(power):
                 break
             unit = BALLS.of(np.array(2.0))[()] ** int(power)
             step = -inverse @ middle(left / unit) * self.scale[free][:, None]
             space[free] = BALLS.settled(space[free] + BALLS.of(step) * unit)
+        # Data that are rounded decimals determine no more digits than they have.
+        off = max(TOLERANCES.rounding_on_rows, 8.0 * float(np.max(middle(radii(left)), initial=0.0)))
+        most = np.max(np.abs(middle(space)) / self.scale[:, None], axis=0)
+        space[free] = widened(space[free], off * self.scale[free][:, None] * most)
         return space
 
     def _simple(self, space: Array) -> Array:
@@ -393,13 +403,11 @@ class Identities:
                 if not on:
                     continue
                 found = [self._along(own, x, space[own.fields][:, on], what) for x in self._visited(own, k)]
-                combinations = BALLS.zeros((len(on), 0))
-                if found:
-                    combinations = kept_combinations(*(np.concatenate(x) for x in zip(*found, strict=True)))
+                combinations = kept_combinations(np.concatenate(found)) if found else BALLS.zeros((len(on), 0))
                 if combinations.shape[1] < len(on):
                     # A field that passes with the others left out was not chosen by this state.
                     failed += [own] * bool(np.any(np.sum(combinations != 0, axis=0) > 1))
-                    mixed = BALLS.settled(BALLS.multiplied(space[:, on], combinations))
+                    mixed = BALLS.multiplied(space[:, on], combinations)
                     space = np.hstack([np.delete(space, on, axis=1), mixed])
             if not failed:
                 return space
@@ -454,14 +462,9 @@ class Identities:
                     return found
         return []
 
-    def _along(self, own: Cluster, at: At, c: Array, what: What) -> Sized:
+    def _along(self, own: Cluster, at: At, c: Array, what: What) -> Array:
         """Return what combinations of the fields of a cluster do to its elements at a state."""
-        found = [(BALLS.zeros((0, c.shape[1])), np.zeros((0, c.shape[1])))]
-        for x in at.changes(what, c):
-            # What vanishes on rows does so to the digits of the state only, and kernels cancel it by themselves.
-            found.append((x.value, np.maximum(x.size, x.usual - TOLERANCES.bits_of_weak_terms) if own.rows else x.size))
-        value, size = (np.concatenate(x) for x in zip(*found, strict=True))
-        return value, size
+        return np.concatenate([BALLS.zeros((0, c.shape[1])), *(x.value for x in at.changes(what, c))])
 
     # --- questions --------------------------------------------------------------------------------------------------
 
@@ -504,6 +507,7 @@ class Identities:
         good = ~self._seen(fields, what)
         with many_bits():
             space = self._columns(fields)
+            good &= [resolved(x) for x in space.T]
             for own in self.clusters:
                 on = np.flatnonzero(good & np.any(space[own.fields] != 0, axis=0))
                 if not len(on):
@@ -511,7 +515,7 @@ class Identities:
                 visited = self._visited(own)
                 good[on] &= bool(visited)
                 for at in visited:
-                    good[on] &= ~np.any(shows(*self._along(own, at, space[own.fields][:, on], what)), axis=0)
+                    good[on] &= ~np.any(excludes_zero(self._along(own, at, space[own.fields][:, on], what)), axis=0)
         result: list[bool] = good.tolist()
         return result
 
@@ -532,7 +536,7 @@ class Identities:
             fields = self._columns([field])
             for own in self.clusters:
                 if np.any(fields[own.fields] != 0):
-                    found = (self._along(own, at, fields[own.fields], "along")[0] for at in self._visited(own))
+                    found = (self._along(own, at, fields[own.fields], "along") for at in self._visited(own))
                     if any(np.any(x != 0) for x in found):
                         return "enclosed"
         return "structural"
@@ -545,6 +549,17 @@ class Identities:
             .T
         )
 
+    def known_to(self, c: Array, bits: int) -> Array:
+        """Return the coefficients of a motion that is known to so many bits, relative to the largest, as balls."""
+        if not np.any(c != 0):
+            return BALLS.zeros(c.shape)
+        with many_bits():
+            found = in_balls(c)
+            rough = np.abs(middle(found))
+            return widened(
+                found, np.where(rough, np.max(rough / self.scale, initial=0.0) * self.scale, 0.0) * 2.0**-bits
+            )
+
     def changed(self, c: Array, bits: int = TOLERANCES.bits_of_motion) -> list[str]:
         """Return the entries that are not the same a little later after a motion along a field.
 
@@ -552,15 +567,12 @@ class Identities:
         """
         found = dict[str, None]()
         with many_bits():
-            fields, step = in_balls(c)[:, None], Fraction(1, 2**70) / Fraction(self.rate)
+            fields, step = self.known_to(c, bits)[:, None], Fraction(1, 2**70) / Fraction(self.rate)
             for own in self.clusters:
                 pairs = ((at, x) for at in self._visited(own) for x in at.changes("along", fields[own.fields]))
                 for at, x in pairs:
-                    value, terms = x.value, np.maximum(x.size, x.usual - TOLERANCES.bits_of_weak_terms)
-                    if self.system.scene.timed:
-                        later = at.later(x.of, step, len(value))[:, None]
-                        value, terms = value + later, np.maximum(terms, BALLS.powers(later))
-                    if np.any(shows(value, terms, bits)):
+                    later = at.later(x.of, step, len(x.value))[:, None] if self.system.scene.timed else 0
+                    if np.any(excludes_zero(x.value + later)):
                         found[x.of.element.path] = None
         return list(found)
 
@@ -652,7 +664,9 @@ class Identities:
         # Each reduced column has a row of its own: one whose row is excluded takes no part.
         space, pivots = self._reduced
         part = space[:, [k for k, row in enumerate(pivots) if not excluded[row]]]
-        return self._those(part, part[excluded])
+        found = self._those(part, part[excluded])
+        found[excluded] = 0
+        return found
 
     def in_place(self) -> list[Field]:
         """Return the fields of the space that turn bodies in place, and do nothing else."""
@@ -669,13 +683,17 @@ class Identities:
             ground = 6 if b.kind.startswith("spatial") else 3
             rows.append(self.space[b.start + ground : b.start + SIZES[b.kind]])
             rows.append(self.space[b.start : b.start + ground] - self.space[first.start : first.start + ground])
-        return self._those(self.space, np.concatenate(rows))
+        found = self._those(self.space, np.concatenate(rows))
+        for b in bodies:
+            ground = 6 if b.kind.startswith("spatial") else 3
+            found[b.start : b.start + ground] = found[first.start : first.start + ground]
+            found[b.start + ground : b.start + SIZES[b.kind]] = 0
+        return found
 
     def _those(self, space: Array, rows: Array) -> Array:
         """Return the combinations of fields for which rows vanish, as reduced columns of exact numbers."""
         with many_bits():
-            sizes = np.broadcast_to(np.max(BALLS.powers(space), axis=0, initial=NONE), rows.shape)
-            combinations = kept_combinations(rows, sizes)
+            combinations = kept_combinations(rows)
             if not combinations.shape[1]:
                 return np.zeros((self.basis.size, 0), dtype=object)
             found, _ = reduced(BALLS.multiplied(space, combinations), self.scale, self.basis.lengths)
@@ -765,7 +783,7 @@ def reduced(space: Array, scale: Array, lengths: Flags) -> tuple[Array, list[int
         A[pivot, k] = 1
         for j in filled(A[pivot]):
             if j != k:
-                A[on, j] = BALLS.settled(A[on, j] - A[pivot, j] * A[on, k])
+                A[on, j] = A[on, j] - A[pivot, j] * A[on, k]
                 A[pivot, j] = 0
                 weighted[on, j] = np.abs(middle(A[on, j])) * weight[on]
         most[on] = np.max(weighted[on, k + 1 :], axis=1, initial=0.0)
@@ -799,9 +817,4 @@ def short(x: float) -> Any:
 
 def in_balls(x: Array) -> Array:
     """Return an array of fractions and floats in balls."""
-    from flint import arb, fmpq
-
-    def one(y: Any) -> Any:
-        return arb(fmpq(y.numerator, y.denominator)) if isinstance(y, Fraction) else y if isinstance(y, int) else arb(y)
-
-    return np.asarray(np.frompyfunc(one, 1, 1)(x), dtype=object)
+    return np.asarray(np.frompyfunc(in_ball, 1, 1)(x), dtype=object)

@@ -110,7 +110,7 @@ def require_compatible(
         return
     if not is_sparse(J):
         # Where curvatures of paths cancel, all of the bias is rounding, which tells nothing.
-        found = _rounding_of_accelerations(system, at, sizes, np.abs(inverse @ bias) * spaces.scale)
+        found = rounding_of_accelerations(system, at, sizes, np.abs(inverse @ bias) * spaces.scale)
         apart = np.abs(residual) > np.abs(np.eye(len(J)) - J @ inverse) @ (found * spaces.row_scale)
         if not np.any(apart):
             return
@@ -123,8 +123,12 @@ def require_compatible(
     )
 
 
-def _rounding_of_accelerations(system: System, at: tuple[Array, Array, float], sizes: Array, a: Array) -> Array:
-    """Return how far J a + B may be off by rounding, also by that of coordinates and speeds, shape (n_c,)."""
+def rounding_of_accelerations(system: System, at: tuple[Array, Array, float], sizes: Array, a: Array) -> Array:
+    """Return how far J a + B may be off by rounding, also by that of coordinates and speeds, shape (n_c,).
+
+    It includes that of the decimals of the file: what 0.1 + 0.2 - 0.3 leaves in floats contradicts nothing, as the
+    numbers that the file gives do not. A contradiction of these numbers is larger, if floats can tell it at all.
+    """
     q, u, time = at
     fastest = float(np.max(np.abs(u / sizes), initial=0.0))
     places = TOLERANCES.coordinate_rounding * np.maximum(np.abs(q), sizes)

@@ -24,7 +24,13 @@ from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, 
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, fewest, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.assembly import assembled, not_satisfied, unclosed
-from mbstab.analysis.reference.imbalance import balanced_at, carrying, require_compatible, state_rounding
+from mbstab.analysis.reference.imbalance import (
+    balanced_at,
+    carrying,
+    require_compatible,
+    rounding_of_accelerations,
+    state_rounding,
+)
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.reference.refusals import (
     inertias_too_far_apart,
@@ -78,6 +84,8 @@ class Motion:
         none. Their accelerations are not known: zero.
     sharpened : bool
         Whether coordinates and rates that were solved for are right to their rounding.
+    spread : ndarray, shape (n_q,), or None
+        How far coordinates that were solved for may be from a multiple solution (m, rad); None: the solution is simple.
     """
 
     q: Array
@@ -96,11 +104,19 @@ class Motion:
     declared: bool = False
     massless: Array | None = None
     sharpened: bool = False
+    spread: Array | None = None
 
     @property
     def at_rest(self) -> bool:
         """Whether nothing moves at this instant."""
         return not np.any(self.u)
+
+    def scaled(self, spaces: Subspaces) -> Motion:
+        """Return the same motion with coordinates and rows in other scales; all that is allowed carries mass."""
+        scale, row_scale, allowed = spaces.scale, spaces.row_scale, spaces.allowed
+        M, J = scaled(self.dynamics.M, scale, scale), scaled(self.dynamics.J, scale, row_scale)
+        augmented = Augmented(M, J, spaces.inverse(J), mobility(allowed.T @ M @ allowed, allowed, None))
+        return replace(self, spaces=spaces, augmented=augmented)
 
     def balancing(self, force: Any) -> Any:
         """Return the minimum-norm multipliers, shape (…, n_c), that balance forces best, shape (…, n_q)."""
@@ -506,14 +522,21 @@ class Finder:
         spaces, scale, excess = motion.spaces, motion.spaces.scale, motion.a - expected
         if balanced(self.system, motion, (motion.dynamics.M @ excess) * scale):
             return
+        force = motion.dynamics.F0 + motion.dynamics.M @ expected
+        left = self._unheld(spaces, force * scale)
+        at = motion.q, motion.u, motion.time
+        off = np.abs(motion.dynamics.J @ expected + motion.dynamics.B)
+        if np.all(off <= rounding_of_accelerations(self.system, at, self.sizes, np.abs(expected))) and balanced(
+            self.system, motion, left
+        ):
+            return  # the rows alone accelerate it, by rounding
         most = np.abs(excess / scale)
         if np.any(bodily := most * ~np.isin(np.arange(len(most)), self.system.states[0])):
             most = bodily  # states follow what accelerates
         worst = int(np.argmax(most))
         name = self.system.names[worst]
         if np.linalg.norm(spaces.projected(np.eye(1, len(scale), worst)[0])) >= TOLERANCES.coordinate_rounding:
-            force = motion.dynamics.F0 + motion.dynamics.M @ expected
-            load = -self._unheld(spaces, force * scale)[worst] / scale[worst]
+            load = -left[worst] / scale[worst]
             self.refuse_unbalanced(worst, float(excess[worst]), float(load), "" if motion.at_rest else str(steady))
         what = "is at rest at this time only" if motion.at_rest else "is steady at this time only"
         unit = per_second(self.system.units[worst], 2)

@@ -122,10 +122,45 @@ class Search:
             return at
         raise Stalled(at)
 
+    def along_valley(self, at: State) -> State:
+        """Return the solution that steps along the floor of a valley with stiff and curved walls lead to.
+
+        Along a step of any length walls that curve away push back more than the forces along the floor, so that
+        residuals grow. After each step the stiff forces alone are balanced again, as constraints are in the method of
+        the generalized reduced gradient (Abadie and Carpentier 1969, in Fletcher, Optimization).
+        """
+        at = self._on_floor(at)
+        for _ in range(TOLERANCES.newton_steps_onto_constraints):
+            self.iterations += 1
+            step = self.balance.equations(at).step(at.residual)
+            longest = float(np.max(np.abs(step[: self.balance.moving]), initial=0.0))
+            if at.size < TOLERANCES.newton_residual_polished and longest <= TOLERANCES.newton_step_settled:
+                return at
+            part = min(1.0, TOLERANCES.newton_reach / max(longest, 1e-300))
+            trial = None
+            while trial is None or trial.size > at.size * (1.0 - TOLERANCES.valley_descent * part):
+                if part < TOLERANCES.valley_shortest:
+                    raise Stalled(at)
+                beyond = self.tried(at, part * step)
+                trial, part = beyond and self._on_floor(beyond), 0.5 * part
+            at = trial
+        raise Stalled(at)
+
+    def _on_floor(self, at: State) -> State:
+        """Return the state near another at which the stiff forces balance, as far as steps lead there."""
+        for _ in range(TOLERANCES.steps_to_floor):
+            step = self.balance.equations(at).stiff_step(at.residual)
+            trial = None if step is None else self.tried(at, step)
+            if trial is None or not trial.size < at.size:
+                break
+            at = trial
+        return at
+
     def settled(self, at: State) -> State:
         """Return a solution to rounding: steps are taken until they no longer become shorter.
 
-        Where a stiffness is large, residuals are rounding before the position is.
+        Where a stiffness is large, residuals are rounding before the position is. To an m-fold solution each step
+        leaves the part 1 - 1/m of the way: m steps at once lead there (Schröder 1870, Math. Ann. 2).
         """
         best, shortest = at, math.inf
         for _ in range(TOLERANCES.newton_steps_onto_constraints):
@@ -133,13 +168,15 @@ class Search:
             step = equations.step(at.residual)
             self.magnified = float(np.max(np.abs(equations.inverse), initial=0.0))
             longest = float(np.max(np.abs(step[: self.balance.moving]), initial=0.0))
-            if not longest < 0.5 * shortest:
+            falling, left = at is not best and at.size < 0.5 * best.size, longest / shortest
+            if not left < (TOLERANCES.slowest_settling if falling else 0.5):
                 return at if at.size < best.size else best
             best, shortest = at, longest
             trial = self.tried(at, step) if longest > TOLERANCES.coordinate_rounding else None
             if trial is None:
                 break
-            at = trial
+            beyond = self.tried(at, round(1.0 / (1.0 - left)) * step) if falling else None
+            at = trial if beyond is None or beyond.size >= trial.size else beyond
         return best
 
     def relaxed(self, at: State) -> State:
@@ -208,6 +245,7 @@ class Search:
         strategies: list[tuple[str, Callable[[], State]]] = [
             ("Newton", lambda: self.newton(self.state(q, c))),
             ("relaxation", lambda: self.relaxed(self.state(q, c))),
+            ("valley", lambda: self.along_valley(self.state(q, c))),
         ]
         if self.balance.known:
             strategies.append(("spin-up", lambda: self.spun_up(q, c)))

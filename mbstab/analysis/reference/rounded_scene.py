@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -65,31 +63,29 @@ def without_chance_zeros(system: System) -> System:
 
 
 def exact_system(system: System) -> System:
-    """Return a scene in balls, with the decimals of the file where the parameters have the values that these give."""
+    """Return a scene in balls, with the decimals of the file where the parameters have the values that these give.
+
+    Numbers with as many digits as a double has were rounded when they were written: an axis that CAD turned is parallel
+    to another one within half a unit of its last digits.
+    """
 
     def made() -> System:
         from mbstab.analysis.algebra.ball_arrays import many_bits
-        from mbstab.analysis.algebra.balls import ball, ball_arithmetic
+        from mbstab.analysis.algebra.balls import ball_arithmetic, rounded_decimal
         from mbstab.analysis.algebra.balls import exact_factor as ball_factor
 
         with uncollected(), many_bits(TOLERANCES.bits_of_scene):
-            f, values, scene = ball_arithmetic(), dict[str, Any](), system.scene
+            f, values, scene = ball_arithmetic(rounded_decimal), dict[str, Any](), system.scene
             known = _parameters(scene.model, scene.parameters)
             for name, parameter in scene.model.parameters.items():
                 given, error = value_and_error(known[name])
-                values[name] = ball(Fraction(repr(given)))
+                values[name] = rounded_decimal(repr(given))
                 with suppress(ExpressionError, ArithmeticError, ValueError):
                     found = parameter.expression.evaluate(values, f) * ball_factor(parameter.unit)
                     # What cancels in doubles may leave nothing of a value there.
                     if abs(float(found) - given) <= error + 8.0 * UNIT * abs(given):
                         values[name] = found
-            found = evaluate(scene.model, values, f, checked=True)
-            if scene.turned:  # the charts are those of the doubles
-                found = replace(found, bodies=tuple(
-                    replace(own, base=tuple(map(ball, body.base))) if body.name in scene.turned else own
-                    for own, body in zip(found.bodies, scene.bodies, strict=True)
-                ))  # fmt: skip
-            return system.renumbered(found)
+            return system.renumbered(evaluate(scene.model, values, f, checked=True))
 
     return system.remember("exact", None, made)
 

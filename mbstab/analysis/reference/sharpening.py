@@ -34,7 +34,7 @@ def exactly_rounded(balance: Balance, at: State) -> tuple[Array, Array] | None:
             # Values that the file does not have, as those of a sweep.
             other = {k: f.number(repr(float(x))) for k, x in given.items() if float(scene.parameters[k]) != float(x)}
             scene = evaluate(system.scene.model, other, f) if other else scene
-            q, steady = sharpened(MANY_DIGITS, balance, at, system.renumbered(scene))
+            q, steady = sharpened(MANY_DIGITS, balance, at, system.renumbered(scene), TOLERANCES.sharpened_residual)
             return q.astype(float), balance.family.coefficients_of(steady)
     except FAILURES:
         return None
@@ -57,8 +57,21 @@ def family_in(f: Refining, system: System, family: Family) -> tuple[Family, dict
     return Family(system, axis, point, directions, family.columns), given
 
 
-def sharpened(f: Refining, balance: Balance, at: State, system: System) -> tuple[Matrix, Generator]:
-    """Return coordinates and generator of an equilibrium or a steady motion, refined with `Balance`."""
+def sharpened(
+    f: Refining, balance: Balance, at: State, system: System, largest: float = np.inf
+) -> tuple[Matrix, Generator]:
+    """Return coordinates and generator of an equilibrium or a steady motion, refined with `Balance`.
+
+    Parameters
+    ----------
+    largest : float
+        Residuals that may be left; they are not zero where what no step moves is no solution.
+
+    Raises
+    ------
+    EquilibriumError
+        If it is none, or Newton's method does not refine it.
+    """
     family, known = family_in(f, system, balance.family)
     names, scene, sizes = system.names, system.scene, balance.sizes
     lengths = norms(at.J * sizes)
@@ -109,6 +122,8 @@ def sharpened(f: Refining, balance: Balance, at: State, system: System) -> tuple
     floor = max(1.0, float(np.max(np.abs(inverse) @ terms, initial=0.0)))
     try:
         x = placed(f.polished(first[moved], lambda y: -f.applied(inverse, residual(placed(y))), floor))
+        if held and (left := float(np.max(np.abs(f.values(residual(x))), initial=0.0))) > largest:
+            raise Stalled(left)
     except Stalled as stalled:
         raise EquilibriumError(
             f"{scene.model.reference.location}: reference: Newton's method does not sharpen the solution of double "

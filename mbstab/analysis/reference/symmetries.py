@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import least_squares
-from mbstab.analysis.algebra.ball_arrays import BALLS, NONE, many_bits, shows
+from mbstab.analysis.algebra.arrays import Flags, least_squares
+from mbstab.analysis.algebra.ball_arrays import BALLS, excludes_zero, many_bits
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.changes import At, Local
 from mbstab.analysis.reference.element_comparison import ElementComparison, State, with_errors
@@ -77,7 +77,7 @@ class Invariance(ElementComparison):
         known = np.array([field.c for _, field in named])
         for generator in self.motion.generators:
             own = self.identities.of_generator(generator)
-            moves = generator.moves and own is not None and not _spanned(own.astype(float), known)
+            moves = generator.moves and own is not None and not _spanned(own.astype(float)[:, None], known)[0]
             if moves and self.steady(generator):
                 return [*named, ("the motion itself", self.along(generator))]
         return named
@@ -125,12 +125,9 @@ class Invariance(ElementComparison):
         items = self.symmetries
         if not items:
             return []
-        idle = self._idle
-        alone = [k for k in range(len(items)) if _spanned(np.eye(len(items))[k], idle.T)]
-        found, single = [items[k] for k in alone], np.eye(len(items))[alone]
-        for c in echelon(idle, np.ones(len(items)), np.ones(len(items))).T:
-            if _spanned(np.array(c, dtype=float), single):
-                continue
+        found = [item for item, alone in zip(items, self._idle_alone, strict=True) if alone]
+        combinations = echelon(self._idle, np.ones(len(items)), np.ones(len(items)))
+        for c in combinations[:, np.any(combinations[~self._idle_alone] != 0, axis=0)].T:
             chosen = [(x, item) for x, item in zip(c, items, strict=True) if x]
             field = chosen[0][1].of.times(chosen[0][0])
             for x, item in chosen[1:]:
@@ -145,13 +142,18 @@ class Invariance(ElementComparison):
         """Return whether the momentum along a symmetry is constant along every motion."""
         known = [k for k, item in enumerate(self.symmetries) if item.of is field]
         if known:
-            return _spanned(np.eye(len(self.symmetries))[known[0]], self._idle.T)
+            return bool(self._idle_alone[known[0]])
         return bool(self.identities.idle([field]).shape[1])
 
     @cached_property
     def _idle(self) -> Array:
         """The combinations of symmetries along which no force and no row does work, as columns."""
         return self.identities.idle([item.of for item in self.symmetries])
+
+    @cached_property
+    def _idle_alone(self) -> Flags:
+        """Which symmetries are such by themselves."""
+        return _spanned(np.eye(len(self.symmetries)), self._idle.T)
 
     def carries(self, field: Field) -> bool:
         """Return whether a group maps all motions to motions."""
@@ -205,7 +207,7 @@ class Invariance(ElementComparison):
         """Return whether the total force along a shift is the rate of a linear function that no symmetry changes."""
         shift, n = field.shift, self.system.n_q
         assert shift is not None
-        rates, sizes = BALLS.zeros((n,)), np.full(n, NONE)
+        rates = BALLS.zeros((n,))
         with many_bits():
             for cluster in self.identities.clusters:
                 columns = np.array(cluster.columns, dtype=int)
@@ -216,12 +218,10 @@ class Invariance(ElementComparison):
                     found = _rate(own, self.identities.beside(cluster), BALLS.of(shift[places]))
                     if found is None:
                         return False
-                    rates[places] = rates[places] + found[0]
-                    sizes[places] = np.maximum(sizes[places], found[1])
+                    rates[places] = rates[places] + found
             for item in self.symmetries:
                 along = BALLS.of(item.direction)
-                size = np.max(sizes + BALLS.powers(along), initial=NONE)
-                if np.any(shows(np.array([rates @ along]), size)):
+                if np.any(excludes_zero(np.array([rates @ along]))):
                     return False
         return True
 
@@ -300,7 +300,7 @@ class Invariance(ElementComparison):
         if not fields:
             return not np.any(own)
         rows = np.array([np.concatenate([y.field(x.q) / sizes for x in self.on_rows]) for y in fields])
-        return _spanned(own, rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None])
+        return bool(_spanned(own[:, None], rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None])[0])
 
     def along(self, generator: Generator) -> Field:
         """Return the field of a steady motion, scaled to a size of one."""
@@ -433,29 +433,30 @@ def _last(b: Block) -> int:
     return 6 if b.kind.startswith("spatial") else 3
 
 
-def _spanned(x: Array, rows: Array) -> bool:
-    """Return whether a vector lies in the span of rows, to rounding."""
+def _spanned(X: Array, rows: Array) -> Flags:
+    """Return which columns lie in the span of rows, to rounding."""
     if not len(rows):
-        return not np.any(x)
-    left = x - rows.T @ least_squares(rows.T, x, rcond=TOLERANCES.coefficient_zero)
-    return float(np.linalg.norm(left)) <= 10.0 * TOLERANCES.coefficient_zero * float(np.linalg.norm(x))
+        return np.asarray(~np.any(X, axis=0))
+    _, s, right = np.linalg.svd(rows, full_matrices=False)
+    basis = right[s > TOLERANCES.coefficient_zero * s[0]]
+    left = np.linalg.norm(X - basis.T @ (basis @ X), axis=0)
+    result: Flags = left <= 10.0 * TOLERANCES.coefficient_zero * np.linalg.norm(X, axis=0)
+    return result
 
 
-def _rate(own: Local, ats: Sequence[At], Y: Array) -> tuple[Array, Array] | None:
-    """Return c, if the force of an element along a shift is c·u and its inertia is the same, and sizes of terms."""
-    unit, found = BALLS.powers(Y), list[tuple[Array, Array]]()
+def _rate(own: Local, ats: Sequence[At], Y: Array) -> Array | None:
+    """Return c, if the force of an element along a shift is c·u and its inertia is the same."""
+    found = list[Array]()
     if not own.analytic:
         return None
     for at in ats:
-        (K, size), (R, terms) = (at.entry(own, key) for key in "KR")
+        K, R = (at.entry(own, key)[0] for key in "KR")
         inertia = own.element.takes_acceleration
-        along = K @ Y if inertia else Y @ K
-        if np.any(shows(along, np.max(size + unit if inertia else size + unit[:, None], axis=1 if inertia else 0))):
+        if np.any(excludes_zero(K @ Y if inertia else Y @ K)):
             return None
         q, u, a, time = at.state
         F = own.run("dynamics", (q, 0 * u, a, time), BALLS)["F"]
-        if not inertia and np.any(shows(np.array([Y @ F]), np.max(BALLS.powers(F) + unit))):
+        if not inertia and np.any(excludes_zero(np.array([Y @ F]))):
             return None
-        found.append((0 * Y, np.full(len(Y), NONE)) if inertia else (Y @ R, np.max(terms + unit[:, None], axis=0)))
-    changes = (shows(c - found[0][0], most) for c, most in found)
-    return found[0] if found and not any(np.any(x) for x in changes) else None
+        found.append(0 * Y if inertia else Y @ R)
+    return found[0] if found and not any(np.any(excludes_zero(c - found[0])) for c in found) else None

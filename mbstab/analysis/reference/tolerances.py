@@ -106,6 +106,16 @@ class Tolerances:
     """Steps leave out directions along which the equations change by less than this, relative to the largest change."""
     newton_steps_to_halve: Final = 12
     """Newton's method continues while it halves the residuals within this many steps."""
+    slowest_settling: Final = 0.9
+    """Towards a multiple solution steps become shorter by this factor or less, and residuals fall: up to tenfold."""
+    valley_gap: Final = 1e3
+    """Forces along the walls of a valley change at least so many times as much as those along its floor."""
+    valley_descent: Final = 1e-3
+    """A step along the floor takes away this part of the residual, if it is not shortened."""
+    valley_shortest: Final = 1e-6
+    """Steps along the floor are not shortened below this part."""
+    steps_to_floor: Final = 4
+    """Steps back to the floor after each step along it."""
     move_scaling_forces: Final = 1e-5
     """Where no force acts, the scale is that of the forces after a move by this fraction of the size of the scene."""
     relaxed_residual: Final = 1e-3
@@ -128,6 +138,10 @@ class Tolerances:
     """Solutions are found with more digits where rounding is magnified by more than this, in scaled coordinates …"""
     sharpened_digits: Final = 34
     """… and with so many."""
+    sharpened_residual: Final = 1e-27
+    """What is left of residuals then, relative to the forces that balance."""
+    spread_searched: Final = (1e-9, 0.1, 17)
+    """From where to where, relative to the size of the scene, and at how many places, multiple solutions may spread."""
     isolated_singular_value: Final = 1e-7
     """A solution is not isolated if a singular value of the equations is below this, relative to the largest."""
 
@@ -286,8 +300,6 @@ class Tolerances:
     exact_spreads: Final = (0.6, 1e-3, 1e-6, 1e-10)
     """Spreads of states at which identities are tested, by `state_spreads`; but the first of what the file writes only:
     a function may be flat to all digits but near the reference."""
-    bits_of_weak_terms: Final = 90
-    """At states on rows terms are seen that are smaller by these bits than those of other fields in the same row."""
     bits_of_scene: Final = 1280
     """Bits with which the entries of a file are evaluated: cos(1e300) needs a thousand of its argument."""
     inertia_of_states: Final = 1e-20
@@ -301,8 +313,9 @@ class Tolerances:
     """Rows of unit length are dependent on others beside which less is left of them."""
     steps_of_refinement: Final = 7
     """Steps of Newton's method, each of which adds some 12 digits to coefficients of fields that are no fractions."""
-    bits_of_weak_forces: Final = 70
-    """In sums of all forces those are seen that are smaller by these bits than what identities ask of a single one."""
+    rounding_on_rows: Final = 2.0**-180
+    """Distance of states, relative to their size, from those that satisfy rows with many digits, and of coefficients
+    of fields from those that leave elements unchanged; much more than the square of the last step."""
     bits_of_motion: Final = 36
     """Bits to which the rates of a steady motion are known."""
     simple_field: Final = 1e-9

@@ -17,6 +17,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.tolerances import EPS
@@ -85,6 +86,28 @@ class FrequencyResponse:
         """Return [s E - A, B; C, D(s)], shape (n + outputs, n + inputs)."""
         whole = s * self.E - self.A
         found: Complex = np.block([[whole.toarray() if self.sparse else whole, self.B], [self.C, self._direct(s)]])
+        return found
+
+    def powers(self, channel: tuple[int, int], shift: float) -> npt.NDArray[np.bool_]:
+        """Return which entries of [s E - A, B; C, D(s) + shift] have terms with s^0, s^1, s^2.
+
+        Parameters
+        ----------
+        channel : (int, int)
+            Numbers of the output and the input.
+
+        Returns
+        -------
+        ndarray of bool, shape (3, n + 1, n + 1)
+        """
+        goal, source = channel
+        n = len(self.B)
+        found = np.zeros((3, n + 1, n + 1), dtype=bool)
+        for power, entries in enumerate((self.A, self.E)):
+            found[power, :n, :n] = (entries.toarray() if self.sparse else entries) != 0.0
+        found[0, :n, n], found[0, n, :n], found[0, n, n] = self.B[:, source] != 0.0, self.C[goal] != 0.0, shift != 0.0
+        for column, (i, order) in enumerate(self.model.orders):
+            found[order, n, n] |= i == source and bool(self.model.descriptor.D[goal, column])
         return found
 
     def entry_errors(self, s: complex) -> Array:

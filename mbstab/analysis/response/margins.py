@@ -126,7 +126,8 @@ def closed_loop(zeros: Zeros, closing: Zeros) -> bool | None:
     if zeros.doubt or closing.doubt or sorted(map(_key, zeros.hidden)) != sorted(map(_key, closing.hidden)):
         return None
     posed = len(closing.values) == max(len(zeros.values), len(zeros.poles))
-    return closing.minimum_phase if posed else None
+    # Eigenvalues on the imaginary axis are neither.
+    return None if not posed else False if closing.growing else closing.minimum_phase or None
 
 
 def _key(value: complex) -> tuple[float, float]:

@@ -432,8 +432,10 @@ def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlM
     S, s = rows[:, :n_f], [rows[:, n_f + k * m : n_f + (k + 1) * m] for k in range(3)]
     if any(np.any(x) for x in s[2:]):
         raise UsageError("a state cannot be an acceleration\nhint: states are coordinates, joint motions and rates")
-    scale = 1.0 / np.maximum(np.linalg.norm(S, axis=1), 1e-300)
-    inverse, error = (x * scale for x in _inverse(S * scale[:, None]))
+    # Speeds in units of a typical rate: the states then depend on both alike.
+    units = np.where(np.arange(n_f) < ports.space.n_xi, 1.0, ports.space.rate)
+    scale = 1.0 / np.maximum(np.linalg.norm(S * units, axis=1), 1e-300)
+    inverse, error = (units[:, None] * x * scale for x in _inverse(S * scale[:, None] * units))
     rate = ports.maps["y"]
     b = [rate[:, n_f + k * m : n_f + (k + 1) * m] for k in range(3)]
     A = _product(S, rate[:, :n_f], inverse, error=error)

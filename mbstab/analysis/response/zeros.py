@@ -16,6 +16,7 @@ Everything here rests on values of G(s) from the unreduced equations, with their
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.bounds.tolerances import TOLERANCES as BOUNDS
+from mbstab.analysis.response.exact_zeros import Powers, mirrored, order_at_zero
 from mbstab.analysis.response.frequency import FrequencyResponse
 from mbstab.analysis.response.tolerances import TOLERANCES
 from mbstab.analysis.response.transfer import Channel
@@ -60,6 +62,8 @@ class Zeros:
         Whether the transfer function is exactly zero: nothing leads from the input to the output.
     doubt : str
         Why the number of zeros is not decided; empty if it is.
+    on_axis : ndarray of bool
+        Which zeros are known to lie on the imaginary axis.
     """
 
     values: Complex
@@ -71,6 +75,7 @@ class Zeros:
     hidden_errors: Array
     vanishes: bool
     doubt: str = ""
+    on_axis: Any = ()
 
     @classmethod
     def vanishing(cls, poles: Complex, bounds: Array) -> Zeros:
@@ -110,11 +115,16 @@ class Zeros:
         return all(s.real < -e for s, e in zip(self.hidden, self.hidden_errors, strict=True))
 
     @property
+    def growing(self) -> bool:
+        """Whether a zero lies right of the imaginary axis."""
+        return bool(np.any(self.values.real > self.errors))
+
+    @property
     def minimum_phase(self) -> bool | None:
         """Whether all zeros lie left of the imaginary axis; None: that is not decided."""
         if self.doubt:
             return None
-        if np.any(self.values.real > self.errors):
+        if self.growing or np.any(self.on_axis):
             return False
         return True if np.all(self.values.real < -self.errors) and not self.vanishes else None
 
@@ -282,7 +292,8 @@ class TransferZeros:
         if not shift and all(values(s * size)[:2] == (0.0, 0.0) for s in TOLERANCES.places_of_nothing):
             # Zero without an error: a gain of 0 leads from the input to the output.
             return Zeros.vanishing(self.poles, self.bounds)
-        return find(values, self.poles, self.bounds, self.axis)
+        found = find(values, self.poles, self.bounds, self.axis)
+        return found if found.doubt else _settled(found, self.exact.powers(at, shift), self.poles, self.bounds)
 
     def growth(self, zeros: Zeros) -> str:
         """Return a sentence if the output of a channel grows without bound, or may do so; empty: it does not."""
@@ -327,6 +338,23 @@ def find(values: Values, poles: Complex, bounds: Array, axis: Complex) -> Zeros:
     rank = np.lexsort((found.imag, found.real))
     undamped = np.isin(seen, [*axis, 0.0])
     return Zeros(found[rank], errors[rank], seen, known, undamped, tuple(others.tolist()), errors_of_others, False)
+
+
+def _settled(zeros: Zeros, powers: Powers, poles: Complex, bounds: Array) -> Zeros:
+    """Return zeros, those that are known to lie on the imaginary axis put there.; `poles` are all eigenvalues."""
+    values, errors = zeros.values.copy(), zeros.errors.copy()
+    on_axis = np.zeros(len(values), dtype=bool)
+    beside = np.flatnonzero(np.abs(values) <= errors)
+    if len(beside):
+        seen = int(np.sum((zeros.poles == 0.0) & (zeros.pole_errors == 0.0)))
+        at_zero = beside[: max(0, order_at_zero(powers) - int(np.sum(np.abs(poles) <= bounds)) + seen)]
+        values[at_zero], errors[at_zero], on_axis[at_zero] = 0.0, 0.0, True
+    if mirrored(powers):
+        apart = np.abs(zeros.values[:, None] - zeros.values) > zeros.errors[:, None] + zeros.errors
+        alone = np.sum(~apart, axis=1) == 1
+        own = alone & (np.abs(values.real) <= errors) & ~on_axis
+        values[own], on_axis[own] = 1j * values[own].imag, True
+    return replace(zeros, values=values, errors=errors, on_axis=on_axis)
 
 
 def _seen(values: Values, groups: Sequence[Group]) -> list[tuple[Complex, Array]]:

@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.algebra.budget import require_room
 from mbstab.analysis.reference.efforts import MOTION_UNITS, motion_name, moving_joints
 from mbstab.analysis.reference.outputs import Outputs
 from mbstab.analysis.simulate.accuracy import Work, bumps
@@ -65,7 +65,7 @@ def simulate(
     if settings.compiled:
         machine_code()
     if not force:
-        _check_memory(system, settings.points)
+        require_room(settings.points, _numbers(system), "output times")
     begin = start_of(system, settings.perturb, settings.start, settings.strict)
     for text in begin.notes:
         tell(text)
@@ -111,8 +111,8 @@ def without_value(times: Array, values: Array, names: Sequence[tuple[str, str]])
     ]
 
 
-def _check_memory(system: System, points: int) -> None:
-    """Refuse output times that take more memory than the limit."""
+def _numbers(system: System) -> int:
+    """Return how many numbers an output time takes in memory."""
     d, bodies = system.scene.dimension, len(system.scene.bodies)
     moving = len(moving_joints(system.scene))
     results = (
@@ -124,14 +124,7 @@ def _check_memory(system: System, points: int) -> None:
         + 6
         + len(system.scene.model.outputs)
     )
-    columns = results + TOLERANCES.runs_least * (2 * system.n_q + TOLERANCES.memory_of_state)
-    size = 8.0 * points * columns
-    if size > ALGEBRA.estimated_memory:
-        raise UsageError(
-            f"{points} output times take about {size / 1e9:.2g} GB of memory ({columns} numbers each), where "
-            f"{ALGEBRA.estimated_memory / 1e9:g} GB is the limit\n"
-            f"hint: {math.floor(ALGEBRA.estimated_memory / (8 * columns))} --points fit, or allow it with --force"
-        )
+    return results + TOLERANCES.runs_least * (2 * system.n_q + TOLERANCES.memory_of_state)
 
 
 def _result(

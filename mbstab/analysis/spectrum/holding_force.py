@@ -1,9 +1,10 @@
-"""The force that holds a motion beside its reference, with many digits: with which power of the distance it begins.
+"""What holds a motion beside its reference, or drives it there: with which power of the distance it begins.
 
-Near a zero eigenvalue, q − q₀ with measure·(q − q₀) = z and the force r along measure that balances everything are
-functions of z (Lyapunov and Schmidt). At distances far below all ratios of the numbers in a file, powers of z beyond
-the tenth are rounding in r = a z^k + …, and as many points as there are other powers give all their coefficients, on
-each side its own: the lowest power counts, however small a is.
+Near a zero eigenvalue, q − q₀ with measure·(q − q₀) = z and the force r along measure that balances everything, or the
+speed r along the line at which everything is in balance, are functions of z (Lyapunov and Schmidt). At distances far
+below all ratios of the numbers in a file, powers of z beyond the tenth are rounding in r = a z^k + …, and as many
+points as there are other powers give all their coefficients, on each side its own: the lowest power counts, however
+small a is.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from mbstab.model.values import evaluate
 
 
 def powers(model: Model, line: Line) -> tuple[Power, Power] | None:
-    """Return how the force begins that holds a motion ahead of its reference and behind; None if it is not known."""
+    """Return how the force or the drift begins ahead of a reference and behind; None if it is not known."""
     try:
         start = Start(model, False)
         with mp.workdps(TOLERANCES.digits_of_holding):
@@ -63,43 +64,48 @@ def _first(values: list[Any], least: Any) -> Power:
 
 
 def _force(start: Start, system: System, point: Point, line: Line) -> Callable[[Any], tuple[Any, Any]]:
-    """Return the force at a distance z, and what nothing balances there.
+    """Return the force at a distance z, or the speed of the drift, and what nothing balances there.
 
-    Relative to the forces that small motions of the size of the scene cause.
+    Relative to the forces that small motions of the size of the scene cause, or to the rates of the scene.
     """
     f, motion, linear = MANY_DIGITS, start.motion, start.linear
     n, n_h, sizes = system.n_q, system.n_h, motion.sizes
     generator = linear.generator if linear.generator is not None and linear.generator.turns else None
-    K = matrices_in(start.system, motion, generator).K
-    J, kept = motion.dynamics.J, f.exact(line.kept(sizes))
-    last = n + len(J)
-    matrix, rows, columns = line.bordered(K, J, n_h, sizes)
+    matrices = matrices_in(start.system, motion, generator)
+    kept, pushed, drift = (f.exact(x) for x in (line.kept(sizes), line.pushed(sizes), line.drift(sizes)))
+    last = n + system.n_c
+    matrix, rows, columns = line.bordered(matrices, n_h, sizes)
     inverse = np.linalg.pinv(matrix, rcond=TOLERANCES.sharpened_slope)
     moving = bool(np.any(motion.u))
-    scale = float(np.max(np.abs(K) @ sizes + np.abs(J.T) @ np.abs(motion.nu), initial=0.0)) or 1.0
+    forces = np.abs(matrices.K) @ sizes + np.abs(matrices.J.T) @ np.abs(motion.nu)
+    scale = start.grounds.structure.invariance.rate if line.drifts else float(np.max(forces, initial=0.0)) or 1.0
 
     def residual(x: Matrix, z: Any) -> Matrix:
         q, u, a = point.q + x[:n] * sizes, point.u, f.zeros(n)
         if moving and point.generator is not None:
             u, a = f.exact(point.generator.field(q)), f.exact(point.generator.acceleration(q))
-        there = system.dynamics(q, u, system.scene.time)
-        force = f.exact(there.F0) + f.times(f.exact(there.M), a) - line.measure * x[last]
+        speeds = f.times(drift, x[last:])
+        if moving and point.generator is not None:
+            a = a + 2 * f.times(f.exact(point.generator.frame(q)[0]), speeds)
+        there = system.dynamics(q, u + speeds, system.scene.time)
+        force = f.exact(there.F0) + f.times(f.exact(there.M), a) - f.times(pushed, x[last:])
         force = force + f.times(f.exact(there.J).T, point.nu + x[n:last])
         distances = f.times(kept, x[:n])
         distances[-1] -= z
-        return f.exact(np.concatenate([force, f.exact(there.E)[:n_h], distances])) / rows
+        parts = force, f.exact(there.E)[:n_h], f.exact(there.V)[n_h:], distances
+        return f.exact(np.concatenate(parts)) / rows
 
-    along = f.zeros(last + 1)
+    along = f.zeros(len(columns))
     along[:n] = f.exact(line.along / sizes)
     known: dict[Any, Matrix] = {}
 
     def force(z: Any) -> tuple[Any, Any]:
         # The solution is analytic in z, and 0 at 0: each one found brings the first guess of the next closer to it.
-        first = along * z if not known else f.zeros(last + 1)
+        first = along * z if not known else f.zeros(len(columns))
         for at, x in known.items():
             others = (other for other in known if other != at)
             first = first + x * (z / at * mp.fprod((z - other) / (at - other) for other in others))
         known[z] = f.polished(first, lambda x: -f.applied(inverse, residual(x, z)) / columns, 1.0)
-        return known[z][last] / scale, f.largest(residual(known[z], z))
+        return known[z][-1] / scale, f.largest(residual(known[z], z))
 
     return force

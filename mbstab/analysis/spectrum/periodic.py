@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, norms
+from mbstab.analysis.algebra.stacks import beside, complement
 from mbstab.analysis.bounds.discs import Disc
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.reference.element_comparison import State
@@ -32,9 +33,10 @@ from mbstab.analysis.spectrum.floquet import Monodromy, monodromy
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.constancy import affine_drives, period_doubt, time_uses
+from mbstab.analysis.verdict.directions import Ranks, misfit, span, vanishing
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.multipliers import enclosed, placed
-from mbstab.analysis.verdict.neutral import Separated, chains_of, complement, orthonormal, unseparated
+from mbstab.analysis.verdict.neutral import Separated, chains_of, unseparated
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, Facts, Minimum, Verdict, judge
 from mbstab.analysis.verdict.rule import Disc as Exponent
 from mbstab.analysis.verdict.smoothness import kinks
@@ -294,20 +296,20 @@ class Cycle:
         """Φ − 1 with its neutral directions."""
         flow, motion = self.flow, self.motion
         n = len(flow.Phi)
-        columns = [flow.to_components @ np.concatenate([item.direction, item.rate]) for item in self.symmetries]
-        names = [item.name for item in self.symmetries]
-        zero = np.zeros(self.system.n_q)
-        columns += [flow.to_components @ np.concatenate([zero, item.direction]) for item in self.boosts]
+        names, zero = [item.name for item in self.symmetries], np.zeros(self.system.n_q)
+        moved = [np.concatenate([item.direction, item.rate]) for item in self.symmetries]
+        moved += [np.concatenate([zero, item.direction]) for item in self.boosts]
         family = [f"speed along {item.name.removeprefix('translation along ')}" for item in self.boosts]
-        T = orthonormal(columns, n)
+        columns = flow.to_components @ np.array(moved).reshape(len(moved), 2 * len(zero)).T
+        T = span(columns)
         if self.constant and self.moving and n:
             # A later state of the same motion.
-            wider = orthonormal([*columns, flow.to_components @ np.concatenate([motion.u, motion.a])], n)
+            wider = span(columns, flow.to_components @ np.concatenate([motion.u, motion.a])[:, None])
             names += ["the motion itself"] if wider.shape[1] > T.shape[1] else []
             T = wider
         L, kept = self._differentials(T)
         change = flow.Phi - np.eye(n)
-        found = Separated(change, T, L, complement(np.hstack([T, L.T])), Neutral())
+        found = Separated(change, T, L, complement(beside(T, L.T)), Neutral())
         count = T.shape[1] + len(L)
         # Rounding errors do not drive anything.
         steady = np.where(np.abs(change) > TOLERANCES.mismatch_factor * flow.error, change, 0.0)
@@ -320,7 +322,7 @@ class Cycle:
         )
         size = max(1.0, float(np.linalg.norm(flow.Phi, 2))) if n else 1.0
         allowed = (VERDICT.direction_closure + TOLERANCES.mismatch_factor * flow.mismatch) * size
-        fits = found.misfit <= allowed + TOLERANCES.mismatch_factor * flow.error
+        fits = misfit(change, T, L) <= allowed + TOLERANCES.mismatch_factor * flow.error
         return replace(found, neutral=neutral) if fits else unseparated(change)
 
     def _differentials(self, T: Array) -> tuple[Array, list[str]]:
@@ -331,16 +333,11 @@ class Cycle:
             len(candidates), n
         )
         rows = rows / norms(rows)[:, None]
-        left = rows
-        if len(rows) and T.shape[1]:
-            _, s, right = np.linalg.svd((rows @ T).T)
-            left = right[int(np.sum(s > VERDICT.independent_direction)) :] @ rows
-        basis = orthonormal(list(left), n)
-        names: list[str] = []
-        for differential in basis.T:
+        L, names = vanishing(rows, T, Ranks(), "functions"), list[str]()
+        for differential in L:
             shares = [(-abs(row @ differential), x.name) for row, x in zip(rows, candidates, strict=True)]
             names.append(min(x for x in shares if x[1] not in names)[1])
-        return basis.T, names
+        return L, names
 
     def multipliers(self) -> list[complex]:
         """Return the multipliers of the neutral directions: 1, or on the unit circle where a turn is incomplete."""

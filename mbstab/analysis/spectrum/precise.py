@@ -30,7 +30,7 @@ from mbstab.analysis.spectrum.precise_motion import Start, another_rank, rank_mi
 from mbstab.analysis.spectrum.refined_matrix import deflated, state_matrix
 from mbstab.analysis.spectrum.results import Counts, EigenResult
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
-from mbstab.analysis.verdict.facts import Grounds, time_scale
+from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import UNKNOWN, ManyDigits, Zeros
 from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED, Disc, Judged, Verdict, judge, place
 from mbstab.analysis.verdict.wording import show
@@ -311,7 +311,7 @@ def rounded_eigenvalues(linear: Linearization, digits: int) -> list[Any] | None:
     """
     with mp.workdps(digits):
         matrices = (exact(linear.M), exact(linear.R), exact(linear.K))
-        gamma = time_scale(state_space(linear))
+        gamma = state_space(linear).rate
         try:
             S = deflated(linear.spaces, gamma, matrices, exact(linear.J), exact(linear.D_q), more.MANY_DIGITS)
             return [e.value for e in more.eigenvalues(S)]

@@ -29,9 +29,9 @@ from mbstab.analysis.reference.steady import Family, Generator, centered, declar
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.spectrum.eigenvalues import judged
 from mbstab.analysis.spectrum.results import EigenResult
+from mbstab.analysis.verdict.directions import span
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
-from mbstab.analysis.verdict.neutral import orthonormal
 from mbstab.compiler.system import Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
@@ -84,6 +84,7 @@ class Start:
         else:
             self.motion = reference_motion(system, massless=True)
         self.linear: Linearization = linearize(system, self.motion, frozen)
+        self.motion = self.linear.motion
         self.grounds = Grounds(self.linear, digits)
 
     @cached_property
@@ -106,8 +107,8 @@ class Start:
             J = (motion.dynamics.J[: self.system.n_h] * motion.sizes)[:, open_]
             lengths = np.linalg.norm(J, axis=1)
             null = rank_of(J[lengths > 0.0] / lengths[lengths > 0.0, None]).null
-        shifts = [item.direction[open_] / motion.sizes[open_] for item in self.grounds.invariance.symmetries]
-        basis = orthonormal([x for x in shifts if np.any(x)], len(open_))
+        shifts = [x.direction[open_] / motion.sizes[open_] for x in self.grounds.invariance.symmetries]
+        basis = span(np.array(shifts).reshape(len(shifts), len(open_)).T)
         free = np.linalg.norm(null - basis @ (basis.T @ null), axis=1) > REFERENCE.sharpened_coordinate
         return tuple(names[i] for i, loose in zip(open_, free, strict=True) if loose)
 

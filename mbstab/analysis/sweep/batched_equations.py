@@ -14,8 +14,9 @@ from dataclasses import field, replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, Index, norms
-from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
+from mbstab.analysis.algebra.deflation import balanced, deflated_matrix, in_frame, time_scale
 from mbstab.analysis.algebra.rank import inverse_of_part
+from mbstab.analysis.algebra.stacks import frobenius, transposed
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
@@ -30,7 +31,6 @@ from mbstab.analysis.sweep.batched_structure import Known
 from mbstab.analysis.sweep.cancellation import Cancellation
 from mbstab.analysis.sweep.data_errors import EntryErrors
 from mbstab.analysis.sweep.points import Points
-from mbstab.analysis.sweep.stacks import transposed
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.records import dataclass
@@ -118,45 +118,23 @@ class Equations:
         N, Z, inverse, W_inverse = bases
         P = -(W_inverse @ (D_q @ N))
         A, M_z = deflated_matrix(M, R, K, N, Z, P)
-        gamma = _time_scales(A, N.shape[-1])
-        S = self._balanced_matrix(A, gamma, N.shape[-1])
+        gamma = time_scale(A, N.shape[-1])
+        S = self._finite(balanced(A, N.shape[-1], gamma))
         if self.light is not None:
             self.good &= self.light.carried(M_z)
         (ratio, terms), data = cancellation.terms.larger(), _scaled_errors(cancellation, scale)
         spread = ratio * (1.0 if self.light is None else self.light.cancelling)
         error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, W_inverse, S, data) * spread
-        return self.good, Points(
-            system,
-            q,
-            u,
-            a,
-            steady,
-            data,
-            scale,
-            M,
-            R,
-            K,
-            allowed,
-            N,
-            Z,
-            P,
-            S,
-            gamma,
-            error,
-            balance[2],
-            spread,
-            terms * _norm(K)[:, None, None],
-        )
+        deflated = q, steady, scale, M, R, K, N, Z, P, S, gamma
+        terms = terms * frobenius(K)[:, None, None]
+        return self.good, Points(*deflated, system, u, a, data, allowed, error, balance[2], spread, terms)
 
-    def _balanced_matrix(self, A: Array, gamma: Array, n_xi: int) -> Array:
-        """Return S, as `mbstab.analysis.verdict.facts.balanced`, for each point."""
-        n = A.shape[-1]
-        weights = np.ones((len(A), n))
-        weights[:, n_xi:] = gamma[:, None]
-        S = np.broadcast_to(A * weights[:, None, :] / weights[:, :, None], (self.points, n, n))
+    def _finite(self, S: Array) -> Array:
+        """Return S of each point, with zeros where it is not finite."""
         finite = np.all(np.isfinite(S), axis=(1, 2))
         self.good &= finite
-        return S if finite.all() else np.where(finite[:, None, None], S, 0.0)
+        S = S if finite.all() else np.where(finite[:, None, None], S, 0.0)
+        return np.broadcast_to(S, (self.points, *S.shape[1:]))
 
     def _error(
         self,
@@ -170,14 +148,17 @@ class Equations:
         data: tuple[Array, Array, Array],
     ) -> Array:
         """Return the norm of the rounding error of S: of sums as large as the matrices, of the bases, of the data."""
-        M, R, K, D_q = (_norm(x) for x in matrices)
-        lost = _norm(np.asarray(np.linalg.inv(M_z), dtype=float)) if M_z.size else np.zeros(1)
-        rate = _norm(P)
-        forces = K / gamma + R * (1.0 + rate / gamma) + M * rate * (1.0 + rate / gamma) + _norm(S)
-        rows = _norm(W_inverse) * (D_q + rate) if D_q.any() else np.zeros(1)
-        bases = 1.0 + _norm(inverse) / math.sqrt(max(inverse.shape[-1], 1))
-        evaluated = TOLERANCES.roundings_of_matrix * EPS * bases * (lost * forces + rows + _norm(S))
-        given = lost * (_norm(data[0]) / gamma + _norm(data[1]) * (1.0 + rate / gamma)) + (data[2] - 1.0) * evaluated
+        M, R, K, D_q = (frobenius(x) for x in matrices)
+        lost = frobenius(np.asarray(np.linalg.inv(M_z), dtype=float)) if M_z.size else np.zeros(1)
+        rate = frobenius(P)
+        forces = K / gamma + R * (1.0 + rate / gamma) + M * rate * (1.0 + rate / gamma) + frobenius(S)
+        rows = frobenius(W_inverse) * (D_q + rate) if D_q.any() else np.zeros(1)
+        bases = 1.0 + frobenius(inverse) / math.sqrt(max(inverse.shape[-1], 1))
+        evaluated = TOLERANCES.roundings_of_matrix * EPS * bases * (lost * forces + rows + frobenius(S))
+        given = (
+            lost * (frobenius(data[0]) / gamma + frobenius(data[1]) * (1.0 + rate / gamma))
+            + (data[2] - 1.0) * evaluated
+        )
         # Bounds of the data need no margin: with most of it, the larger one of both stands for the sum.
         result: Array = np.maximum(evaluated, given / (TOLERANCES.part_of_margin * TOLERANCES.bounds_from_axis))
         return result
@@ -199,9 +180,9 @@ class Equations:
         terms = system.terms(q, u, a, larger)
         pairs = ((terms["K"], K), (terms["R"], R))
         both = scale[:, None, :] * scale[:, :, None]
-        sizes = [(_norm(one * both), _norm(other * both)) for one, other in pairs]
+        sizes = [(frobenius(one * both), frobenius(other * both)) for one, other in pairs]
         gamma = np.sqrt(sizes[0][1]) + sizes[1][1]
-        whole = sizes[0][1] + sizes[1][1] * gamma + _norm(dynamics.M * both) * gamma**2
+        whole = sizes[0][1] + sizes[1][1] * gamma + frobenius(dynamics.M * both) * gamma**2
         found: Array = np.broadcast_to((sizes[0][0] + sizes[1][0] * gamma) / np.maximum(whole, 1e-300), (self.points,))
         entries = np.broadcast_to(terms["K"] * both, (self.points, *both.shape[1:]))
         parts = entries / np.maximum(sizes[0][1], 1e-300)[:, None, None]
@@ -367,7 +348,7 @@ class Equations:
         R_inverse = np.linalg.inv(np.where(regular[:, None, None], R[:, :n_c], np.eye(n_c)))
         for rows in (slice(0, n_h), slice(n_h, n_c)):
             # The norm of the inverse bounds the least singular value; where it does not tell, that itself does.
-            doubtful = np.flatnonzero(_norm(R_inverse[:, rows, rows]) * least > 1.0)
+            doubtful = np.flatnonzero(frobenius(R_inverse[:, rows, rows]) * least > 1.0)
             if len(doubtful):
                 kept = np.ones(len(J), dtype=bool)
                 s = np.linalg.svd(R[doubtful, rows, rows], compute_uv=False)
@@ -437,16 +418,4 @@ def _scaled_errors(cancellation: Cancellation, scale: Array) -> tuple[Array, Arr
 
 def _times(matrix: Array, vector: Array) -> Array:
     result: Array = (matrix @ vector[..., None])[..., 0]
-    return result
-
-
-def _time_scales(A: Array, n_xi: int) -> Array:
-    """Return a typical rate of each deflated system (1/s), as `mbstab.analysis.verdict.facts.time_scale`."""
-    sizes = [np.sqrt(_norm(A[:, n_xi:, :n_xi])), _norm(A[:, n_xi:, n_xi:]), _norm(A[:, :n_xi, :n_xi])]
-    largest: Array = np.max(sizes, axis=0)
-    return np.where(largest > 0.0, largest, 1.0)
-
-
-def _norm(x: Array) -> Array:
-    result: Array = np.linalg.norm(x, axis=(-2, -1))
     return result

@@ -29,16 +29,7 @@ from mbstab.analysis.reference.steady import Family, spinning_columns
 from mbstab.analysis.spectrum.exactly import Exactly
 from mbstab.analysis.sweep.batched_equations import Equations, Pattern
 from mbstab.analysis.sweep.batched_structure import Known, coefficients
-from mbstab.analysis.sweep.batched_verdict import (
-    AXIS,
-    NAMES,
-    NOT_COUNTED,
-    OPEN,
-    WORD,
-    Judged,
-    Sides,
-    judged,
-)
+from mbstab.analysis.sweep.batched_verdict import NOT_COUNTED, WORD, Judged, judged
 from mbstab.analysis.sweep.cancellation import Cancellation, sampled
 from mbstab.analysis.sweep.data_errors import EntryErrors, entry_errors
 from mbstab.analysis.sweep.open_points import Kind, Part, kinds_of_open_points, nearly_meeting, settle, spread
@@ -47,7 +38,7 @@ from mbstab.analysis.sweep.spectra import Spectra
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
 from mbstab.analysis.verdict.facts import Grounds
-from mbstab.analysis.verdict.rule import UNDECIDED, Verdict, judge, place
+from mbstab.analysis.verdict.rule import AXIS, NAMES, OPEN, UNDECIDED, Sides, Verdict, judge, place
 from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, UsageError
@@ -80,6 +71,8 @@ class Evaluator:
         self.patterns = list(patterns)
         self.tried: list[Pattern] = []  # those of them that have fitted few points
         self.cancellation: Cancellation | None = None
+        self.solutions: dict[tuple[float, ...], tuple[Array, Array] | None] = {}
+        """Coordinates and rates of points that are solved by themselves, by the values of the parameters."""
         self.alone = 0
         """How many points of the last call of `near` no pattern fits, so that each was computed by itself."""
 
@@ -219,7 +212,6 @@ class _Work:
         self.found: list[Part] = []
         self.linearized: dict[int, Linearization] = {}
         self.numbers: list[tuple[Index, list[Any]]] = []
-        self.solutions: dict[int, tuple[Array, Array] | None] = {}
 
     def scene(self, index: Index | int) -> Scene:
         """Return the scene at some points, or at one."""
@@ -544,7 +536,7 @@ class _Work:
 
         def solved() -> tuple[Motion, Balance]:
             motion, search, at, _ = Problem(system, massless=True).solved(q[0], c[0])
-            self.solutions[i] = at.q, at.c
+            self.evaluator.solutions[self._place(i)] = at.q, at.c
             return motion, search.balance
 
         return system.remember("followed motion", (q.tobytes(), c.tobytes()), solved)
@@ -592,11 +584,16 @@ class _Work:
 
     def _solution(self, i: int) -> tuple[Array, Array] | None:
         """Return the coordinates and rates of a point that is solved by itself; None if it has none."""
-        if i not in self.solutions:
-            self.solutions[i] = None
+        known, place = self.evaluator.solutions, self._place(i)
+        if place not in known:
+            known[place] = None
             with contextlib.suppress(MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 self.motion(System(self.scene(i)), i)
-        return self.solutions[i]
+        return known[place]
+
+    def _place(self, i: int) -> tuple[float, ...]:
+        """Return the values of the parameters at a point."""
+        return tuple(float(x[i]) for x in self.values.values())
 
     def _start(self, index: Index) -> tuple[Array, Array] | None:
         return None if self.path is None else self.path.predicted({k: x[index] for k, x in self.values.items()})
@@ -615,7 +612,7 @@ class _Work:
 
     def _errors(self, pattern: Pattern, i: int) -> EntryErrors | None:
         """Return how much the rounding of the file changes the equations of a point; None where it has none."""
-        place, known = tuple(float(x[i]) for x in self.values.values()), pattern.errors
+        place, known = self._place(i), pattern.errors
         if place not in known:
             known[place] = None
             with contextlib.suppress(MbstabError, ArithmeticError, np.linalg.LinAlgError), np.errstate(**RAISED):

@@ -27,21 +27,30 @@ from mbstab.analysis.bounds.eigenpairs import eigenpairs
 from mbstab.analysis.sweep.batched_structure import Known, Separation
 from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS, Disc, Extremum, Facts, Minimum, Side, judge
+from mbstab.analysis.verdict.rule import (
+    AXIS,
+    LEFT,
+    NAMES,
+    OPEN,
+    RIGHT,
+    UNDECIDED,
+    UNSTABLE,
+    WORDS,
+    Disc,
+    Extremum,
+    Facts,
+    Minimum,
+    Sides,
+    judge,
+)
+from mbstab.analysis.verdict.rule import sides as sides_of
 from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
-Sides = npt.NDArray[np.int8]
-
-RIGHT, LEFT, AXIS, OPEN = 1, -1, 0, 2
-"""Sides of the imaginary axis: right and left of it, held on it by a structure, undecided."""
-
 MINIMUM, MAXIMUM, MULTIPLE = 1, -1, 2
 """Extremum of the energy: a minimum, a maximum, a minimum with a multiple of a momentum added."""
 EXTREMA: dict[int, Extremum] = {MINIMUM: "minimum", MAXIMUM: "maximum", MULTIPLE: "with a multiple"}
-
-NAMES: dict[int, Side] = {RIGHT: "right", LEFT: "left", AXIS: "axis", OPEN: "open"}
 
 WORD = {word: number for number, word in enumerate(WORDS)}
 """Numbers of the words of verdicts."""
@@ -106,7 +115,8 @@ def judged(known: Known, points: Points, separation: Separation) -> Judged:
         if known.minimum:
             asked = np.flatnonzero(~np.any(sides == RIGHT, axis=1) & ~np.all(sides == LEFT, axis=1))
             if len(asked):
-                minima[asked] = _minima(known, points.at(asked) if len(asked) < size else points)
+                some = len(asked) < size
+                minima[asked] = _minima(known, *((points.at(asked), A[asked]) if some else (points, A)))
                 if known.grounds.structure.work.conserved:
                     sides[minima != 0] = AXIS
     words_ = words(known, sides, minima)
@@ -383,17 +393,8 @@ def _inverse(W: Complex) -> Complex:
 
 
 def _sides(values: Complex, radii: Array, mirrored: bool) -> Sides:
-    """Return the sides of discs; those that overlap the mirror image of no other one are held on the axis."""
-    wide = TOLERANCES.bounds_from_axis * radii
-    sides = np.where(values.real > wide, RIGHT, np.where(values.real < -wide, LEFT, OPEN)).astype(np.int8)
-    if mirrored and np.any(near := sides == OPEN):
-        images = np.abs(values[:, :, None] + values[:, None, :].conj())
-        r = values.shape[1]
-        each = np.arange(r)
-        images[:, each, each] = np.inf
-        alone = np.all(images > wide[:, :, None] + wide[:, None, :], axis=2) & (np.abs(values) > wide)
-        sides[near & alone] = AXIS
-    return sides
+    """Return the sides of discs, with a margin."""
+    return sides_of(values, TOLERANCES.bounds_from_axis * radii, mirrored)
 
 
 # --- a stiffness alone ------------------------------------------------------------------------------------------------
@@ -413,7 +414,7 @@ def _by_stiffness(values: Complex, counts: Array) -> tuple[Sides, Index]:
     return sides, np.where((negative == 0) & (doubtful == 0), MINIMUM, 0)
 
 
-def _minima(known: Known, points: Points) -> Index:
+def _minima(known: Known, points: Points, A: Array) -> Index:
     """Return where the energy has a minimum or a maximum, 0 elsewhere."""
     counts = known.inertia(points)
     m = counts.sum(axis=1)
@@ -422,6 +423,6 @@ def _minima(known: Known, points: Points) -> Index:
         definite = np.where((counts[:, 1] == m) & (m > 0), MAXIMUM, definite)
         rest = np.flatnonzero(definite == 0)
         if known.idle and len(rest):
-            definite[rest] = np.where(known.with_a_multiple(points.at(rest)), MULTIPLE, 0)
+            definite[rest] = np.where(known.with_a_multiple(points.at(rest), A[rest]), MULTIPLE, 0)
     result: Index = definite
     return result

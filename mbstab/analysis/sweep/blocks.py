@@ -19,11 +19,11 @@ from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import Sheet, Surface
 from mbstab.analysis.sweep.batched_equations import Pattern
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import OPEN, WORD, Sides, pinned, signs, touching, unplaced, unstable_counts
+from mbstab.analysis.sweep.batched_verdict import WORD, pinned, signs, touching, unplaced, unstable_counts
 from mbstab.analysis.sweep.spectra import Spectra
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning
-from mbstab.analysis.verdict.rule import UNDECIDED
+from mbstab.analysis.verdict.rule import OPEN, UNDECIDED, Sides
 from mbstab.compiler.system import Array
 from mbstab.model.parameters import bound
 from mbstab.model.reader import read_model_text

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.sweep.batched_verdict import Sides
 from mbstab.analysis.sweep.tolerances import TOLERANCES
+from mbstab.analysis.verdict.rule import Sides
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 

@@ -15,13 +15,13 @@ from mbstab.analysis.algebra.roots import Search
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import PathEnd
-from mbstab.analysis.sweep.batched_verdict import AXIS, RIGHT, WORD, Sides, settled, signs, touching
+from mbstab.analysis.sweep.batched_verdict import WORD, settled, signs, touching
 from mbstab.analysis.sweep.brackets import Bracket, RealPart, Stretch, Test, far_apart, needed, spaced
 from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.critical import Critical, kind_of
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, symmetric_product, turning
-from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS
+from mbstab.analysis.verdict.rule import AXIS, RIGHT, UNDECIDED, UNSTABLE, WORDS, Sides
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
 
@@ -32,6 +32,13 @@ def _link_of(spectra: Complex, branches: Complex) -> Index:
     to_column, place = np.empty_like(before), np.empty_like(before)
     to_column[before], place[next_] = column, after
     return place[to_column]
+
+
+class _Reached(Exception):
+    """A search has reached this place."""
+
+    def __init__(self, x: float) -> None:
+        self.x = x
 
 
 class CriticalValues(Branches):
@@ -96,13 +103,16 @@ class CriticalValues(Branches):
         """Return where stability changes between points that are close to each other."""
         found: list[Critical] = []
         doubtful: list[tuple[int, int]] = []
-        x = part.x
+        x, ways = part.x, dict[tuple[int, int], set[int]]()
         for bracket in (*self._passing(part), *self._meeting(part)):
             critical = self._located(part, bracket, branches)
             if critical is not None:
                 found.append(critical)
-            elif bracket.points not in doubtful:
+                continue
+            if bracket.points not in doubtful:
                 doubtful.append(bracket.points)
+            if bracket.kind == "divergence":
+                ways.setdefault(bracket.points, set()).add(bracket.toward)
         for a, b in self._unexplained(part, found, doubtful):
             bracket = Bracket(*self._beyond_zeros(part, a, b), "divergence", self._product)
             critical = self._located(part, bracket, branches)
@@ -121,6 +131,9 @@ class CriticalValues(Branches):
             if at_points and all(at_points):
                 found += [critical for group in at_points for critical in group]
                 continue
+            if ways.get((a, b)) == {-1, 1} and (apart := self._opposite(part, a, b, branches)):
+                found += apart
+                continue
             # Branches are confused there: more points separate them.
             more = spaced(float(x[a]), float(x[b]))
             between = self.at(more[1:-1]) if depth < TOLERANCES.jump_depth else np.full((1, 1), NO_EIGENVALUE)
@@ -133,6 +146,38 @@ class CriticalValues(Branches):
         for a, b in self._unexplained(part, found, []):
             found += self._halved(part, a, b, branches)
         return found
+
+    def _opposite(self, part: Stretch, a: int, b: int, branches: Complex) -> list[Critical]:
+        """Return where two real eigenvalues pass zero in opposite directions; none if they do not reach it.
+
+        In between the product of all has the other sign: the search for its extremum is that of a smooth function.
+        """
+        from scipy.optimize import minimize_scalar
+
+        ends = part.values[[a, b]]
+        size = float(np.max(np.abs(ends)))
+        sign = float(np.sign(self._product(ends[0], size)))
+        low, high = float(part.x[a]), float(part.x[b])
+
+        def reached(x: float) -> float:
+            spectrum = self._spectra(np.array([x]), needed=True).values[0]
+            there = sign * self._product(spectrum, size)
+            if there < 0.0:
+                raise _Reached(x)
+            return there
+
+        try:
+            minimize_scalar(
+                reached,
+                bounds=(low, high),
+                method="bounded",
+                options={"xatol": TOLERANCES.meeting_rounding * self.width},
+            )
+        except _Reached as place:
+            near = self._stretch(np.array([low, place.x, high]))
+            both = (Bracket(k, k + 1, "divergence", self._product) for k in (0, 1))
+            return [c for bracket in both if (c := self._located(near, bracket, branches)) is not None]
+        return []
 
     def _halved(self, part: Stretch, a: int, b: int, branches: Complex) -> list[Critical]:
         """Return where the number of unstable eigenvalues changes, halving the interval.
@@ -174,7 +219,9 @@ class CriticalValues(Branches):
         for k in range(count - each + 1):
             chosen = np.r_[k : k + each, count + k + each - 1 : count + k - 1 : -1]
             x = np.concatenate([low - steps, high + steps])[chosen]
-            y = np.array([1.0 / self._product(spectrum, size) for spectrum in spectra[chosen[known[chosen]]]])
+            products = [self._product(spectrum, size) for spectrum in spectra[chosen[known[chosen]]]]
+            # Beside what is nearly infinite slow ones are zero.
+            y = np.array([1.0 / product for product in products if product])
             if len(y) == len(x) and y[0] * y[-1] < 0.0 and np.all(np.diff(y) * np.sign(y[-1]) > 0.0):
                 value, error = Search(x, y, each - 1, each).guess()
                 guesses += [(error, value)] if low <= value <= high and error <= high - low else []
@@ -457,7 +504,7 @@ class CriticalValues(Branches):
             turns = turning(branches[watched - 1], branches[watched], branches[watched + 1])
         sides = [self.sides(branches, rows) for rows in (watched - 1, watched, watched + 1)]
         # What is on the axis at the point itself is most likely beyond it on one side of the point.
-        touches = np.where(self.raw.mirrored[watched][:, None], 0, touching(*sides))
+        touches = touching(*sides)
         sign = np.where(turns, signs(sides[1]), touches) * (branches[watched].imag >= 0.0)
         for n, i in np.argwhere(sign).tolist():
             self._look_around(int(watched[n]), complex(branches[watched[n], i]), -int(sign[n, i]))

@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.sweep.batched_verdict import RIGHT, Sides
 from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.shapes import groups
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import certain_links
+from mbstab.analysis.verdict.rule import RIGHT, Sides
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
@@ -64,10 +64,10 @@ def detailed(tracker: Branches, branches: Complex) -> Detail | None:
     found = _joined(tracker, branches)
     batch = TOLERANCES.detail_first
     while room > 0:
-        more = _bent(found[0], found[1])[: min(room, batch)]
+        more = np.unique([*_open(found[0], found[1]), *_bent(found[0], found[1])[: min(room, batch)]])[:room]
         if not len(more):
             break
-        tracker.look(np.sort(more))
+        tracker.look(more)
         found = _joined(tracker, branches)
         if tracker.evaluator.alone:
             break
@@ -158,11 +158,24 @@ def _bent(x: Array, branches: Complex) -> Array:
     return middles
 
 
-def _broken(x: Array, branches: Complex, growing: Flags) -> tuple[Array, Complex, Flags]:
-    """Return branches with a gap where they would jump from one eigenvalue to another."""
+def _jumps(x: Array, branches: Complex) -> Flags:
+    """Return where branches would jump from one eigenvalue to another, shape (n − 1, r)."""
     links, clear = certain_links(x, branches)
     going_on = clear[:, None] & (links == np.arange(branches.shape[1]))
-    far = ~going_on & (np.abs(np.diff(branches, axis=0)) > TOLERANCES.detail_jump * _scale(branches))
+    far: Flags = ~going_on & (np.abs(np.diff(branches, axis=0)) > TOLERANCES.detail_jump * _scale(branches))
+    return far
+
+
+def _open(x: Array, branches: Complex) -> Array:
+    """Return the middles of intervals in which what continues a branch is open, if they are wide enough to divide."""
+    wide = np.diff(x) > TOLERANCES.detail_meeting * (x[-1] - x[0])
+    middles: Array = (0.5 * (x[:-1] + x[1:]))[_jumps(x, branches).any(axis=1) & wide]
+    return middles
+
+
+def _broken(x: Array, branches: Complex, growing: Flags) -> tuple[Array, Complex, Flags]:
+    """Return branches with a gap where they would jump from one eigenvalue to another."""
+    far = _jumps(x, branches)
     steps = np.flatnonzero(far.any(axis=1))
     if not len(steps):
         return x, branches, growing

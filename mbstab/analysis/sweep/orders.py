@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.blocks import home_of, patterns_at
 from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep
 from mbstab.analysis.sweep.tolerances import TOLERANCES
+from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, UsageError
 from mbstab.model.schema import Model
 from mbstab.model.units import is_angular_velocity
@@ -74,7 +77,7 @@ def with_orders(model: Model, result: Sweep, orders: Sequence[float]) -> Sweep:
     notes += search.notes
     return replace(
         result, orders=tuple(orders), crossings=tuple(found), warnings=(*result.warnings, *dict.fromkeys(notes)),
-        whirls=search.whirls(found),
+        senses=search.senses(found),
     )  # fmt: skip
 
 
@@ -83,6 +86,7 @@ class _Search:
 
     def __init__(self, model: Model, result: Sweep) -> None:
         self.result, self.notes = result, list[str]()
+        self._looked: dict[float, tuple[Complex, list[str]]] = {}
         ends = sorted((float(result.values[0]), float(result.values[-1])))
         path = None
         if model.reference.find is not None:
@@ -143,34 +147,83 @@ class _Search:
         whirl = Whirl(linear.system, linear.motion, linear.generator).of(s, shape)
         return OrderCrossing(order, value, s.imag, passed.branch, name, whirl, motions)
 
-    def whirls(self, crossings: Sequence[OrderCrossing]) -> tuple[str, ...]:
-        """Return the sense in which bodies whirl on each branch, as some points and the crossings tell it.
+    def senses(self, crossings: Sequence[OrderCrossing]) -> tuple[tuple[tuple[float, float, str], ...], ...]:
+        """Return the sense in which bodies whirl on each branch, from where to where.
 
-        It is ``changing`` on branches that have both, ``mixed`` where all motions are nearly plane, and empty where no
-        body whirls.
+        Some points and the crossings tell it; where two that follow each other differ, the change is located between
+        them.
         """
-        branches = self.result.branches
-        senses: list[set[str]] = [set() for _ in branches.T]
+        x, branches = self._curves
         answered = np.flatnonzero(np.isfinite(branches).all(axis=1))
-        for i in answered[np.unique(np.linspace(0, len(answered) - 1, TOLERANCES.points_of_whirl).astype(int))]:
-            try:
-                values, shapes, linear = self.evaluator.modes({self.result.parameter: float(self.result.values[i])})
-            except MbstabError:
-                continue
-            whirl = Whirl(linear.system, linear.motion, linear.generator)
-            told: dict[int, str] = {}
-            for sense, s in zip(senses, branches[i], strict=True):
-                # The two of a pair are one motion.
-                k = int(np.argmin(np.abs(values - complex(s.real, abs(s.imag)))))
-                if s.imag and k not in told:
-                    told[k] = whirl.of(complex(values[k]), shapes[:, k])
-                sense |= {told[k]} if s.imag else set()
+        known = x[answered]
+        wanted = np.linspace(known[0], known[-1], TOLERANCES.points_of_whirl) if len(known) else known
+        told: list[list[tuple[float, str]]] = [[] for _ in branches.T]
+        for i in np.unique(np.searchsorted(known, wanted)).tolist():
+            at = float(known[i])
+            for own, word in zip(told, self._whirls(at, branches[answered[i]]), strict=True):
+                own += [(at, word)] if word is not None else []
         for c in crossings:
-            i = int(np.argmin(np.abs(self.result.values - c.value)))
+            i = int(np.argmin(np.abs(x - c.value)))
             for s in (branches[i, c.branch], np.conj(branches[i, c.branch])):
-                senses[int(np.argmin(np.abs(branches[i] - s)))].add(c.whirl)
-        sure = [sense & {"forward", "backward"} or sense - {""} for sense in senses]
-        return tuple("changing" if len(sense) > 1 else "".join(sense) for sense in sure)
+                told[int(np.argmin(np.abs(branches[i] - s)))].append((c.value, c.whirl))
+        ends = (float(x[0]), float(x[-1])) if len(x) else (0.0, 0.0)
+        return tuple(self._ranges(j, sorted(own), ends) for j, own in enumerate(told))
+
+    @cached_property
+    def _curves(self) -> tuple[Array, Complex]:
+        """The parameter, ascending, and the branches, with the points between those that are asked for."""
+        fine, rank = self.result.detail, np.argsort(self.result.values)
+        return (self.result.values[rank], self.result.branches[rank]) if fine is None else (fine.values, fine.branches)
+
+    def _ranges(
+        self, branch: int, told: list[tuple[float, str]], ends: tuple[float, float]
+    ) -> tuple[tuple[float, float, str], ...]:
+        """Return the ranges of one sense of a branch from the senses at some values."""
+        found, begin = [], ends[0]
+        for (low, word), (high, other) in pairwise(told):
+            while word != other:
+                change, low, new = self._change(branch, (low, high), (word, other))
+                found.append((begin, change, word))
+                begin, word = change, new
+        return (*found, (begin, ends[1], told[-1][1] if told else ""))
+
+    def _change(self, branch: int, ends: tuple[float, float], words: tuple[str, str]) -> tuple[float, float, str]:
+        """Return where a branch first has another sense of whirl than at the lower of two values, and what it has then.
+
+        Returns
+        -------
+        change, beyond : float
+            Near the end of the first sense, and where another one was seen.
+        sense : str
+        """
+        (low, high), (word, other), (x, branches) = ends, words, self._curves
+        values = branches[:, branch]
+        for _ in range(TOLERANCES.halvings_of_whirl):
+            middle = 0.5 * (low + high)
+            here = np.array([np.interp(middle, x, values.real) + 1j * np.interp(middle, x, values.imag)])
+            (found,) = self._whirls(middle, here)
+            if found == word:
+                low = middle
+            else:
+                high, other = middle, found or other
+        return 0.5 * (low + high), high, other
+
+    def _whirls(self, value: float, branches: Complex) -> list[str | None]:
+        """Return the sense of whirl of branches at a value of the parameter; None where nothing oscillates."""
+        if value not in self._looked:
+            try:
+                values, shapes, linear = self.evaluator.modes({self.result.parameter: value})
+                whirl = Whirl(linear.system, linear.motion, linear.generator)
+                words = [whirl.of(complex(s), shapes[:, k]) if s.imag > 0.0 else "" for k, s in enumerate(values)]
+                self._looked[value] = values, words
+            except MbstabError:
+                self._looked[value] = np.zeros(0, dtype=complex), []
+        values, words = self._looked[value]
+        if not len(values):
+            return [None] * len(branches)
+        # The two of a pair are one motion.
+        near = [int(np.argmin(np.abs(values - complex(s.real, abs(s.imag))))) for s in branches]
+        return [words[k] if s.imag else None for k, s in zip(near, branches, strict=True)]
 
 
 def _between(passed: Approach, x: float) -> complex:

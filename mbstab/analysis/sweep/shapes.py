@@ -12,9 +12,9 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.matching import assigned
+from mbstab.analysis.algebra.stacks import beside, transposed, under
 from mbstab.analysis.sweep.batched_structure import Separation
 from mbstab.analysis.sweep.points import Points
-from mbstab.analysis.sweep.stacks import beside, transposed, under
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import follow, uncertain
 from mbstab.records import dataclass
@@ -87,17 +87,13 @@ def shapes_of(points: Points, separation: Separation) -> Shapes:
         except np.linalg.LinAlgError:
             Y = np.full_like(V, np.nan)
     gamma, n = points.gamma[:, None, None], points.n_xi
-    columns = separation.B @ V
-    moves = points.N @ columns[:, :n]
-    rates = points.N @ (points.P @ columns[:, :n] + gamma * (points.Z @ columns[:, n:]))
+    right = under(*points.disturbances(separation.B @ V))
     rows = Y @ transposed(separation.B)
     on_rates = rows[:, :, n:] @ (transposed(points.Z) / gamma) @ transposed(points.N)
     on_moves = (rows[:, :, :n] - rows[:, :, n:] @ (transposed(points.Z) / gamma) @ points.P) @ transposed(points.N)
     if points.slope is not None:
-        rates, on_moves = rates + points.slope @ moves, on_moves - on_rates @ points.slope
-    scale = points.scale
-    right = under(scale[:, :, None] * moves, scale[:, :, None] * rates)
-    left = beside(on_moves / scale[:, None, :], on_rates / scale[:, None, :])
+        on_moves = on_moves - on_rates @ points.slope
+    left = beside(on_moves, on_rates) / np.concatenate([points.scale, points.scale], axis=1)[:, None, :]
     return Shapes(values.astype(complex), right.astype(complex), left.astype(complex))
 
 

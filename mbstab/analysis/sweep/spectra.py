@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.sweep.batched_verdict import Sides, unstable_counts
+from mbstab.analysis.sweep.batched_verdict import unstable_counts
+from mbstab.analysis.verdict.rule import Sides
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 

@@ -31,7 +31,7 @@ from mbstab.analysis.reference.motion import motion_at
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import AXIS, LEFT, OPEN, RIGHT, unstable_counts
+from mbstab.analysis.sweep.batched_verdict import unstable_counts
 from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks, undecided
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
@@ -39,7 +39,7 @@ from mbstab.analysis.sweep.detail import Detail, detailed
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.verdict.rule import WORDS
+from mbstab.analysis.verdict.rule import AXIS, LEFT, OPEN, RIGHT, WORDS
 from mbstab.compiler.system import Array, System
 from mbstab.errors import UsageError
 from mbstab.model.doubts import doubts
@@ -120,9 +120,9 @@ class Sweep(Answer):
         Multiples of the parameter whose crossings with the frequencies are asked for …
     crossings : tuple of OrderCrossing
         … and found, in the order of the parameter.
-    whirls : tuple of str
-        With orders: ``forward``, ``backward`` or ``mixed`` for each branch on which spinning bodies whirl in the same
-        sense from end to end, ``changing`` if they change it, empty if none whirls.
+    senses : tuple of tuple of (float, float, str)
+        With orders: for each branch from where to where, ascending, spinning bodies whirl in which sense: ``forward``,
+        ``backward`` or ``mixed``, empty if none whirls.
     reference : dict of ndarray, shape (points,)
         If the file asks to find the reference: its coordinates by name (m, rad), and as ``rate(…)`` those rates that
         are not zero everywhere; nan where there is no answer.
@@ -155,13 +155,20 @@ class Sweep(Answer):
     names: tuple[str, ...] = ()
     orders: tuple[float, ...] = ()
     crossings: tuple[OrderCrossing, ...] = ()
-    whirls: tuple[str, ...] = ()
+    senses: tuple[tuple[tuple[float, float, str], ...], ...] = ()
     reference: dict[str, Array] = field(default_factory=dict)
     outputs: dict[str, Array] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     turning: bool = False
     detail: Detail | None = None
     located: Index = field(default_factory=lambda: np.zeros((0, len(PLACES)), dtype=int))
+
+    @property
+    def whirls(self) -> tuple[str, ...]:
+        """With orders: the sense of whirl of each branch, ``changing`` if it is forward and backward; see `senses`."""
+        words = [{word for *_, word in parts} for parts in self.senses]
+        sure = [found & {"forward", "backward"} or found - {""} for found in words]
+        return tuple("changing" if len(found) > 1 else "".join(found) for found in sure)
 
     @property
     def spectra(self) -> list[dict[str, int] | None]:

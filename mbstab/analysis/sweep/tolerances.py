@@ -261,8 +261,10 @@ class Tolerances:
     share_of_peak: Final = 0.01
     """Peaks of an unbalance response are told if they are at least this part of the largest."""
 
-    points_of_whirl: Final = 6
-    """Points at which the sense of whirl of the branches is looked at."""
+    points_of_whirl: Final = 11
+    """Points at which the sense of whirl of the branches is looked at …"""
+    halvings_of_whirl: Final = 6
+    """… and how often the distance of two that differ is halved to locate the change."""
 
     # Names
     points_followed: Final = 33

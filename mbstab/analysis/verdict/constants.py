@@ -15,7 +15,8 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
-from mbstab.analysis.verdict.neutral import Structure, orthonormal
+from mbstab.analysis.verdict.directions import span
+from mbstab.analysis.verdict.neutral import Structure
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.records import dataclass
@@ -90,7 +91,7 @@ def _closed(one: Array, known: Array, rates: Array) -> Array:
     size = float(np.linalg.norm(rates, 2))
     C = np.eye(known.shape[1])
     while C.shape[1]:
-        basis = orthonormal(list(np.hstack([one, known @ C]).T), len(known))
+        basis = span(one, known @ C)
         beyond = rates @ C
         kept = _vanishing(beyond - basis @ (basis.T @ beyond), size)
         if kept.shape[1] == C.shape[1]:

@@ -3,12 +3,12 @@
 Rest positions (or steady motions of the same frame) are followed along the critical direction: the
 coordinate z along it is prescribed, a force r along it holds the motion there, and Newton's method
 brings everything else into balance (Lyapunov and Schmidt). How r = a z^k + … begins is seen with many
-digits at tiny distances, where no weak term of a lower power is hidden. The motion on the
-centre manifold is c ż = −r (Lyapunov 1892; Carr 1981), where c is the damping along the critical
-direction, or, where energy is conserved, that of a mass in the potential ∫ r dz (Koiter 1945;
-Thompson and Hunt 1973; Hagedorn and Mawhin 1992, Arch. Rat. Mech. Anal. 120, for the instability
-without a minimum). If r vanishes all along, there is a family of such motions, as far as
-checked.
+digits at tiny distances, where no weak term of a lower power is hidden. Where energy is conserved or lost,
+it is that of a mass in the potential ∫ r dz (Koiter 1945; Thompson and Hunt 1973; Hagedorn and Mawhin
+1992, Arch. Rat. Mech. Anal. 120, for the instability without a minimum). Elsewhere, if all other
+disturbances decay, r is in place of the force the speed at which the motion drifts in balance: that on
+the centre manifold is ż = r(z) to its lowest power (Lyapunov 1892; Carr 1981). If r vanishes all along,
+there is a family of such motions, as far as checked.
 """
 
 from __future__ import annotations
@@ -18,12 +18,14 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import least_squares
+from mbstab.analysis.algebra.stacks import complement
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.coefficients import matrices_in
 from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.verdict.directions import span
 from mbstab.analysis.verdict.many_digits import Line, ManyDigits
 from mbstab.analysis.verdict.minimum import SecondVariation, sign_of
-from mbstab.analysis.verdict.neutral import Separated, Structure, chains_of, complement, orthonormal
+from mbstab.analysis.verdict.neutral import Separated, Structure, chains_of
 from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, UNSTABLE, Critical
 from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
@@ -68,12 +70,12 @@ def critical_zero(
     energy = SecondVariation(structure, separated)
     by_energy = structure.work.decreases and energy.applies and _definite_beside(energy, structure, separated)
     # Motions along symmetries near the reference are not examined.
-    if len(separated.L) or separated.speeds or count > 2 or not (by_energy or (count == 1 and others_decay)):
+    if len(separated.L) or separated.choice.moving or count > 2 or not (by_energy or (count == 1 and others_decay)):
         return None
     direction = _direction(structure, separated)
     if direction is None or digits.zeros(separated.frequencies()).number != separated.neutral.count + count:
         return None
-    line = _line(structure, direction)
+    line = _line(structure, direction, drifts=not by_energy)
     powers = digits.powers(line)
     if powers is None:
         return None
@@ -81,14 +83,15 @@ def critical_zero(
     if not k and not behind:
         # Disturbances that do not decay may drive the motion along the family, out of its stable part.
         alone = separated.A.shape[0] == count
-        path = _followed(structure, line) if alone or (others_decay and count == 1) else None
+        path = _followed(structure, replace(line, drifts=False)) if alone or (others_decay and count == 1) else None
         if path is None or not path.vanishes:
             return None
         return _family(structure, direction, path, not alone, _drift(separated, count))
     if not k or not behind:
         return None  # beside one that vanishes the other side alone does not decide
     neutral = bool(separated.neutral.count)
-    grows = f"along the critical direction the force grows with {_POWERS.get(k, f'the power {k}')} of the distance"
+    what = "force" if by_energy else "speed of the drift"
+    grows = f"along the critical direction the {what} grows with {_POWERS.get(k, f'the power {k}')} of the distance"
     if by_energy:
         if sign > 0 and other > 0:
             word = STABLE_UP_TO if neutral else STABLE
@@ -98,10 +101,7 @@ def critical_zero(
                 why += ", and damping takes energy from every motion"
             return Critical(word, why)
         return Critical(UNSTABLE, f"{grows} and does not bring the motion back: the energy has no minimum there")
-    yielding = _yielding(structure, separated, line.measure, direction)
-    if yielding is None:
-        return None
-    if sign == other and sign * yielding > 0:
+    if sign == other == -1:
         why = f"{grows} and brings the motion back"
         if not neutral:
             return Critical(ASYMPTOTIC, why)
@@ -119,52 +119,30 @@ def _definite_beside(energy: SecondVariation, structure: Structure, separated: S
     scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(h)), np.max(np.abs(h)) * 1e-12))
     _, vectors = np.linalg.eigh(h * scale * scale[:, None])
     rest = W @ (scale[:, None] * vectors[:, 1:])
-    known = np.abs(rest).T @ energy.known_to @ np.abs(rest)
-    return not rest.shape[1] or sign_of(rest.T @ energy.H @ rest, known) == 1
+    return sign_of(energy.on(rest)) == 1
 
 
 def _direction(structure: Structure, separated: Separated) -> Array | None:
     """Return the critical shift of the positions in the basis N; None if there is not exactly one."""
     n = structure.space.n_xi
-    eta = len(separated.S) - n
-    stiffness = separated.S[n:, :n]
     T = separated.T[:n]
     left, s, _ = np.linalg.svd(T) if T.shape[1] else (np.eye(n), np.zeros(0), None)
     free = left[:, int(np.sum(s > 1e-8)) :]
-    if not 0 < free.shape[1] <= eta:
-        return None
-    _, s, right = np.linalg.svd(stiffness @ free)
-    if len(s) > 1 and s[-2] <= TOLERANCES.simple_zero * s[0]:
+    # Rates of the coordinates, and forces: at a position of rest both vanish.
+    _, s, right = np.linalg.svd(separated.S[:, :n] @ free)
+    if not len(s) or (len(s) > 1 and s[-2] <= TOLERANCES.simple_zero * s[0]):
         return None
     shift: Array = free @ right[-1]
     return shift
 
 
-def _yielding(structure: Structure, separated: Separated, measure: Array, shift: Array) -> float | None:
-    """Return the speed along the critical direction that a force along it causes; None if its sign is uncertain."""
-    spaces, space, n = structure.linear.spaces, structure.space, structure.space.n_xi
-    values, right = np.linalg.eig(separated.A)
-    k = int(np.argmin(np.abs(values)))
-    try:
-        left = np.linalg.inv(right)[k]
-    except np.linalg.LinAlgError:
-        return None
-    push = spaces.Z.T @ (spaces.N.T @ (spaces.scale * measure))
-    driven = np.zeros(len(separated.S))
-    driven[n:] = np.linalg.solve(space.M_z, push) / structure.gamma
-    along = (separated.B @ right[:, k])[:n] @ shift
-    result = complex(left @ (separated.B.T @ driven)) * complex(along)
-    size = float(np.linalg.norm(left) * np.linalg.norm(driven))
-    return result.real if abs(result) > 1e-9 * size else None
-
-
-def _line(structure: Structure, shift: Array) -> Line:
+def _line(structure: Structure, shift: Array, drifts: bool) -> Line:
     """Return the line along a shift of the positions in the basis N."""
     motion, spaces = structure.linear.motion, structure.linear.spaces
     along = spaces.scale * (spaces.N @ shift)
     unit = float(np.max(np.abs(along / motion.sizes)))
     held = tuple(x.direction / motion.sizes for x in structure.invariance.symmetries)
-    return Line(along / unit, (spaces.N @ shift) / spaces.scale * unit, held)
+    return Line(along / unit, (spaces.N @ shift) / spaces.scale * unit, held, drifts)
 
 
 def _followed(structure: Structure, line: Line) -> _Path | None:
@@ -233,19 +211,20 @@ def _balanced(
         a = generator.acceleration(q) if generator is not None and generator.turns else np.zeros(n)
         state = system.dynamics(q, u, reference.time)
         at = _at(reference, q, u, a, nu, state)
-        K = matrices_in(system, at, generator if generator is not None and generator.turns else None).K
+        matrices = matrices_in(system, at, generator if generator is not None and generator.turns else None)
+        K = matrices.K
         # Forces far away, or on other bodies, do not tell how well forces balance here.
         acting = _acting(structure, q, u, a) + np.abs(state.J.T) @ np.abs(nu) + np.abs(measure * r)
         rounding = TOLERANCES.critical_balance * acting + 4.0 * EPS * np.abs(K) @ (np.abs(q) + np.abs(reference.q))
         force = state.F0 + state.M @ a + state.J.T @ nu - measure * r
-        # Rows on speeds hold along steady motions; rows on positions are solved.
         distances = kept @ ((q - reference.q) / sizes)
         distances[-1] -= z
-        residual = np.concatenate([force, state.E[:n_h], distances])
+        residual = np.concatenate([force, state.E[:n_h], state.V[n_h:], distances])
         allowed = np.concatenate(
             [
                 rounding,
                 4.0 * EPS * np.abs(state.J[:n_h]) @ (np.abs(q) + sizes),
+                4.0 * EPS * (np.abs(matrices.D_q) @ (np.abs(q) + sizes) + np.abs(state.J[n_h:]) @ np.abs(u)),
                 np.full(len(line.held), TOLERANCES.critical_balance),
                 [4.0 * EPS * float(np.abs(measure) @ (np.abs(q) + np.abs(reference.q)))],
             ]
@@ -254,7 +233,7 @@ def _balanced(
         if off <= 1.0 or (off <= 1e3 and off > 0.5 * before):
             return q, nu, r
         before = off
-        matrix, rows, columns = line.bordered(K, state.J, n_h, sizes)
+        matrix, rows, columns = line.bordered(matrices, n_h, sizes)
         step = -least_squares(matrix, residual / rows, rcond=1e-13) / columns
         q, nu, r = q + sizes * step[:n], nu + step[n : n + c], r + float(step[-1])
     return None
@@ -269,7 +248,7 @@ def _drift(separated: Separated, count: int) -> int:
     """Return the power of time with which disturbances along neutral directions and of the remaining zeros grow."""
     values, vectors = np.linalg.eig(separated.A)
     zeros = vectors[:, np.argsort(np.abs(values))[:count]]
-    T = orthonormal([*separated.T.T, *(separated.B @ zeros.real).T, *(separated.B @ zeros.imag).T], len(separated.S))
+    T = span(separated.T, separated.B @ zeros.real, separated.B @ zeros.imag)
     return Neutral(chains=chains_of(replace(separated, T=T, L=separated.L[:0], B=complement(T)))).drift
 
 

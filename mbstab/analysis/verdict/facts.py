@@ -25,8 +25,9 @@ from mbstab.analysis.reference.rounded_scene import without_chance_zeros
 from mbstab.analysis.reference.steady import Generator, spun
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
+from mbstab.analysis.verdict.directions import Deflated
 from mbstab.analysis.verdict.many_digits import ManyDigits
-from mbstab.analysis.verdict.minimum import SecondVariation, norm_of_error
+from mbstab.analysis.verdict.minimum import SecondVariation
 from mbstab.analysis.verdict.neutral import Separated, Structure, may_turn
 from mbstab.analysis.verdict.rule import Critical, Disc, Facts, Minimum
 from mbstab.analysis.verdict.spectrum import Neutral
@@ -85,20 +86,25 @@ class Grounds:
     def gamma(self) -> float:
         """A typical rate of the deflated system (1/s), the unit of speeds."""
         # In a critical state only rounding may be left of it.
-        return max(time_scale(self.space), TOLERANCES.slowest_typical_rate * self._elementwise.rate)
+        return max(self.space.rate, TOLERANCES.slowest_typical_rate * self._elementwise.rate)
 
     @cached_property
+    def at(self) -> Deflated:
+        """The deflated system in balanced coordinates."""
+        return Deflated.of(self.linear, self.space, self.gamma)
+
+    @property
     def S(self) -> Array:
         """The balanced matrix of the deflated system."""
-        return balanced(self.space, self.gamma)
+        return self.at.S
 
     @cached_property
     def _found(self) -> tuple[Structure, Separated]:
         """The structure, with what holds on all rows only, or for sums of forces, where zeros are left without it."""
         if not self.S.size or not may_turn(self.S, self.linear.generator, self._elementwise.rate):
             self._elementwise.isolated = True
-        structure = Structure(self.linear, self.space, self.gamma, self._elementwise)
-        separated, system = structure.separated(self.S), self.system
+        structure = Structure(self.linear, self.space, self.at, self._elementwise)
+        separated, system = structure.separated(), self.system
         large = system.sparse or system.n_q > REFERENCE.searched_together
         if large or not separated.A.size or self.linear.massless is not None:
             return structure, separated
@@ -108,8 +114,8 @@ class Grounds:
         wider = Invariance(system, self.motion, self._elementwise)
         if len(wider.symmetries) <= len(self._elementwise.symmetries):
             return structure, separated
-        structure = Structure(self.linear, self.space, self.gamma, wider, structure.work)
-        return structure, structure.separated(self.S)
+        structure = Structure(self.linear, self.space, self.at, wider, structure.work)
+        return structure, structure.separated()
 
     @property
     def invariance(self) -> Invariance:
@@ -132,7 +138,7 @@ class Grounds:
         found = self.plain
         if self.reversor is None:
             return found
-        return self.reversor.widened(self.structure, found, self.structure.symmetric(len(self.S)))
+        return self.reversor.widened(self.structure, found)
 
     @cached_property
     def idle_frame(self) -> bool:
@@ -357,12 +363,7 @@ class Grounds:
     def _regular_energy(self) -> bool:
         """Whether the second variation of a conserved energy is a regular form on the directions left to judge."""
         energy, B = self._co_moving, self.separated.B
-        if not energy.applies or not B.shape[1]:
-            return False
-        h, known = B.T @ energy.H @ B, np.abs(B).T @ energy.known_to @ np.abs(B)
-        scale = 1.0 / np.sqrt(np.maximum(np.max(np.abs(h), axis=1), 1e-300))
-        least = float(np.linalg.svd(h * scale * scale[:, None], compute_uv=False)[-1])
-        return least > norm_of_error(known * scale * scale[:, None])
+        return energy.applies and B.shape[1] > 0 and not energy.on(B)[2]
 
     @cached_property
     def reversor(self) -> Reversor | None:
@@ -374,7 +375,7 @@ class Grounds:
             return None  # not searched in large scenes
         from mbstab.analysis.verdict.reversor import reversor
 
-        return reversor(self.structure, self.structure.symmetric(len(self.S)))
+        return reversor(self.structure)
 
     def minimum(self) -> Minimum | None:
         """Return the result of the energy criterion, or None."""
@@ -478,23 +479,3 @@ def _ranks(J: Array, n_h: int) -> tuple[int, int]:
     rank = int(np.sum(s > TOLERANCES.row_singular_value))
     left = J[n_h:] @ right[rank:].T
     return rank, int(np.sum(np.linalg.svd(left, compute_uv=False) > TOLERANCES.row_singular_value)) if left.size else 0
-
-
-def time_scale(space: StateSpace) -> float:
-    """Return a typical rate of the deflated system (1/s)."""
-    A, n = space.A, space.n_xi
-    size = [
-        math.sqrt(float(np.linalg.norm(A[n:, :n]))),
-        float(np.linalg.norm(A[n:, n:])),
-        float(np.linalg.norm(A[:n, :n])),
-    ]
-    return max(size, default=0.0) or 1.0
-
-
-def balanced(space: StateSpace, gamma: float) -> Array:
-    """Return S with speeds in units of γ, so that its blocks are of similar size."""
-    weights = np.ones(len(space.A))
-    weights[space.n_xi :] = gamma
-    result: Array = space.A * weights
-    result /= weights[:, None]
-    return result

@@ -17,10 +17,12 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares, norms
+from mbstab.analysis.algebra.stacks import beside, complement
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.verdict.constants import LinearFunctions, linear_functions
-from mbstab.analysis.verdict.neutral import Separated, Structure, complement, orthonormal
+from mbstab.analysis.verdict.directions import span
+from mbstab.analysis.verdict.neutral import Separated, Structure
 from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
@@ -39,7 +41,7 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     if (told := _told_apart(structure, found, count)) is not None:
         return told
     n = len(found.S)
-    symmetries = structure.symmetric(n)
+    symmetries = structure.symmetric
     Q = complement(symmetries)
     if n > TOLERANCES.family_states or not Q.shape[1]:
         return None
@@ -59,7 +61,7 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
             return None
     except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
         return None
-    T = orthonormal([*symmetries.T, *null.T], n)
+    T = span(symmetries, null)
     wider = replace(found, T=T, L=np.zeros((0, n)), B=complement(T))
     checked = f"motions of the same kind were found {TOLERANCES.family_reach:g} of the size of the scene to all sides"
     directions = counted(size - known, "more direction" if known else "direction")
@@ -82,17 +84,16 @@ def _told_apart(structure: Structure, found: Separated, count: int) -> Neutral |
     functions = linear_functions(structure)
     if functions is None:
         return None
-    rows = [x - T @ (T.T @ x) for x in functions.constants]
-    rows = [x / np.linalg.norm(x) for x in rows if np.linalg.norm(x) > TOLERANCES.independent_direction]
-    L = orthonormal([*found.L, *rows], n).T
-    wider = replace(found, L=L, B=complement(np.hstack([T, L.T])))
+    columns = functions.constants.T - T @ (T.T @ functions.constants.T)
+    L = span(found.L.T, columns[:, np.linalg.norm(columns, axis=0) > TOLERANCES.independent_direction]).T
+    wider = replace(found, L=L, B=complement(beside(T, L.T)))
     size = max(float(np.linalg.norm(found.S, 2)), structure.invariance.rate)
     changing = L @ found.S
     closed = float(np.max(np.abs(changing - (changing @ T) @ T.T), initial=0.0)) <= TOLERANCES.direction_closure * size
     least = np.linalg.svd(wider.A, compute_uv=False)[-1:]
     if len(L) != len(found.L) + count or not closed or np.any(least <= TOLERANCES.family_singular_value * size):
         return None
-    exact = _all_linear(functions, structure.symmetric(n), found, T.shape[1] + len(L))
+    exact = _all_linear(functions, structure.symmetric, found, T.shape[1] + len(L))
     name = f"constants of the motion that are linear in places and speeds ({count})"
     return Neutral(
         found.neutral.symmetries, (*found.neutral.family, name), T.shape[1] + len(L), structure.chains(wider),
@@ -106,8 +107,7 @@ def _all_linear(functions: LinearFunctions, symmetries: Array, found: Separated,
     Zero is a semisimple eigenvalue of these equations if there are as many constants as zeros.
     """
     n, d = symmetries.shape
-    rank = orthonormal(list(functions.closed), n).shape[1]
-    constants = orthonormal([*found.L, *functions.constants], n).shape[1]
+    rank, constants = span(functions.closed.T).shape[1], span(found.L.T, functions.constants.T).shape[1]
     blind = float(np.max(np.abs(functions.closed @ symmetries), initial=0.0)) <= TOLERANCES.independent_direction
     return blind and rank + d == n and constants >= zeros - d
 
@@ -117,8 +117,7 @@ def _drifts_along_symmetries(structure: Structure, found: Separated, symmetries:
 
     Those that drift along the family itself may come to members that are unstable (Fenichel 1971; Krupa 1990).
     """
-    boosts = [(np.zeros_like(x.direction), x.direction) for x in structure.invariance.boosts]
-    group = orthonormal([*symmetries.T, *structure.columns(boosts)], len(found.S))
+    group = span(symmetries, structure.at.of_boosts(structure.invariance.boosts))
     moved = found.S @ null
     left = moved - group @ (group.T @ moved)
     size = max(float(np.linalg.norm(found.S, 2)), structure.invariance.rate)
@@ -226,13 +225,7 @@ class _Search:
         sizes, rate_ = self.sizes, self.rate
         moves = np.concatenate([u / sizes / rate_, a / sizes / rate_**2])
         fields = [field for _, field in self.structure.invariance.fields] + self.driven
-        columns = [
-            np.concatenate([Y / sizes, field.slope(q) @ u / sizes / rate_])
-            for field in fields
-            for Y in [field.field(q)]
-        ]
-        if not columns:
-            return moves
-        basis = orthonormal(columns, len(moves))
+        columns = [np.concatenate([x.field(q) / sizes, x.slope(q) @ u / sizes / rate_]) for x in fields]
+        basis = span(np.array(columns).reshape(len(columns), len(moves)).T)
         result: Array = moves - basis @ (basis.T @ moves)
         return result

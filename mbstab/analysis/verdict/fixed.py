@@ -12,9 +12,11 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
 from mbstab.analysis.algebra.ball_arrays import middle
+from mbstab.analysis.algebra.stacks import complement
 from mbstab.analysis.reference.fields import Field
+from mbstab.analysis.verdict.directions import span
 from mbstab.analysis.verdict.minimum import SecondVariation, sign_of
-from mbstab.analysis.verdict.neutral import Separated, Structure, complement, orthonormal
+from mbstab.analysis.verdict.neutral import Separated, Structure
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 
@@ -43,12 +45,9 @@ def fixed_motions(structure: Structure, separated: Separated, left: int) -> str:
     if not _conserved(structure, field):
         return ""
     energy = SecondVariation(structure, separated)
-    pairs = [(x.direction, x.rate) for x in structure.invariance.integrals]
-    momenta = [structure.differential(*pair) @ fixed for pair in pairs]
-    W = fixed @ complement(orthonormal([x for x in momenta if np.any(x)], fixed.shape[1]))
-    inside = orthonormal(list((W.T @ separated.T).T), W.shape[1])
-    W = W @ complement(inside) if inside.shape[1] else W
-    if W.shape[1] and sign_of(W.T @ energy.H @ W, np.abs(W).T @ energy.known_to @ np.abs(W)) != 1:
+    W = fixed @ complement(span(fixed.T @ structure.at.of_momenta(structure.invariance.integrals).T))
+    W = W @ complement(span(W.T @ separated.T))
+    if sign_of(energy.on(W)) != 1:
         return ""
     return (
         "motions that the symmetries of the reference leave alone are by themselves, and their energy has a strict "

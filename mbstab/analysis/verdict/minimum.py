@@ -15,6 +15,7 @@ Tait 1879; Chetaev 1961; Zajac 1964). Modes with energy of opposite sign may des
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -24,11 +25,13 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.rank import Rank
 from mbstab.analysis.algebra.sparse import dense, scaled
+from mbstab.analysis.algebra.stacks import beside, frobenius, transposed
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.coefficients import Matrices, matrices_in
 from mbstab.analysis.reference.steady import Generator
+from mbstab.analysis.verdict.directions import Deflated, Ranks, at_given_momenta
 from mbstab.analysis.verdict.neutral import Separated, Structure
 from mbstab.analysis.verdict.rule import Minimum
 from mbstab.analysis.verdict.tolerances import TOLERANCES
@@ -82,34 +85,16 @@ class SecondVariation:
     # --- the form -----------------------------------------------------------------------------------------------------
 
     @cached_property
-    def rates(self) -> Array:
-        """The map from y to ż in the basis N, shape (n_ξ, n)."""
-        space, Z = self.structure.space, self.linear.spaces.Z
-        n = space.n_xi
-        result: Array = np.hstack([space.A[:n, :n], self.structure.gamma * Z])
-        return result
-
-    def form(self, M: Array, K: Array) -> Array:
-        """Return H in the coordinates of the balanced S, for M and K in those of the scene."""
-        spaces = self.linear.spaces
-        N = spaces.scale[:, None] * spaces.N
-        n = N.shape[1]
-        H = self.rates.T @ (N.T @ M @ N) @ self.rates
-        stiffness = N.T @ K @ N
-        H[:n, :n] += 0.5 * (stiffness + stiffness.T)
-        return H
-
-    @cached_property
     def H(self) -> Array:
         """The second variation, shape (n, n)."""
-        return self.form(self.linear.M, self.linear.K)
+        return self.structure.at.second_variation()
 
     @cached_property
     def known_to(self) -> Array:
         """Bound of the error of each entry of H, shape (n, n): of its evaluation, and of the numbers of the file."""
         linear, known = self.linear, roundings(self.linear)
         basis = linear.spaces.scale[:, None] * linear.spaces.N
-        N, n, rates = np.abs(basis), basis.shape[1], np.abs(self.rates)
+        N, n, rates = np.abs(basis), basis.shape[1], np.abs(self.structure.at.rates)
         errors = Matrices(*(dense(np.nan_to_num(x, nan=np.inf)) for x in known.errors))
         evaluated = TOLERANCES.roundings_of_variation * EPS
         mass, stiffness = (
@@ -138,10 +123,10 @@ class SecondVariation:
 
     def _carried(self, errors: Matrices, basis: Array) -> Array:
         """Return what the kinetic energy takes from speeds across the rows on speeds, shape (n, n)."""
-        spaces, n_h, N = self.linear.spaces, self.linear.n_h, np.abs(basis)
-        rows = errors.J[n_h:] @ N @ np.abs(self.rates)
+        spaces, n_h, N, rates = self.linear.spaces, self.linear.n_h, np.abs(basis), self.structure.at.rates
+        rows = errors.J[n_h:] @ N @ np.abs(rates)
         rows[:, : N.shape[1]] += errors.D_q @ N
-        weights = spaces.W.pseudo_inverse.T @ (basis.T @ dense(self.linear.M) @ basis @ self.rates)
+        weights = spaces.W.pseudo_inverse.T @ (basis.T @ dense(self.linear.M) @ basis @ rates)
         across: Array = np.abs(weights).T @ (spaces.row_scale[n_h:, None] * rows)
         return across
 
@@ -171,7 +156,7 @@ class SecondVariation:
         nothing = np.zeros((n, 0))
         if not states or self.moving or linear.massless is not None or linear.system.sparse:
             return nothing
-        columns, S = self.structure.followers, self.separated.S
+        columns, S = self.structure.at.followers(states), self.separated.S
         inverse = np.linalg.pinv(columns)
         evaluated = TOLERANCES.roundings_of_variation * EPS
         known = evaluated * np.abs(inverse) @ np.abs(S) @ np.abs(columns)
@@ -200,39 +185,34 @@ class SecondVariation:
             if item.of.shift is not None and np.any(item.of.shift[~self._angles()])
         )
 
-    @cached_property
+    @property
     def basis(self) -> Array:
         """Disturbances at the given momenta, modulo symmetries, as orthonormal columns."""
-        structure, n = self.structure, len(self.separated.S)
-        invariance = structure.invariance
-        columns = [structure.column(x.direction, x.rate) for x in invariance.symmetries]
-        rows: list[Array] = []
+        return self._based[0]
+
+    @property
+    def ranks(self) -> Mapping[str, int]:
+        """Decisions about these, as of `mbstab.analysis.verdict.directions.Ranks`."""
+        return self._based[1].known
+
+    @cached_property
+    def _based(self) -> tuple[Array, Ranks]:
+        at, invariance, ranks = self.structure.at, self.structure.invariance, Ranks()
+        columns = at.of_symmetries(invariance.symmetries)
         if self.moving:
-            rows = [structure.differential(x.direction, x.rate) for x in invariance.momenta]
-        else:
-            # Neighbouring rests without a symmetry are kept: along them the energy has no minimum.
-            m = structure.space.n_xi
-            columns = [np.concatenate([x[:m], np.zeros(n - m)]) for x in columns] + [*self.following.T]
-        kernel = _null(rows, n)
-        if not columns:
-            return kernel
-        inside = kernel.T @ np.array([x / (np.linalg.norm(x) or 1.0) for x in columns]).T
-        outside = np.array(columns).T / [np.linalg.norm(x) or 1.0 for x in columns] - kernel @ inside
-        # Symmetries that do not change the given momenta.
-        _, s, right = np.linalg.svd(outside)
-        along = inside @ right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
-        left, s, _ = np.linalg.svd(along)
-        result: Array = kernel @ left[:, int(np.sum(s > TOLERANCES.independent_direction)) :]
-        return result
+            return at_given_momenta(columns, at.of_momenta(invariance.momenta), ranks), ranks
+        # Neighbouring rests without a symmetry are kept: along them the energy has no minimum.
+        return at_given_momenta(beside(at.still(columns), self.following), columns.T[:0], ranks), ranks
 
     def definite(self) -> int:
         """Return 1 if H is positive definite, −1 if negative definite, both beyond rounding, and 0 otherwise."""
         if self.linear.system.sparse:
             return self._definite_in_large()
-        W = self.basis
-        if not W.shape[1]:
-            return 1
-        return sign_of(W.T @ self.H @ W, np.abs(W).T @ self.known_to @ np.abs(W))
+        return sign_of(self.on(self.basis))
+
+    def on(self, W: Array) -> Array:
+        """Return the numbers of positive, negative and doubtful directions of the form on the span of columns."""
+        return restricted(self.H, self.known_to, W)
 
     def _definite_in_large(self) -> int:
         """Return 1 if the stiffness is positive on all motions that are allowed, apart from symmetries; 0 if unknown.
@@ -285,14 +265,14 @@ class SecondVariation:
         if not steps:
             return False
         rates = frame_rates(self.separated.A).tolist()
-        return any(self._least(step, rate) > 0.0 for step in steps for rate in rates)
+        return any(self._definite_in(step, rate) for step in steps for rate in rates)
 
     def _angles(self) -> npt.NDArray[np.bool_]:
         return np.array([is_angle(name) for name in self.linear.names])
 
     def idle_turns(self) -> list[Generator]:
-        """Return rotations of the ground that do not move the reference, with spins that compensate them."""
-        invariance, motion = self.structure.invariance, self.linear.motion
+        """Return rotations about the axis of the frame that do not move the reference, with spins that undo them."""
+        invariance, motion, own = self.structure.invariance, self.linear.motion, self.linear.generator
         spins = [field.shift for _, field in invariance.fields if field.shift is not None]
         found = []
         for _, field in invariance.fields:
@@ -304,35 +284,31 @@ class SecondVariation:
             undone = columns @ c
             if np.max(np.abs(Y - undone) / motion.sizes) < 1e-9 and np.any(undone) and invariance.conserves(field):
                 found.append(replace(generator, spins=generator.spins - undone))
-        return found
+        return [
+            x
+            for x in found
+            if own is None
+            or not own.turns
+            or max(np.linalg.norm(own.axis - x.axis), np.linalg.norm(own.point - x.point)) <= 1e-9
+        ]
 
-    def _least(self, step: Generator, rate: float) -> float:
-        """Return the smallest eigenvalue of H, scaled, in a frame that turns faster; negative: not definite."""
-        own = self.linear.generator
-        spins = step.spins * rate if own is None else own.spins + step.spins * rate
-        turn = rate
-        if own is not None and own.turns:
-            if np.linalg.norm(own.axis - step.axis) > 1e-9 or np.linalg.norm(own.point - step.point) > 1e-9:
-                return -1.0
-            turn += own.rate
-        velocity = np.zeros(3) if own is None else own.velocity
-        generator = Generator(step.system, step.axis, step.point, turn, velocity, spins)
-        other = self._seen_from(generator)
-        W = other.basis
-        h = W.T @ other.H @ W
-        scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(h)), 1e-300))
-        known = np.abs(W).T @ other.known_to @ np.abs(W)
-        least = float(np.linalg.eigvalsh(h * scale * scale[:, None])[0])
-        return least - norm_of_error(known * scale * scale[:, None])
+    def _definite_in(self, step: Generator, rate: float) -> bool:
+        """Return whether H is positive definite in a frame that turns faster about an axis."""
+        own, faster = self.linear.generator, replace(step, rate=rate, spins=step.spins * rate)
+        if own is not None:
+            faster = replace(faster, rate=own.rate + rate, velocity=own.velocity, spins=own.spins + faster.spins)
+        other = self._seen_from(faster)
+        return sign_of(other.on(other.basis)) > 0
 
     def _seen_from(self, generator: Generator) -> SecondVariation:
         """Return the second variation in another frame."""
-        structure, linear = self.structure, self.linear
+        structure, linear, space = self.structure, self.linear, self.structure.space
         matrices = matrices_in(linear.system, linear.motion, generator)
         other: Linearization = replace(
             linear, M=matrices.M, R=matrices.R, K=matrices.K, D_q=matrices.D_q, generator=generator
         )
-        return SecondVariation(Structure(other, structure.space, structure.gamma, structure.invariance), self.separated)
+        at = Deflated.of(other, space, float(structure.at.gamma))
+        return SecondVariation(Structure(other, space, at, structure.invariance), self.separated)
 
     # --- warnings -----------------------------------------------------------------------------------------------------
 
@@ -379,16 +355,6 @@ class SecondVariation:
         return tuple(texts)
 
 
-def _null(rows: list[Array], n: int) -> Array:
-    """Return an orthonormal basis of the null space of rows of length n."""
-    if not rows:
-        return np.eye(n)
-    matrix = np.array([x / (np.linalg.norm(x) or 1.0) for x in rows])
-    _, s, right = np.linalg.svd(matrix)
-    result: Array = right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
-    return result
-
-
 def decays(A: Array, error: float) -> bool:
     """Return whether all matrices within an error of A, in the spectral norm, have their eigenvalues left of the axis.
 
@@ -413,21 +379,47 @@ def _both(change: Array) -> Array:
     return change + change.T
 
 
-def norm_of_error(known_to: Array) -> float:
-    """Return the spectral norm of the bounds of errors; inf where an error has no bound."""
-    return float(np.linalg.norm(known_to, 2)) if np.isfinite(known_to).all() else np.inf
+def inertia(H: Array, known: Array) -> Array:
+    """Return numbers of positive, negative and doubtful directions of symmetric matrices, shape (…, 3).
+
+    Parameters
+    ----------
+    H : ndarray, shape (…, m, m)
+    known : ndarray, shape (…, m, m)
+        Bound of the error of each entry; inf where there is none.
+    """
+    m = H.shape[-1]
+    if not m:
+        return np.zeros((*H.shape[:-2], 3), dtype=int)
+    # Scaled by the diagonal, so that large stiffness does not hide soft directions (Demmel and Veselić 1992). Entries
+    # that may be zero are left small, so that they hide nothing either.
+    own, open_ = (np.diagonal(x, axis1=-2, axis2=-1) for x in (np.abs(H), known))
+    diagonal = np.where(own > 10.0 * open_, own, np.max(np.maximum(own, open_), axis=-1, keepdims=True))
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-300))
+    both = scale[..., :, None] * scale[..., None, :]
+    values = np.linalg.eigvalsh(0.5 * (H + transposed(H)) * both)
+    with np.errstate(invalid="ignore"):
+        error = known * both
+    # No eigenvalue moves by more than the norm of the error: neither than its size, nor than its largest sum of a row.
+    least = np.minimum(frobenius(error), np.max(np.sum(error, axis=-1), axis=-1)) + m * EPS * np.max(
+        np.abs(values), axis=-1
+    )
+    positive, negative = (np.sum(x > least[..., None], axis=-1) for x in (values, -values))
+    return np.stack([positive, negative, m - positive - negative], axis=-1)
 
 
-def sign_of(h: Array, known_to: Array) -> int:
-    """Return the sign of a definite matrix with given rounding errors, or 0."""
-    diagonal = np.diag(h)
-    for sign in (1, -1):
-        if np.all(sign * diagonal > np.diag(known_to)):
-            scale = 1.0 / np.sqrt(sign * diagonal)
-            least = float(np.linalg.eigvalsh(sign * h * scale * scale[:, None])[0])
-            if least > norm_of_error(known_to * scale * scale[:, None]):
-                return sign
-    return 0
+def restricted(H: Array, known: Array, W: Array) -> Array:
+    """Return the inertia of forms, given with the bounds of their errors, on the spans of columns."""
+    with np.errstate(invalid="ignore"):
+        return inertia(transposed(W) @ H @ W, transposed(np.abs(W)) @ known @ np.abs(W))
+
+
+def sign_of(counts: Array) -> int:
+    """Return 1 or −1 for a form that is positive or negative definite by its inertia, 0 for others."""
+    positive, negative, doubtful = counts.tolist()
+    if doubtful or (positive and negative):
+        return 0
+    return -1 if negative else 1
 
 
 def negative_directions(h: Array, known_to: Array) -> int:
@@ -438,5 +430,5 @@ def negative_directions(h: Array, known_to: Array) -> int:
     vectors = scale[:, None] * vectors
     error = np.sum(np.abs(vectors) * (known_to @ np.abs(vectors)), axis=0)
     sure = vectors[:, values < -error]
-    known = bool(sure.size) and sign_of(sure.T @ h @ sure, np.abs(sure).T @ known_to @ np.abs(sure)) < 0
+    known = bool(sure.size) and sign_of(restricted(h, known_to, sure)) < 0
     return sure.shape[1] if known else 0

@@ -12,15 +12,16 @@ No eigenvalue is taken as zero because it is small: those that T and L do not ex
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares
+from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares, norms
 from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.sparse import scaled
+from mbstab.analysis.algebra.stacks import beside, complement, frobenius, under
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.linear.roundings import roundings
@@ -28,13 +29,44 @@ from mbstab.analysis.reference.fields import Field, Symmetry
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
-from mbstab.analysis.verdict.followers import disturbances, led, left_behind
+from mbstab.analysis.verdict.directions import Deflated, Ranks, misfit, rests, span, speeds_along, vanishing
 from mbstab.analysis.verdict.spectrum import Chains, Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.work import Work
 from mbstab.compiler.system import Array
 from mbstab.model.schema import is_length
 from mbstab.records import dataclass
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a point has beside its symmetries, as points of the same structure must have it.
+
+    Attributes
+    ----------
+    ranks : mapping
+        Decisions of `Ranks` by name.
+    rests : bool
+        Whether directions of neighbouring rest positions are among T.
+    momenta : tuple of Symmetry
+        Those whose momenta are conserved, if functions tell motions apart.
+    energy : bool
+        Whether the energy is one of these functions.
+    moving : tuple of Symmetry
+        Those along which the scene may move on, if speeds along them are among T.
+    alone : bool
+        Whether it may do so along the motion itself only, not along each of them.
+    family : int
+        Dimension of the family of a reversor.
+    """
+
+    ranks: Mapping[str, int] = field(default_factory=dict)
+    rests: bool = False
+    momenta: tuple[Symmetry, ...] = ()
+    energy: bool = False
+    moving: tuple[Symmetry, ...] = ()
+    alone: bool = False
+    family: int = 0
 
 
 @dataclass(frozen=True)
@@ -53,8 +85,7 @@ class Separated:
     neutral : Neutral
     rates : tuple of float (1/s)
         Ω of the co-moving frame, if it rotates, and rates of the coordinates that spin in it.
-    speeds : int
-        Number of directions of T that are speeds along symmetries, at which a scene at rest may move.
+    choice : Choice
     """
 
     S: Array
@@ -63,14 +94,7 @@ class Separated:
     B: Array
     neutral: Neutral
     rates: tuple[float, ...] = ()
-    speeds: int = 0
-
-    @property
-    def misfit(self) -> float:
-        """How far S leads out of the directions, and the functions are not constant up to them."""
-        S, T, L = self.S, self.T, self.L
-        outside = float(np.linalg.norm(S @ T - T @ (T.T @ S @ T), 2)) if T.shape[1] else 0.0
-        return max(outside, float(np.linalg.norm((L @ S) - (L @ S @ T) @ T.T, 2)) if len(L) else 0.0)
+    choice: Choice = field(default_factory=Choice)
 
     @cached_property
     def A(self) -> Array:
@@ -99,79 +123,27 @@ class Structure:
     ----------
     linear : Linearization
     space : StateSpace
-    gamma : float (1/s)
-        The unit of speeds.
+    at : Deflated
+        The same in balanced coordinates.
     invariance : Invariance
     work : Work, optional
         The work of the elements in the frame of the motion, if something is known of it.
     """
 
     def __init__(
-        self, linear: Linearization, space: StateSpace, gamma: float, invariance: Invariance, work: Work | None = None
+        self, linear: Linearization, space: StateSpace, at: Deflated, invariance: Invariance, work: Work | None = None
     ) -> None:
-        self.linear, self.space, self.gamma, self.invariance = linear, space, gamma, invariance
+        self.linear, self.space, self.at, self.invariance = linear, space, at, invariance
         self.work = work or Work(invariance, linear.generator)
 
-    @cached_property
-    def _slope(self) -> Array:
-        """Ξ of the motion, if it is steady."""
-        assert self.linear.generator is not None
-        return self.linear.generator.frame(self.linear.motion.q)[0]
-
-    @cached_property
-    def _basis(self) -> Array:
-        """N in coordinates (m, rad)."""
-        spaces = self.linear.spaces
-        return spaces.scale[:, None] * spaces.N
-
-    @cached_property
-    def followers(self) -> Array:
-        """Disturbances of the states that only follow, as columns in the coordinates of the balanced S."""
-        spaces, n = self.linear.spaces, self.space.n_xi
-        return disturbances(spaces.N, spaces.Z, self.space.A[:n, :n], self.gamma, self.linear.system.following)
-
-    # --- into the coordinates of S ----------------------------------------------------------------------------------
-
     def column(self, direction: Array, rate: Array) -> Array:
-        """Return a disturbance (Δq, Δu), or columns of some, in the coordinates of the balanced S."""
-        linear, space = self.linear, self.space
-        spaces, n = linear.spaces, self.space.n_xi
-        generator = linear.generator
-        if generator is not None and generator.turns:
-            rate = rate - self._slope @ direction
-        xi = spaces.N.T @ (direction.T / spaces.scale).T
-        eta = spaces.Z.T @ (spaces.N.T @ (rate.T / spaces.scale).T - space.A[:n, :n] @ xi)
-        return np.concatenate([xi, eta / self.gamma])
-
-    def columns(self, pairs: list[tuple[Array, Array]]) -> list[Array]:
-        """Return disturbances one by one; those of a large scene are computed together."""
-        if not self.linear.system.sparse or not pairs:
-            return [self.column(direction, rate) for direction, rate in pairs]
-        return list(self.column(*(np.array(x).T for x in zip(*pairs, strict=True))).T)
-
-    def differential(self, direction: Array, rate: Array) -> Array:
-        """Return the differential of the momentum along a symmetry Y, or of the energy along the motion itself, as row.
-
-        Yᵀ times the linearized equations is its rate: (Yᵀ R − Y'ᵀ M) Δq + Yᵀ M Δu, with Y' the
-        rate of change of Y in the co-moving frame.
-        """
-        linear, space = self.linear, self.space
-        spaces, n = linear.spaces, self.space.n_xi
-        N = self._basis
-        carried = rate if linear.generator is None else rate - self._slope @ direction
-        speeds = direction.T @ linear.M @ N
-        positions = direction.T @ linear.R @ N - carried.T @ linear.M @ N
-        return np.concatenate([positions + speeds @ space.A[:n, :n], self.gamma * (speeds @ spaces.Z)], axis=-1)
+        """Return a disturbance (Δq, Δu) in the coordinates of the balanced S."""
+        return self.at.columns(direction[:, None], rate[:, None])[:, 0]
 
     def disturbance(self, y: Array) -> tuple[Array, Array]:
         """Return Δq and Δu of a disturbance in the coordinates of the balanced S."""
-        linear, n = self.linear, self.space.n_xi
-        spaces, generator = linear.spaces, linear.generator
-        direction = spaces.scale * (spaces.N @ y[:n])
-        rate = spaces.scale * (spaces.N @ (self.space.A[:n, :n] @ y[:n] + self.gamma * (spaces.Z @ y[n:])))
-        if generator is not None and generator.turns:
-            rate = rate + self._slope @ direction
-        return direction, rate
+        direction, rate = self.at.disturbances(y[:, None])
+        return direction[:, 0], rate[:, 0]
 
     def balanced(self, q: Array, u: Array) -> tuple[Array, Array]:
         """Return the accelerations and the multipliers at a state."""
@@ -187,43 +159,42 @@ class Structure:
 
     # --- directions -------------------------------------------------------------------------------------------------
 
-    def separated(self, S: Array) -> Separated:
+    def separated(self) -> Separated:
         """Return the balanced S with its neutral directions."""
-        n = len(S)
-        generator = self.linear.generator
+        at, ranks = self.at, Ranks()
+        S, invariance, generator = at.S, self.invariance, self.linear.generator
         rates = () if generator is None else _rates(generator)
-        if not n:
+        if not len(S):
             return unseparated(S)
-        symmetries = self.invariance.symmetries
-        boosts = self.invariance.boosts
-        columns = self.columns([(item.direction, item.rate) for item in symmetries])
-        columns += self.columns([(np.zeros_like(item.direction), item.direction) for item in boosts])
-        family = [f"speed along {_axis(item)}" for item in boosts]
-        rest, named = self._rest(S, columns)
-        T = orthonormal([*columns, *rest], n)
-        family += named
-        L, kept = self._conserved(T, S)
+        columns = beside(at.of_symmetries(invariance.symmetries), at.of_boosts(invariance.boosts))
+        family = [f"speed along {_axis(item)}" for item in invariance.boosts]
+        rest = self._rest(ranks)
+        if rest is not None:
+            family += ["position at rest"] * (rest.shape[1] > span(columns).shape[1])
+            columns = beside(columns, rest)
+        T = span(columns, ranks=ranks, name="directions")
+        choice = Choice(ranks.known, rest is not None)
+        L, choice, kept = self._conserved(T, choice, ranks)
         family += kept
         # Where conserved functions have other values, the motion need not be steady.
-        moving, speeds, slow = self._moving(T, S) if not len(L) else ([], [], [])
+        moving, choice, speeds = self._moving(T, choice, ranks) if not len(L) else (T[:, :0], choice, [])
         family += speeds
-        T = orthonormal([*T.T, *moving], n) if moving else T
+        if moving.shape[1]:
+            T = span(T, moving, ranks=ranks, name="directions with speeds")
         d = T.shape[1]
-        B = complement(np.hstack([T, L.T]))
         # Where forces cancel in a critical state, S itself may be only rounding.
-        size = max(spectral_norm(S), self.invariance.rate) if d + len(L) else 1.0
-        if Separated(S, T, L, B, Neutral()).misfit > TOLERANCES.direction_closure * size:
+        if misfit(S, T, L) > TOLERANCES.direction_closure * max(float(frobenius(S)), invariance.rate):
             return unseparated(S)  # equations of an instant need not have the symmetries of the motion
-        T, B = settled(S, T, L, B)
-        found = Separated(S, T, L, B, Neutral(), rates, len(moving))
-        names = tuple(item.name for item in symmetries)
+        T, B = settled(S, T, L, complement(beside(T, L.T)))
+        found = Separated(S, T, L, B, Neutral(), rates, choice)
         neutral = Neutral(
-            names,
+            tuple(item.name for item in invariance.symmetries),
             tuple(family),
             d + len(L),
             self.chains(found),
             "numerical" if d + len(L) else "structural",
-            slow=tuple(slow),
+            # The energy may bound the speeds of a scene at rest.
+            slow=() if np.any(self.linear.motion.u) else tuple(speeds),
             tumbling=bool(len(L)) and self._tumbles(),
         )
         return replace(found, neutral=neutral)
@@ -231,36 +202,22 @@ class Structure:
     def chains(self, found: Separated) -> Chains | None:
         """Return the chains of neutral directions, with the names of the symmetries that drift."""
         items = self.invariance.symmetries
-        columns = self.columns([(item.direction, item.rate) for item in items])
-        return chains_of(found, [(item.name, x) for item, x in zip(items, columns, strict=True)])
+        return chains_of(found, [(x.name, y) for x, y in zip(items, self.at.of_symmetries(items).T, strict=True)])
 
-    def symmetric(self, n: int) -> Array:
-        """Return orthonormal directions of the symmetries alone, shape (n, d)."""
-        return orthonormal(self.columns([(item.direction, item.rate) for item in self.invariance.symmetries]), n)
+    @property
+    def symmetric(self) -> Array:
+        """Orthonormal directions of the symmetries alone, shape (n, d)."""
+        return span(self.at.of_symmetries(self.invariance.symmetries))
 
-    def _rest(self, S: Array, columns: list[Array]) -> tuple[list[Array], list[str]]:
-        """Return the directions of neighbouring rest positions, where rows on speeds leave a manifold of them.
-
-        Where forces along all allowed motions have full rank as functions of the positions, rests
-        form a manifold of the dimension of the independent nonholonomic rows (Neimark, Fufaev 1972).
-        """
-        linear, n = self.linear, self.space.n_xi
+    def _rest(self, ranks: Ranks) -> Array | None:
+        """Return the directions of neighbouring rest positions, where rows on speeds leave a manifold of them."""
+        linear, at = self.linear, self.at
         if linear.massless is not None and len(linear.massless.first_order):
-            return [], []  # their rows are not satisfied by every rest
-        n_eta = len(S) - n
-        if n_eta >= n or np.any(linear.motion.u) or not self.work.rows_at_rest:
-            return [], []
-        size = float(np.linalg.norm(S[n:], 2)) or 1.0
-        if n_eta:
-            _, s, right = np.linalg.svd(S[n:, :n])
-            if s[-1] <= TOLERANCES.rest_manifold_rank * size or not self._held_by_forces():
-                return [], []
-            null = right[n_eta:].T
-        else:
-            null = np.eye(n)
-        found = [np.concatenate([x, np.zeros(n_eta)]) for x in null.T]
-        further = len(found) - orthonormal(columns, len(S)).shape[1]
-        return found, ["position at rest"] if further > 0 else []
+            return None  # their rows are not satisfied by every rest
+        if len(at.S) >= 2 * at.n_xi or np.any(linear.motion.u) or not self.work.rows_at_rest:
+            return None
+        found = rests(at, ranks)
+        return None if found is None or (at.Z.shape[1] and not self._held_by_forces()) else found
 
     def _held_by_forces(self) -> bool:
         """Return whether the stiffness along all allowed motions has full rank, beyond its rounding."""
@@ -275,96 +232,68 @@ class Structure:
         off = float(np.linalg.norm(np.abs(allowed).T @ (error @ np.abs(N))))
         return least > off + sum(float(np.linalg.norm(allowed.T @ (x @ N))) for x in moved)
 
-    def _moving(self, T: Array, S: Array) -> tuple[list[Array], list[str], list[str]]:
+    def _moving(self, T: Array, choice: Choice, ranks: Ranks) -> tuple[Array, Choice, list[str]]:
         """Return speeds along symmetries at which a scene may move as steadily as at rest, and as the reference does.
 
-        A wheel may roll, and a balanced rotor turn, at any speed, although no momentum along it is conserved. The names
-        of speeds that the energy may bound, those of a scene at rest, are repeated.
+        A wheel may roll, and a balanced rotor turn, at any speed, although no momentum along it is conserved.
         """
-        invariance, linear = self.invariance, self.linear
-        items, u = [x for x in invariance.symmetries if self.commutes(x)], linear.motion.u
-        if not items or not (np.any(u) or self.work.led_at_rest):
-            return [], [], []
-        spaces, states = linear.spaces, linear.system.following
-        directions = np.array([x.direction for x in items]).T / spaces.scale[:, None]
-        lengths = np.linalg.norm(directions, axis=0)
-        directions = directions / lengths
-        speeds, across = led(directions, spaces.allowed, states)
-        columns = self.gamma * np.array([self.column(0.0 * x, spaces.scale * x) for x in speeds.T]).T
-        if states:
-            along = self.columns([(x.direction / s, x.rate / s) for x, s in zip(items, lengths, strict=True)])
-            columns, lacking = left_behind(S, self.followers, columns, self.gamma * np.array(along).T)
-            across = np.vstack([across, lacking / self.gamma])
-        c = admissible(across)
-        _, s, right = np.linalg.svd(columns @ c - T @ (T.T @ (columns @ c)))
-        c = c @ right[: int(np.sum(s > TOLERANCES.independent_direction))].T
-        along, own = directions @ c, u / spaces.scale
-        off = own - along @ (np.linalg.pinv(along) @ own)
-        if not c.shape[1] or np.linalg.norm(off) > TOLERANCES.independent_direction * np.linalg.norm(own):
-            return [], [], []
-        c, chosen = self._at_any_speed(c, lengths, np.linalg.pinv(along) @ own, items)
+        items = tuple(x for x in self.invariance.symmetries if self.commutes(x))
+        linear, nothing = self.linear, (T[:, :0], choice, list[str]())
+        if not items or not (np.any(linear.motion.u) or self.work.led_at_rest):
+            return nothing
+        found = speeds_along(self.at, items, linear.system.following, T, ranks)
+        u = linear.motion.u / linear.spaces.scale
+        own, along = found.own(u)[:, 0], found.directions @ found.c
+        if not len(own) or np.linalg.norm(u - along @ own) > TOLERANCES.independent_direction * np.linalg.norm(u):
+            return nothing
+        alone, chosen = False, self._at_any_speed(found.c / found.lengths.T, items)
+        c = found.c
+        if chosen is None and np.any(own):
+            # A wheel with a tyre may roll at any speed, but not sideways.
+            alone, c = True, found.alone(u)
+            chosen = self._at_any_speed(c / found.lengths.T, items)
+        if chosen is None:
+            return nothing
         names = [
             f"speed of {items[int(np.argmax(np.abs(x)))].name}" if np.sum(x != 0.0) == 1 else "speed" for x in chosen
         ]
-        return [columns @ x for x in c.T], names, [] if np.any(u) else names
+        return found.columns @ c, replace(choice, moving=items, alone=alone), names
 
-    def _at_any_speed(self, c: Array, lengths: Array, own: Array, items: list[Symmetry]) -> tuple[Array, list[Array]]:
-        """Return the combinations along which the scene moves at any speed: all of them, or that of the reference."""
-
-        def moves(coefficients: Array) -> bool:
-            return self.invariance.moves_on(_combined(coefficients, items))
-
-        chosen = _sparse(c / lengths[:, None])
+    def _at_any_speed(self, c: Array, items: Sequence[Symmetry]) -> list[Array] | None:
+        """Return combinations of symmetries, given as columns, if the scene moves along all of them at any speed."""
+        chosen = [np.where(np.abs(x) > TOLERANCES.independent_direction * np.max(np.abs(x)), x, 0.0) for x in c.T]
         mixed = [*RandomNumbers(7).uniform(-1.0, 1.0, 2 if c.shape[1] > 1 else 0, c.shape[1])]
-        if all(moves(x) for x in (*chosen, *(np.array(chosen).T @ x for x in mixed))):
-            return c, chosen
-        if np.any(own):
-            # A wheel with a tyre may roll at any speed, but not sideways.
-            c = c @ (own / np.linalg.norm(own))[:, None]
-            chosen = _sparse(c / lengths[:, None])
-            if moves(chosen[0]):
-                return c, chosen
-        return c[:, :0], []
+        asked = (*chosen, *(np.array(chosen).T @ x for x in mixed))
+        return chosen if all(self.invariance.moves_on(_combined(x, items)) for x in asked) else None
 
-    def _conserved(self, T: Array, S: Array) -> tuple[Array, list[str]]:
+    def _conserved(self, T: Array, choice: Choice, ranks: Ranks) -> tuple[Array, Choice, list[str]]:
         """Return independent differentials that vanish on T, and names of what their values distinguish."""
-        motion, n = self.linear.motion, len(S)
-        integrals = [item for item in self.invariance.integrals if self.commutes(item)]
-        pairs = [(item.direction, item.rate) for item in integrals]
-        if self.linear.system.sparse and pairs:
-            differentials = list(self.differential(*(np.array(x).T for x in zip(*pairs, strict=True))))
-        else:
-            differentials = [self.differential(direction, rate) for direction, rate in pairs]
-        kinds = self._told_apart(differentials, T, S)
-        named = zip(kinds, integrals, differentials, strict=True)
-        candidates = [(f"{kind} of {item.name}", x) for kind, item, x in named]
-        if np.any(motion.u) and self.work.conserved_at_rest:
-            energy = self.differential(motion.u, motion.a)
+        motion, at = self.linear.motion, self.at
+        S, nothing = at.S, (T.T[:0], choice, list[str]())
+        integrals = tuple(item for item in self.invariance.integrals if self.commutes(item))
+        rows = at.of_momenta(integrals)
+        names = [f"{kind} of {item.name}" for kind, item in zip(self._told_apart(rows, T, S), integrals, strict=True)]
+        moves = bool(np.any(motion.u)) and self.work.conserved_at_rest
+        if moves:
+            energy = at.differentials(motion.u[:, None], motion.a[:, None])
             change, size = energy @ S, float(np.linalg.norm(energy)) * max(spectral_norm(S), self.invariance.rate)
             # Along a motion that is not steady the differential of the energy changes.
-            if np.linalg.norm(change - (change @ T) @ T.T) <= TOLERANCES.direction_closure * size:
-                candidates.append(("speed", energy))
-        if not candidates or self._driven_boost():
-            return np.zeros((0, n)), []
-        rows = np.array([x / (np.linalg.norm(x) or 1.0) for _, x in candidates])
-        # Combinations that do not change along T.
-        if T.shape[1]:
-            _, s, right = np.linalg.svd((rows @ T).T)
-            rank = int(np.sum(s > TOLERANCES.independent_direction))
-            rows = right[rank:] @ rows
-            # The difference of equal functions is rounding.
-            rows = rows[np.linalg.norm(rows, axis=1) > TOLERANCES.independent_direction]
-        basis = orthonormal(list(rows), n)
+            moves = bool(np.linalg.norm(change - (change @ T) @ T.T) <= TOLERANCES.direction_closure * size)
+        if moves:
+            rows, names = under(rows, energy), [*names, "speed"]
+        if not names or self._driven_boost():
+            return nothing
+        rows = rows / norms(rows)[:, None]
+        L = vanishing(rows, T, ranks, "functions")
         # Each is named after its largest component whose name is not taken yet.
-        names: list[str] = []
-        left = [(name, x, np.linalg.norm(x) or 1.0) for name, x in candidates]
-        for differential in basis.T:
+        left, taken = list(zip(names, rows, strict=True)), list[str]()
+        for differential in L:
             # Of equal ones the first: rounding names nothing.
-            weights = [-round(float(abs(x @ differential) / length), 9) for _, x, length in left]
-            names.append(left.pop(weights.index(min(weights)))[0])
+            weights = [-round(float(abs(x @ differential)), 9) for _, x in left]
+            taken.append(left.pop(weights.index(min(weights)))[0])
         if self.linear.system.sparse:
-            names.sort(key=[name for name, _ in candidates].index)  # for many equal ones any basis is as good
-        return basis.T, names
+            taken.sort(key=names.index)  # for many equal ones any basis is as good
+        return L, replace(choice, momenta=integrals, energy=moves) if len(L) else choice, taken
 
     def _tumbles(self) -> bool:
         """Return whether conserved momenta are those of rotations that do not commute, and do not all move on steadily.
@@ -390,14 +319,14 @@ class Structure:
         if not still or ranks[0] < ranks[1]:
             return True
         mixed = still[0].times(float(rng.uniform(0.5, 1.0, 1)[0]))
-        for field in still[1:]:
-            mixed = mixed + field.times(float(rng.uniform(0.5, 1.0, 1)[0]))
+        for other in still[1:]:
+            mixed = mixed + other.times(float(rng.uniform(0.5, 1.0, 1)[0]))
         return not invariance.moves_on(mixed)
 
-    def _told_apart(self, rows: list[Array], T: Array, S: Array) -> list[str]:
+    def _told_apart(self, rows: Array, T: Array, S: Array) -> list[str]:
         """Return whether motions with different conserved functions end at another speed or at another place."""
         n = self.space.n_xi
-        if self.linear.system.sparse and not any(np.any(row[:n]) for row in rows):
+        if not len(rows) or (self.linear.system.sparse and not np.any(rows[:, :n])):
             return ["speed"] * len(rows)  # functions of the speeds alone
         _, s, right = np.linalg.svd(S - T @ (T.T @ S))
         kernel = right[s <= TOLERANCES.independent_direction * s[0]] if s[0] else right
@@ -412,9 +341,7 @@ class Structure:
         if self.linear.system.sparse and not np.any(item.rate):
             return True  # at rest
         y = self.column(item.direction, item.rate)
-        n = self.space.n_xi
-        moving = np.concatenate([self.space.A[:n, :n] @ y[:n], y[n:]])
-        return bool(np.linalg.norm(moving[n:]) <= 1e-9 * np.linalg.norm(y))
+        return bool(np.linalg.norm(y[self.space.n_xi :]) <= 1e-9 * np.linalg.norm(y))
 
     def _driven_boost(self) -> bool:
         """Return whether everything may be given another speed along a shift, although forces act along it.
@@ -424,28 +351,7 @@ class Structure:
         return not all(self.invariance.conserves(x.of) for x in self.invariance.boosts)
 
 
-def admissible(across: Array) -> Array:
-    """Return the combinations of directions that the rows allow as speeds, from what they forbid of each.
-
-    Parameters
-    ----------
-    across : ndarray, shape (rows, k)
-
-    Returns
-    -------
-    c : ndarray, shape (k, number), orthonormal columns
-    """
-    _, s, right = np.linalg.svd(across)
-    result: Array = right[int(np.sum(s > TOLERANCES.independent_direction)) :].T
-    return result
-
-
-def _sparse(c: Array) -> list[Array]:
-    """Return the columns with rounding errors set to zero."""
-    return [np.where(np.abs(x) > TOLERANCES.independent_direction * np.max(np.abs(x)), x, 0.0) for x in c.T]
-
-
-def _combined(c: Array, items: list[Symmetry]) -> Field:
+def _combined(c: Array, items: Sequence[Symmetry]) -> Field:
     """Return a combination of symmetries."""
     first, *others = (item.of.times(float(x)) for x, item in zip(c, items, strict=True) if x)
     for other in others:
@@ -496,26 +402,6 @@ def _axis(item: Symmetry) -> str:
     return item.name.removeprefix("translation along ")
 
 
-def orthonormal(columns: list[Array], n: int) -> Array:
-    """Return an orthonormal basis of the span of columns of length n."""
-    if not columns:
-        return np.zeros((n, 0))
-    matrix = np.array([x / (np.linalg.norm(x) or 1.0) for x in columns]).T
-    left, s, _ = np.linalg.svd(matrix, full_matrices=False)
-    result: Array = left[:, s > TOLERANCES.independent_direction]
-    return result
-
-
-def complement(columns: Array) -> Array:
-    """Return an orthonormal basis of the orthogonal complement of independent columns."""
-    if not columns.shape[1]:
-        return np.eye(len(columns))
-    if len(columns) >= TOLERANCES.norm_by_powers_from:
-        return np.asarray(np.linalg.qr(columns, mode="complete")[0][:, columns.shape[1] :])
-    result: Array = np.linalg.svd(columns)[0][:, columns.shape[1] :]
-    return result
-
-
 def settled(S: Array, T: Array, L: Array, B: Array) -> tuple[Array, Array]:
     """Return T and B after one step of Newton's method for S T = T C, if T is less accurate than to rounding.
 
@@ -537,7 +423,7 @@ def settled(S: Array, T: Array, L: Array, B: Array) -> tuple[Array, Array]:
     if not float(np.max(np.abs(step))) < TOLERANCES.direction_closure:
         return T, B
     T = np.linalg.qr(T + B @ step)[0]
-    return T, complement(np.hstack([T, L.T]))
+    return T, complement(beside(T, L.T))
 
 
 def spectral_norm(S: Array) -> float:

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.algebra.stacks import beside, complement
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.reference.rotation import (
     euler_angles,
@@ -27,7 +27,8 @@ from mbstab.analysis.reference.rotation import (
     rate_matrix,
 )
 from mbstab.analysis.reference.symmetries import Invariance
-from mbstab.analysis.verdict.neutral import Separated, Structure, complement, orthonormal, settled
+from mbstab.analysis.verdict.directions import Ranks, span, vanishing, with_mirrored
+from mbstab.analysis.verdict.neutral import Separated, Structure, settled
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.schema import is_state
@@ -108,35 +109,19 @@ class Reversor:
     kept: int
     reversed_: int
 
-    def widened(self, structure: Structure, found: Separated, symmetries: Array) -> Separated:
-        """Return the matrix with the family of steady motions of the reversor added to its directions.
-
-        Parameters
-        ----------
-        symmetries : ndarray, shape (n, d)
-            Orthonormal directions of the symmetries alone.
-        """
-        size = self.kept - self.reversed_
-        if size <= 0:
+    def widened(self, structure: Structure, found: Separated) -> Separated:
+        """Return the matrix with the family of steady motions of the reversor added to its directions."""
+        size, ranks = self.kept - self.reversed_, Ranks()
+        wide = with_mirrored(structure.at, structure.invariance.symmetries, size, ranks) if size > 0 else None
+        if wide is None:
             return found
-        Q = complement(symmetries)
-        A = Q.T @ found.S @ Q
-        _, s, right = np.linalg.svd(A)
-        limit = TOLERANCES.mirrored_singular_value * s[0]
-        if int(np.sum(s <= limit)) != size or (
-            size < len(s) and s[-size - 1] < ALGEBRA.rank_gap * max(s[-size], 1e-300)
-        ):
-            return found
-        T = orthonormal([*symmetries.T, *(Q @ right[-size:].T).T], len(found.S))
-        rows = found.L
-        if len(rows):
-            # Functions that distinguish members of the family are no longer needed.
-            _, values, turn = np.linalg.svd((rows @ T).T)
-            rows = turn[int(np.sum(values > 1e-8)) :] @ rows
-        L = orthonormal(list(rows), len(found.S)).T
-        names = _names(structure, Q @ right[-size:].T, found.neutral.family)
-        T, B = settled(found.S, T, L, complement(np.hstack([T, L.T])))
-        wider = replace(found, T=T, L=L, B=B)
+        T, family = wide
+        # Functions that distinguish members of the family are no longer needed.
+        L = vanishing(found.L, T, ranks, "functions beside a family")
+        names = _names(structure, family, found.neutral.family)
+        T, B = settled(found.S, T, L, complement(beside(T, L.T)))
+        choice = replace(found.choice, ranks={**found.choice.ranks, **ranks.known}, family=size)
+        wider = replace(found, T=T, L=L, B=B, choice=choice)
         neutral = replace(
             found.neutral, family=names, count=T.shape[1] + len(L), chains=structure.chains(wider), evidence="numerical"
         )
@@ -153,19 +138,17 @@ def _names(structure: Structure, directions: Array, known: tuple[str, ...]) -> t
 
     Where no rate changes it is the places that do: other values of a first-order state beside a rest.
     """
-    motion, space = structure.linear.motion, structure.space
-    spaces, n = motion.spaces, space.n_xi
+    motion, at = structure.linear.motion, structure.at
     names = list(known)[: directions.shape[1]]
-    taken = [structure.column(np.zeros_like(motion.u), motion.u)] if names else []
+    taken = structure.column(np.zeros_like(motion.u), motion.u)[:, None] if names else directions[:, :0]
     while len(names) < directions.shape[1]:
-        basis = orthonormal(taken, len(directions))
+        basis = span(taken)
         rest = directions - basis @ (basis.T @ directions)
         left, _, _ = np.linalg.svd(rest, full_matrices=False)
         y = left[:, 0]
-        taken.append(y)
-        place = np.abs(spaces.N @ y[:n])
-        rate = np.abs(spaces.N @ (space.A[:n, :n] @ y[:n] + structure.gamma * (spaces.Z @ y[n:])))
-        moves = np.max(rate) > TOLERANCES.direction_closure * structure.gamma * np.max(place)
+        taken = beside(taken, left[:, :1])
+        place, rate = np.abs(at.N @ y[: at.n_xi]), np.abs(at.N @ (at.rates @ y))
+        moves = np.max(rate) > TOLERANCES.direction_closure * at.gamma * np.max(place)
         what, size = ("rate", rate) if moves else ("position", place)
         largest = (structure.linear.names[i] for i in np.argsort(-size))
         named = (f"state {x}" if is_state(x) and not moves else f"{what} of {x}" for x in largest)
@@ -173,13 +156,14 @@ def _names(structure: Structure, directions: Array, known: tuple[str, ...]) -> t
     return tuple(names)
 
 
-def reversor(structure: Structure, symmetries: Array) -> Reversor | None:
+def reversor(structure: Structure) -> Reversor | None:
     """Return a reversor of the motion, or None if none of the reflections that are tried is one."""
     invariance = structure.invariance
     for mirror in _mirrors(invariance):
         if _fixes(invariance, mirror) and _reverses(invariance, mirror):
+            symmetries = structure.symmetric
             trace = _trace(structure, mirror, symmetries)
-            size = len(structure.space.A) - symmetries.shape[1]
+            size = len(symmetries) - symmetries.shape[1]
             difference = round(trace)
             if abs(trace - difference) < 1e-3 and (size - difference) % 2 == 0:
                 return Reversor((size + difference) // 2, (size - difference) // 2)

@@ -34,12 +34,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import Complex, Flags
 from mbstab.analysis.verdict.spectrum import Evidence, Modulo, Neutral, Spectrum
 from mbstab.analysis.verdict.wording import growing, phrases, power, show, strict, unplaced
+from mbstab.compiler.system import Array
 from mbstab.errors import amount, counted
 from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
 from mbstab.model.words import ASYMPTOTIC_UP_TO as ASYMPTOTIC_UP_TO
@@ -54,6 +56,13 @@ from mbstab.model.words import WORDS as WORDS
 from mbstab.records import Answer, dataclass
 
 Side = Literal["left", "right", "axis", "open"]
+Sides = np.ndarray[tuple[Any, ...], np.dtype[np.int8]]
+
+RIGHT, LEFT, AXIS, OPEN = 1, -1, 0, 2
+"""Sides of the imaginary axis: right and left of it, held on it by a structure, undecided."""
+
+NAMES: dict[int, Side] = {RIGHT: "right", LEFT: "left", AXIS: "axis", OPEN: "open"}
+
 Zeros = Literal["", "neutral", "critical"]
 Extremum = Literal["minimum", "maximum", "with a multiple"]
 
@@ -334,18 +343,24 @@ def place(centres: Sequence[complex], radii: Sequence[float], counts: Sequence[i
         Then a disc is held on the axis if it contains one eigenvalue and no other disc overlaps its
         mirror image: the image of the eigenvalue is one as well, so it can only be itself.
     """
-    found = []
-    middle, reach = np.array(centres, dtype=complex), np.array(radii, dtype=float)
-    for i, (centre, radius, count) in enumerate(zip(centres, radii, counts, strict=True)):
-        where = side(centre.real, radius)
-        why = ""
-        if where == "open" and mirrored and count == 1 and abs(centre) > radius:
-            apart = np.abs(-centre.conjugate() - middle) > radius + reach
-            apart[i] = True
-            if np.all(apart):
-                where, why = "axis", mirrored
-        found.append(Disc(complex(centre), float(radius), count, where, why))
-    return tuple(found)
+    found = sides(np.array(centres, dtype=complex), np.array(radii, dtype=float), bool(mirrored), np.array(counts) == 1)
+    named = ((NAMES[x], mirrored if x == AXIS else "") for x in found.tolist())
+    return tuple(
+        Disc(complex(centre), float(radius), count, where, why)
+        for centre, radius, count, (where, why) in zip(centres, radii, counts, named, strict=True)
+    )
+
+
+def sides(centres: Complex, radii: Array, mirrored: bool, single: Flags | bool = True) -> Sides:
+    """Return the sides of discs, shape (…, r), as `place`, in numbers; `single` says which contain one eigenvalue."""
+    found = np.where(centres.real > radii, RIGHT, np.where(centres.real < -radii, LEFT, OPEN)).astype(np.int8)
+    where = np.nonzero(single & (found == OPEN) & (np.abs(centres) > radii)) if mirrored else ((),)
+    if len(where[0]):
+        others, reach = centres[where[:-1]], radii[where[:-1]]
+        apart = np.abs(others + centres[where][:, None].conj()) > reach + radii[where][:, None]
+        apart[np.arange(len(apart)), where[-1]] = True
+        found[where] = np.where(apart.all(axis=1), AXIS, OPEN)
+    return found
 
 
 def judge(facts: Facts) -> Verdict:

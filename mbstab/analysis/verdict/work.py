@@ -24,8 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers
-from mbstab.analysis.algebra.ball_arrays import BALLS, as_ball, largest_terms, many_bits, not_negative, shows
-from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.algebra.ball_arrays import BALLS, as_ball, excludes_zero, many_bits, not_negative
 from mbstab.analysis.reference.changes import At, Cluster, Local, Results
 from mbstab.analysis.reference.identities import NO_VALUE
 from mbstab.analysis.reference.symmetries import Invariance
@@ -145,7 +144,8 @@ class Work:
         """Those of the field X among the fields of the scene, in balls; None where it has none."""
         if self.generator is None:
             return BALLS.zeros((self.invariance.identities.basis.size,))
-        return self.invariance.identities.of_generator(self.generator)
+        found = self.invariance.identities.of_generator(self.generator)
+        return found if found is None else self.invariance.identities.known_to(found, self.bits)
 
     def _field(self, cluster: Cluster, at: At) -> Array:
         """Return X at a state, shape (n,)."""
@@ -172,7 +172,6 @@ class Work:
             return True
         if moving and self._coefficients is None:
             return False
-        bits = self.bits if moving else ALGEBRA.bits_of_zero
         identities, scene = self.invariance.identities, self.system.scene
         pairs = ((cluster, own) for cluster in identities.clusters for own in cluster.elements if own.element.rows)
         try:
@@ -184,15 +183,15 @@ class Work:
                         continue
                     states = identities.states(cluster) if own.analytic else []
                     fields = (self._field(cluster, at) if moving else 0 * at.state[1] for at in states)
-                    if not states or not all(map(partial(self._holds, own, bits), states, fields)):
+                    if not states or not all(map(partial(self._holds, own), states, fields)):
                         return False
         except NO_VALUE:  # rows with the slip of a tyre have no value at rest
             return False
         return True
 
-    def _holds(self, own: Local, bits: int, at: At, X: Array) -> bool:
+    def _holds(self, own: Local, at: At, X: Array) -> bool:
         """Return whether a row is J (u − X) at any speeds."""
-        (q, u, a, time), (J, terms) = at.state, at.entry(own, "J")
+        (q, u, a, time), J = at.state, at.entry(own, "J")[0]
         if own.holonomic:
             # Those on positions are linear in the speeds, and hold at those of the state.
             speeds, V = u, 0 * J[:, 0]
@@ -200,11 +199,7 @@ class Work:
             factors = BALLS.of(RandomNumbers(7).uniform(0.5, 1.5, len(u)))
             speeds = X + factors * (u - X)
             V = own.run("dynamics", (q, speeds, a, time), BALLS)["V"]
-        # What vanishes on rows does so to the digits of the state only.
-        least = at.units + at.rate - REFERENCE.bits_of_weak_terms
-        sizes = np.max([BALLS.powers(speeds), BALLS.powers(X), least], axis=0)[own.columns, None]
-        left = V - BALLS.multiplied(J, (speeds - X)[own.columns, None])[:, 0]
-        return not np.any(shows(left, largest_terms(terms, sizes)[:, 0], bits))
+        return not np.any(excludes_zero(V - BALLS.multiplied(J, (speeds - X)[own.columns, None])[:, 0]))
 
     # --- one force --------------------------------------------------------------------------------------------------
 
@@ -248,7 +243,7 @@ class Work:
             if not np.any(moving["R"] != 0):
                 continue
             kind = "powerless" if kind == "potential" else kind
-            if kind == "powerless" and not _works_not(at, own, at.state[1][own.columns], ALGEBRA.bits_of_zero):
+            if kind == "powerless" and not _works_not(at, own, at.state[1][own.columns]):
                 kind = "damping"
             if kind == "damping":
                 damping = moving["R"] if damping is None else damping
@@ -262,8 +257,7 @@ class Work:
             return True
         with many_bits():
             return self._coefficients is not None and all(
-                _works_not(at, own, self._field(at.cluster, at)[own.columns], self.bits)
-                for at, own in self._at(element)
+                _works_not(at, own, self._field(at.cluster, at)[own.columns]) for at, own in self._at(element)
             )
 
     def _turns_along(self, element: Acting) -> bool:
@@ -274,10 +268,8 @@ class Work:
             return False
         with many_bits():
             for at, own in self._at(element):
-                R, size = at.entry(own, "R")
                 X = self._field(at.cluster, at)[own.columns][:, None]
-                # A large force across must not hide a small one.
-                if np.any(shows(BALLS.multiplied(R, X), largest_terms(size, BALLS.powers(X)), self.bits)):
+                if np.any(excludes_zero(BALLS.multiplied(at.entry(own, "R")[0], X))):
                     return False
         return True
 
@@ -311,17 +303,16 @@ def _resting(own: Local, at: At) -> Results:
     return own.run("linearize", (q, 0 * u, 0 * a, time), BALLS)
 
 
-def _works_not(at: At, own: Local, along: Array, bits: int) -> bool:
+def _works_not(at: At, own: Local, along: Array) -> bool:
     """Return whether the part of a force that depends on speeds does no work along a direction."""
     q, u, a, time = at.state
     moving, still = at.entry(own, "F")[0], own.run("dynamics", (q, 0 * u, a, time), BALLS)["F"]
-    size = np.max(np.maximum(BALLS.powers(moving), BALLS.powers(still)) + BALLS.powers(along))
-    return not np.any(shows(np.array([(moving - still) @ along]), size, bits))
+    return not np.any(excludes_zero(np.array([(moving - still) @ along])))
 
 
 def same(one: Array, other: Array) -> bool:
-    """Return whether numbers are equal, to their own sizes."""
-    return not np.any(shows(one - other, np.maximum(BALLS.powers(one), BALLS.powers(other))))
+    """Return whether numbers may be equal."""
+    return not np.any(excludes_zero(one - other))
 
 
 def acts_symmetrically(element: Acting, q: list[Any], time: float) -> tuple[bool, bool] | None:

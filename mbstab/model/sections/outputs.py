@@ -29,7 +29,7 @@ def read_outputs(quantities: QuantityReader, node: YamlNode | None, entries: Ent
         try:
             expression = _parsed(item.text, names.definitions, names.tables, entries)
             coordinates = [x for x in names.coordinates if not names.unread(x)]
-            _check(expression, entries, quantities.places, coordinates, names.parameters)
+            _check(expression, entries, names.places, coordinates, names.parameters)
             quantities.doubt_sums(expression, item, path)
         except ExpressionError as error:
             if any(nodes.faulty(f"{section}.{x}") for section in names.written for x in _named(item.text)):
@@ -89,7 +89,7 @@ def _check(
                 _check_measure(x, entries, places, at)
             elif name not in parameters and x.arguments[0] not in coordinates:
                 word = x.arguments[0]
-                hint = suggestion(word, [*coordinates, *parameters]) or alternatives(word, coordinates, "coordinates")
+                hint = suggestion(word, parameters) or places.meant(word, coordinates)
                 raise ExpressionError(f"unknown coordinate {word!r}", at, hint)
 
 

@@ -26,10 +26,10 @@ from mbstab.report.pictures.sweep_curves import TINY, SweepCurves
 SQUEEZED = 10.0
 """The axis is logarithmic if the highest frequency is so many times the highest of another branch."""
 
-WHIRL_INK = {"forward": "#1f5fa8", "backward": "#b03a2e", "mixed": "#6a3d9a", "changing": "#2e7d32"}
-"""Colours of branches with a sense of whirl, and of the markers of crossings."""
+WHIRL_INK = {"forward": "#1f5fa8", "backward": "#b03a2e", "mixed": "#6a3d9a"}
+"""Colours of the parts of branches with a sense of whirl, and of the markers of crossings."""
 
-WHIRL_TEXT = {**{word: f"{word} whirl" for word in WHIRL_INK}, "changing": "whirl changes its sense", "": "no whirl"}
+WHIRL_TEXT = {**{word: f"{word} whirl" for word in WHIRL_INK}, "": "no whirl"}
 """What the legend says about branches."""
 
 
@@ -71,7 +71,8 @@ def campbell(result: Sweep, label: Axis | str, title: str, highest: float = math
         frequency = curves.upper_half() / (2.0 * math.pi)
         frequency[:, np.nanmin(frequency, axis=0, initial=math.inf) > highest] = np.nan
         for j in range(frequency.shape[1]):
-            draw_branch(axes, curves.x, frequency[:, j], curves.ink[j], curves.growing[:, j])
+            for shown, ink in _parts(result, curves, j):
+                draw_branch(axes, curves.x, np.where(shown, frequency[:, j], np.nan), ink, curves.growing[:, j])
         if math.isfinite(highest):
             axes.set_ylim(0.0, highest)
         else:
@@ -95,10 +96,23 @@ def _branch_entries(result: Sweep, frequency: Array) -> list[Artist]:
     drawn = {""}
     if any(result.whirls):
         texts = {word: (WHIRL_INK.get(word, INK[0]), text) for word, text in WHIRL_TEXT.items()}
-        drawn = {result.whirls[j] for j in np.flatnonzero(np.any(frequency > 0.0, axis=0))}
+        drawn = {part[2] for j in np.flatnonzero(np.any(frequency > 0.0, axis=0)) for part in result.senses[j]}
     return [
         Line2D([], [], color=ink, linewidth=THIN, label=text) for word, (ink, text) in texts.items() if word in drawn
     ]
+
+
+def _parts(result: Sweep, curves: SweepCurves, branch: int) -> list[tuple[Mask, str]]:
+    """Return the parts of a branch with their colours: those of one sense of whirl, which meet where it changes."""
+    if not any(result.whirls):
+        return [(np.ones(len(curves.x), dtype=bool), curves.ink[branch])]
+    found = []
+    for low, high, word in result.senses[branch]:
+        first, last = np.searchsorted(curves.x, np.array([low, high]) / curves.label.factor)
+        shown = np.zeros(len(curves.x), dtype=bool)
+        shown[max(0, first - 1) : last + 1] = True
+        found.append((shown, WHIRL_INK.get(word, INK[0])))
+    return found
 
 
 def _head(result: Sweep) -> str:
