@@ -329,6 +329,11 @@ MISTAKES = {
         "stiffness: k}\n  f: {type: pid, joint: pin, of: rod.end.y, P: 1}",
         "did you mean 'y(rod.end)'?",
     ),
+    "a coordinate of a misspelt point": (
+        "stiffness: k}",
+        "stiffness: k}\n  f: {type: pid, joint: pin, of: rod.ent.y, P: 1}",
+        "did you mean 'y(rod.end)'?",
+    ),
     "a speed of a point": (
         "stiffness: k}",
         "stiffness: k}\n  f: {type: pid, joint: pin, of: rod.end.vy, P: 1}",

@@ -445,9 +445,9 @@ CONSTANT = {
 @pytest.mark.parametrize("name", sample(CONSTANT, 3))
 def test_the_monodromy_matrix_of_constant_coefficients_is_their_exponential(name):
     model, T = mbstab.load(MODELS[name]), CONSTANT[name]
-    system, motion = model.system(), model.motion()
-    found = monodromy(system, motion, T)
-    A = state_space(linearize(system, motion, frozen=True)).A
+    system = model.system()
+    linear = linearize(system, model.motion(), frozen=True)
+    found, A = monodromy(system, linear.motion, T), state_space(linear).A
     units = np.concatenate([np.ones(found.n_xi), np.full(len(A) - found.n_xi, T)])
     expected = units[:, None] * scipy.linalg.expm(A * T) / units
     size = np.linalg.norm(expected, 2)

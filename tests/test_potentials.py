@@ -156,7 +156,7 @@ def test_forces_are_the_slopes_of_the_energy(scene, seed):
         ("c*(rate(a.theta)**2 + rate(b.x)**2 + rate(b.y)**2)", "asymptotically stable"),
         ("c*(1 + a.theta**2)*rate(a.theta)**4", "stable"),
         ("-c*rate(a.theta)**4", "undecided"),
-        ("-c*vx(a.t)**2", "undecided"),
+        ("-c*vx(a.t)**2", "unstable"),
         ("-c*rate(a.theta)**2", "unstable"),
     ],
 )

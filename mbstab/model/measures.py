@@ -161,16 +161,16 @@ class Places:
 
     def meant(self, word: str, coordinates: Collection[str]) -> str:
         """Return what an unknown name with a dot may stand for, as a hint: ``z(a.tip)`` for ``a.tip.z``."""
-        place, _, last = word.rpartition(".")
-        body, _, point = word.partition(".")
-        points = self.points.get(None if body == "ground" else body, ())
-        measure = MEASURES.get(last)
-        if measure is not None and self.dimension in measure.dimensions:
-            of = body if measure.arguments == ("body",) else place if measure.arguments == ("point",) else ""
-            if of in self.bodies or of.partition(".")[2] in points:
-                return f"did you mean {f'{last}({of})'!r}?"
+        body, _, rest = word.partition(".")
+        point, _, last = rest.rpartition(".")
+        measure, known = MEASURES.get(last), self.points.get(None if body == "ground" else body, ())
+        if measure is not None and self.dimension in measure.dimensions and body in (*self.bodies, "ground"):
+            if measure.arguments == ("body",) or (measure.arguments == ("point",) and not point):
+                return f"did you mean {f'{last}({body})'!r}?"
+            if measure.arguments == ("point",) and (near := nearest(point, known)):
+                return f"did you mean {f'{last}({body}.{near})'!r}?"
         own = [x.partition(".")[2] for x in coordinates if x.startswith(f"{body}.")]
-        if near := nearest(point, own):
+        if near := nearest(rest, own):
             return f"did you mean {f'{body}.{near}'!r}?"
         return f"{body} has the coordinates {', '.join(own)}" if own else alternatives(word, coordinates, "coordinates")
 

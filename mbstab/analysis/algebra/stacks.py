@@ -69,5 +69,6 @@ def reduced(matrix: Array, basis: Array) -> Array:
 
 def frobenius(x: Array) -> Array:
     """Return the Frobenius norms of matrices."""
-    result: Array = np.linalg.norm(x, axis=(-2, -1))
-    return result
+    size = np.max(np.abs(x), axis=(-2, -1), keepdims=True, initial=0.0)  # squares may be beyond the range of doubles
+    norm = np.linalg.norm(x / np.where(size, size, 1.0), axis=(-2, -1))
+    return np.asarray(norm * size[..., 0, 0])

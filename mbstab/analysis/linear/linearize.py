@@ -243,8 +243,11 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
 def _fastest(matrices: Matrices, spaces: Subspaces) -> float:
     """Return the largest rate in the scaled equations before they are reduced, which multiplies rounding of bases."""
     scale, n_h = spaces.scale, len(matrices.J) - len(matrices.D_q)
-    M, R, K = (x * scale * scale[:, None] for x in matrices[:3])
-    D_q = matrices.D_q * scale * spaces.row_scale[n_h:, None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        M, R, K = (x * scale * scale[:, None] for x in matrices[:3])
+        D_q = matrices.D_q * scale * spaces.row_scale[n_h:, None]
+    if not all(np.isfinite(x).all() for x in (M, R, K, D_q)):
+        return math.inf
     M_z = spaces.allowed.T @ M @ spaces.allowed
     least = float(np.linalg.eigvalsh(M_z)[0]) if len(M_z) else 1.0
     if not least > 0.0:

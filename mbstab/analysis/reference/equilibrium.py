@@ -3,8 +3,8 @@
 The equations are those of `mbstab.analysis.reference.equations`. Steps have minimum norm, so
 coordinates that nothing depends on do not change; they are bounded and damped as in the
 Levenberg-Marquardt method. Where that stalls, the motion is damped until it comes to rest
-(pseudo-transient continuation; Kelley and Keyes 1998, SIAM J. Numer. Anal. 35), or spun up
-from rest.
+(pseudo-transient continuation; Kelley and Keyes 1998, SIAM J. Numer. Anal. 35), a valley with
+stiff walls is followed along its floor, or the motion is spun up from rest.
 """
 
 from __future__ import annotations

@@ -121,7 +121,7 @@ class Failure:
             )
         state = self._closer(state)
         steps = counted(self.search.iterations, "step")
-        tried = ", ".join(STRATEGIES if self.search.balance.known else STRATEGIES[:2])
+        tried = ", ".join(STRATEGIES if self.search.balance.known else STRATEGIES[:3])
         lines = [f"{place}: reference: no {what} found in {steps} ({tried})"]
         said, hint = self._reason(state, cause)
         lines.append(said)

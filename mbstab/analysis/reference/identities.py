@@ -203,7 +203,7 @@ class Identities:
         further = [x for x in asked if not x.holonomic]
         kept, half = list[int](), TOLERANCES.half_of_digits
         # The last steps of coordinates and of speeds: each step doubles the digits.
-        far, fast = np.inf if np.any(own.holonomic) else 0.0, np.inf
+        far, fast, least = np.inf if np.any(own.holonomic) else 0.0, np.inf, np.full(2, half**2)
         for visit in range(TOLERANCES.newton_steps_onto_rows if asked else 0):
             found |= {id(x): x.run("dynamics", (q, u, a, time), BALLS) for x in asked}
             J = own.stacked(found, "J", BALLS)
@@ -218,11 +218,15 @@ class Identities:
                 left[on] = 0  # these hold, and are linear in the speeds
             steps = BALLS.shortest(BALLS.settled(J[kept]), sizes, BALLS.settled(left))
             reach = np.max(np.abs(middle(steps)) / sizes[:, None], axis=0).tolist()
-            settled = far < half or reach[0] < half**2
+            # Of rounded data midpoints have some digits more than they are known to.
+            lengths = np.linalg.norm(middle(J[kept]) * sizes, axis=1)[:, None]
+            vague = TOLERANCES.digits_of_midpoints * np.max(middle(radii(left)) / lengths, axis=0, initial=0.0)
+            least = np.maximum(least, vague / (1.0, self.rate))
+            settled = far < half or reach[0] < least[0]
             if not settled:
                 q, far = BALLS.settled(q - steps[:, 0]), reach[0]
             u, before, fast = BALLS.settled(u - steps[:, 1]), fast, reach[1] / self.rate
-            if settled and (not further or before < half or fast < half**2):
+            if settled and (not further or before < half or fast < least[1]):
                 break
             asked = further if settled else asked
         else:
@@ -230,8 +234,9 @@ class Identities:
                 raise ArithmeticError("no state on the rows")
         if asked:
             # Nothing is known of what rows determine beyond the last step.
-            held = np.where(np.any(J != 0, axis=0), TOLERANCES.rounding_on_rows * sizes, 0.0)
-            q, u = widened(q, held * np.any(own.holonomic)), widened(u, held * self.rate)
+            held = np.where(np.any(J != 0, axis=0), sizes, 0.0)
+            off = np.maximum(TOLERANCES.rounding_on_rows, np.where(least > half**2, 16.0 * least, 0.0))
+            q, u = widened(q, off[0] * held * np.any(own.holonomic)), widened(u, off[1] * held * self.rate)
         return self._at(own, (q, u, a, time), BALLS)
 
     # --- the space of fields ----------------------------------------------------------------------------------------

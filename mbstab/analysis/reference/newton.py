@@ -9,6 +9,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.failures import FAILURES
+from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.equations import Balance, LinearBalance, State
 from mbstab.analysis.reference.imbalance import force_change
 from mbstab.analysis.reference.motion import Finder
@@ -106,7 +107,7 @@ class Search:
                         )
                     damping = 0.0 if damping < 1e-6 else damping * 0.1
                 elif at.size < TOLERANCES.newton_residual_polished and longest <= TOLERANCES.newton_step_settled:
-                    return at
+                    return self._solution(at)
                 elif (
                     trial is not None and linear is not None and bounded is step and linear.nearer(step, trial.residual)
                 ):
@@ -119,8 +120,28 @@ class Search:
             if self.best is None or at.size < self.best.size:
                 self.best = at
         if at.size < TOLERANCES.newton_residual_polished and longest <= TOLERANCES.newton_step_settled:
-            return at
+            return self._solution(at)
         raise Stalled(at)
+
+    def _solution(self, at: State) -> State:
+        """Return a state whose residuals do not fall any more, if they are rounding.
+
+        Beside a fold without a solution they have a small minimum, from which a whole step leads far away: residuals
+        grow with the square of the step there, and rounding does not.
+
+        Raises
+        ------
+        Stalled
+            If they are not.
+        """
+        step = self.balance.equations(at).step(at.residual)
+        whole, quarter = (self.tried(at, part * step) for part in (1.0, 0.25))
+        far = float(np.max(np.abs(step[: self.balance.moving]), initial=0.0)) > TOLERANCES.newton_step_settled
+        if far or whole is None or quarter is None:
+            raise Stalled(at)
+        if whole.size > max(TOLERANCES.rounding_varies * max(at.size, EPS), 8.0 * quarter.size):
+            raise Stalled(at)
+        return at
 
     def along_valley(self, at: State) -> State:
         """Return the solution that steps along the floor of a valley with stiff and curved walls lead to.
@@ -135,7 +156,7 @@ class Search:
             step = self.balance.equations(at).step(at.residual)
             longest = float(np.max(np.abs(step[: self.balance.moving]), initial=0.0))
             if at.size < TOLERANCES.newton_residual_polished and longest <= TOLERANCES.newton_step_settled:
-                return at
+                return self._solution(at)
             part = min(1.0, TOLERANCES.newton_reach / max(longest, 1e-300))
             trial = None
             while trial is None or trial.size > at.size * (1.0 - TOLERANCES.valley_descent * part):

@@ -102,6 +102,8 @@ class Tolerances:
     """Residuals below this, relative to what balances, are polished by undamped steps until they stop falling."""
     newton_step_settled: Final = 0.01
     """At balance, the next step is no longer than this fraction of the size of the scene, or this angle (rad)."""
+    rounding_varies: Final = 100.0
+    """Residuals that are rounding are no larger than so many times those of a state beside."""
     newton_left_out: Final = 1e-11
     """Steps leave out directions along which the equations change by less than this, relative to the largest change."""
     newton_steps_to_halve: Final = 12
@@ -313,6 +315,8 @@ class Tolerances:
     """Rows of unit length are dependent on others beside which less is left of them."""
     steps_of_refinement: Final = 7
     """Steps of Newton's method, each of which adds some 12 digits to coefficients of fields that are no fractions."""
+    digits_of_midpoints: Final = 2.0**-16
+    """Midpoints of wide balls are right to this part of their radii: Arb computes with 30 bits more than are known."""
     rounding_on_rows: Final = 2.0**-180
     """Distance of states, relative to their size, from those that satisfy rows with many digits, and of coefficients
     of fields from those that leave elements unchanged; much more than the square of the last step."""

@@ -353,8 +353,9 @@ def _settled(zeros: Zeros, powers: Powers, poles: Complex, bounds: Array) -> Zer
         apart = np.abs(zeros.values[:, None] - zeros.values) > zeros.errors[:, None] + zeros.errors
         alone = np.sum(~apart, axis=1) == 1
         own = alone & (np.abs(values.real) <= errors) & ~on_axis
-        values[own], on_axis[own] = 1j * values[own].imag, True
-    return replace(zeros, values=values, errors=errors, on_axis=on_axis)
+        values.real[own], on_axis[own] = 0.0, True
+    rank = np.lexsort((values.imag, values.real))
+    return replace(zeros, values=values[rank], errors=errors[rank], on_axis=on_axis[rank])
 
 
 def _seen(values: Values, groups: Sequence[Group]) -> list[tuple[Complex, Array]]:

@@ -29,6 +29,7 @@ from mbstab.analysis.verdict.directions import (
     at_given_momenta,
     energy_form,
     misfit,
+    own_speed,
     rests,
     span,
     speeds_along,
@@ -147,9 +148,10 @@ class Known:
         T = span(*columns, ranks=ranks, name="directions")
         L = self._functions(points, T, ranks)
         if choice.moving:
-            speeds = speeds_along(points, choice.moving, self.grounds.system.following, T, ranks)
-            c = speeds.alone(points.u / points.scale) if choice.alone else speeds.c
-            T = span(T, speeds.columns @ c, ranks=ranks, name="directions with speeds")
+            moved, _, along = speeds_along(points, choice.moving, self.grounds.system.following, T, ranks)
+            if choice.alone:
+                moved = moved @ own_speed(along, points.u / points.scale)
+            T = span(T, moved, ranks=ranks, name="directions with speeds")
         if choice.family and (wide := with_mirrored(points, self.symmetries, choice.family, ranks)) is not None:
             T, L = wide[0], vanishing(L, wide[0], ranks, "functions beside a family")
         B, left = complement(beside(T, transposed(L))), misfit(S, T, L)

@@ -64,7 +64,7 @@ def detailed(tracker: Branches, branches: Complex) -> Detail | None:
     found = _joined(tracker, branches)
     batch = TOLERANCES.detail_first
     while room > 0:
-        more = np.unique([*_open(found[0], found[1]), *_bent(found[0], found[1])[: min(room, batch)]])[:room]
+        more = np.unique([*_open(found[0], found[1]), *_bent(found[0], found[1])][: min(room, batch)])
         if not len(more):
             break
         tracker.look(more)

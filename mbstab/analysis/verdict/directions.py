@@ -274,43 +274,24 @@ def vanishing(rows: Array, T: Array, ranks: Ranks, name: str, least: float = TOL
     return transposed(orthonormal(transposed(rows), ranks, name))
 
 
-@dataclass(frozen=True)
-class Speeds:
-    """Speeds along symmetries at which a scene may move on as steadily.
-
-    Attributes
-    ----------
-    directions : ndarray, shape (…, n_q, k)
-        Of the symmetries, as unit columns in scaled coordinates.
-    lengths : ndarray, shape (…, 1, k)
-    columns : ndarray, shape (…, n, k)
-        Disturbances with such speeds.
-    c : ndarray, shape (…, k, m)
-        The combinations that the rows allow and that other directions do not contain.
-    """
-
-    directions: Array
-    lengths: Array
-    columns: Array
-    c: Array
-
-    def own(self, u: Array) -> Array:
-        """Return the combination of these with the speeds of the motion, in scaled coordinates; shape (…, m, 1)."""
-        found: Array = np.linalg.pinv(self.directions @ self.c) @ u[..., None]
-        return found
-
-    def alone(self, u: Array) -> Array:
-        """Return the combination along which the motion itself goes, shape (…, k, 1)."""
-        return self.c @ unit(self.own(u))
-
-
-def speeds_along(at: Deflated, items: Sequence[Symmetry], states: list[int], T: Array, ranks: Ranks) -> Speeds:
-    """Return the speeds along symmetries that rows allow, and that directions do not contain.
+def speeds_along(
+    at: Deflated, items: Sequence[Symmetry], states: list[int], T: Array, ranks: Ranks
+) -> tuple[Array, Array, Array]:
+    """Return speeds along symmetries that the rows allow and that directions do not contain.
 
     Parameters
     ----------
     states : list of int
         Coordinates whose speeds follow from the others.
+
+    Returns
+    -------
+    moved : ndarray, shape (…, n, m)
+        Disturbances with such speeds.
+    c : ndarray, shape (…, k, m)
+        The combinations of the symmetries along which they go.
+    along : ndarray, shape (…, n_q, m)
+        The directions of these, in scaled coordinates.
     """
     changes = at.changes(items)
     directions = changes[0] / at.scale[..., :, None]
@@ -327,7 +308,14 @@ def speeds_along(at: Deflated, items: Sequence[Symmetry], states: list[int], T: 
     c = transposed(right[..., ranks.of("symmetries across rows", s) :, :])
     moved = columns @ c
     _, s, right = np.linalg.svd(moved - T @ (transposed(T) @ moved))
-    return Speeds(directions, lengths, columns, c @ transposed(right[..., : ranks.of("speeds", s), :]))
+    c = c @ transposed(right[..., : ranks.of("speeds", s), :])
+    return columns @ c, c / transposed(lengths), directions @ c
+
+
+def own_speed(along: Array, u: Array) -> Array:
+    """Return which combination of directions the motion follows with speeds u in scaled coordinates, (…, m, 1)."""
+    found: Array = np.linalg.pinv(along) @ u[..., None]
+    return found
 
 
 def with_mirrored(at: Deflated, symmetries: Sequence[Symmetry], size: int, ranks: Ranks) -> tuple[Array, Array] | None:

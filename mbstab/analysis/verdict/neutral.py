@@ -21,7 +21,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares, norms
 from mbstab.analysis.algebra.augmented import of_rank
 from mbstab.analysis.algebra.sparse import scaled
-from mbstab.analysis.algebra.stacks import beside, complement, frobenius, under
+from mbstab.analysis.algebra.stacks import beside, complement, frobenius, under, unit
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.linear.roundings import roundings
@@ -29,7 +29,7 @@ from mbstab.analysis.reference.fields import Field, Symmetry
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.reference.symmetries import Invariance
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
-from mbstab.analysis.verdict.directions import Deflated, Ranks, misfit, rests, span, speeds_along, vanishing
+from mbstab.analysis.verdict.directions import Deflated, Ranks, misfit, own_speed, rests, span, speeds_along, vanishing
 from mbstab.analysis.verdict.spectrum import Chains, Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.analysis.verdict.work import Work
@@ -241,23 +241,23 @@ class Structure:
         linear, nothing = self.linear, (T[:, :0], choice, list[str]())
         if not items or not (np.any(linear.motion.u) or self.work.led_at_rest):
             return nothing
-        found = speeds_along(self.at, items, linear.system.following, T, ranks)
+        moved, c, along = speeds_along(self.at, items, linear.system.following, T, ranks)
         u = linear.motion.u / linear.spaces.scale
-        own, along = found.own(u)[:, 0], found.directions @ found.c
-        if not len(own) or np.linalg.norm(u - along @ own) > TOLERANCES.independent_direction * np.linalg.norm(u):
+        own = own_speed(along, u)
+        if not len(own) or np.linalg.norm(u - (along @ own)[:, 0]) > TOLERANCES.independent_direction * np.linalg.norm(
+            u
+        ):
             return nothing
-        alone, chosen = False, self._at_any_speed(found.c / found.lengths.T, items)
-        c = found.c
+        alone, chosen = False, self._at_any_speed(c, items)
         if chosen is None and np.any(own):
             # A wheel with a tyre may roll at any speed, but not sideways.
-            alone, c = True, found.alone(u)
-            chosen = self._at_any_speed(c / found.lengths.T, items)
+            alone, moved, chosen = True, moved @ unit(own), self._at_any_speed(c @ unit(own), items)
         if chosen is None:
             return nothing
         names = [
             f"speed of {items[int(np.argmax(np.abs(x)))].name}" if np.sum(x != 0.0) == 1 else "speed" for x in chosen
         ]
-        return found.columns @ c, replace(choice, moving=items, alone=alone), names
+        return moved, replace(choice, moving=items, alone=alone), names
 
     def _at_any_speed(self, c: Array, items: Sequence[Symmetry]) -> list[Array] | None:
         """Return combinations of symmetries, given as columns, if the scene moves along all of them at any speed."""
