@@ -19,8 +19,6 @@ NUMBERS_BESIDE_TOLERANCES = {
     "mbstab/analysis/simulate/run.py:LISTED",
     "mbstab/analysis/algebra/rounded.py:WHOLE",
     "mbstab/analysis/simulate/singular_passage.py:NODES",
-    "mbstab/analysis/simulate/steppers/implicit.py:RADAU_GAMMA",
-    "mbstab/analysis/simulate/steppers/implicit.py:RHO",
     "mbstab/analysis/sweep/batched_verdict.py:MINIMUM, MAXIMUM, MULTIPLE",
     "mbstab/analysis/verdict/rule.py:RIGHT, LEFT, AXIS, OPEN",
 }

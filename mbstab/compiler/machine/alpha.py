@@ -7,7 +7,7 @@ import math
 from mbstab.compiler.machine import formulas
 from mbstab.compiler.machine import tables as at
 from mbstab.compiler.machine.constraints import SPEEDS, follower, settle, watched
-from mbstab.compiler.machine.formulas import CONVERGED, DIVERGES, GOES_ON
+from mbstab.compiler.machine.formulas import ALPHA_ERROR, ALPHA_F, ALPHA_M, CONVERGED, DIVERGES, GOES_ON
 from mbstab.compiler.machine.implicit import arrived, balanced, consistent, cover, moved, newton, size_of, step_control
 from mbstab.compiler.machine.interpreter import evaluate
 from mbstab.compiler.machine.linear import factor
@@ -24,7 +24,6 @@ def begin(m: Machine, s: March, p: Implicit) -> bool:
     t, n, begun, y = s.t[at.TIME], m.coordinates, floats(m, at.Y), floats(m, at.TRIAL)
     a, nu, next_a, next_nu = floats(m, at.A), floats(m, at.NU), floats(m, at.NEXT_A), floats(m, at.NEXT_NU)
     jerk, drift, x = floats(m, at.JERK), floats(m, at.DRIFT), 1e-4 / p.rate
-    alpha_m, alpha_f, _, _ = p.alpha
     s.counts[at.EVALUATIONS] += 3
     if not consistent(m, t, begun, a, nu):
         return False
@@ -38,7 +37,7 @@ def begin(m: Machine, s: March, p: Implicit) -> bool:
         for i in range(n):
             jerk[i] = next_a[i] if k == 0 else (jerk[i] - next_a[i]) / (2.0 * x)
     for i in range(n):
-        drift[i] = (alpha_m - alpha_f) * jerk[i]  # (w − a)/h
+        drift[i] = (ALPHA_M - ALPHA_F) * jerk[i]  # (w − a)/h
     s.t[at.LENGTH] = 0.0
     return consistent(m, t, begun, a, nu) and watched(m, s)
 
@@ -110,10 +109,10 @@ def attempt(m: Machine, s: March, p: Implicit, h: float) -> float:
         floats(m, at.NEXT_A),
     )
     jerk, drift, ahead, da = floats(m, at.JERK), floats(m, at.DRIFT), floats(m, at.AHEAD), floats(m, at.CHANGE)
-    (alpha_m, alpha_f, _, beta), past = p.alpha, floats(m, at.PAST)
-    c, to_q, to_u = alpha_factors(h, p.alpha)
+    past = floats(m, at.PAST)
+    c, to_q, to_u = alpha_factors(h)
     for i in range(n):
-        ahead[i], known[i], known[n + i] = alpha_known(h, begun[i], begun[n + i], a[i], drift[i], p.alpha)
+        ahead[i], known[i], known[n + i] = alpha_known(h, begun[i], begun[n + i], a[i], drift[i])
         next_a[i] = a[i] + h * jerk[i]
     copy(floats(m, at.NEXT_NU), floats(m, at.NU))
     error = math.nan
@@ -130,7 +129,7 @@ def attempt(m: Machine, s: March, p: Implicit, h: float) -> float:
                 for i in range(n):
                     ahead[i] += next_a[i] - da[i]
                     da[i] = next_a[i] - a[i]
-                in_q = abs(beta + 0.5 * (alpha_m - alpha_f) - 1.0 / 6.0) * h * h
+                in_q = ALPHA_ERROR * h * h
                 error = size_of(m, p, da, da, in_q, 0.0)
                 for i in range(n):
                     da[i] -= h * jerk[i] if s.t[at.LENGTH] == 0.0 else h / s.t[at.LENGTH] * past[i]

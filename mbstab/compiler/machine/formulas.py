@@ -1,4 +1,4 @@
-"""Step control and formulas of implicit methods, of floats or arrays of them.
+"""Coefficients, step control and formulas of implicit methods, of floats or arrays of them.
 
 The steps of `mbstab.analysis.simulate.steppers.implicit` call them as they are, those in machine code as Numba compiles
 them.
@@ -8,6 +8,30 @@ from __future__ import annotations
 
 import math
 from typing import Any
+
+import numpy as np
+
+RHO = 0.8
+"""Spectral radius at infinity of the generalized-α method: 1 keeps all frequencies, 0 damps the highest at once."""
+
+ALPHA_M, ALPHA_F = (2.0 * RHO - 1.0) / (RHO + 1.0), RHO / (RHO + 1.0)
+GAMMA = 0.5 + ALPHA_F - ALPHA_M
+BETA = 0.25 * (GAMMA + 0.5) ** 2
+ALPHA_ERROR = abs(BETA + 0.5 * (ALPHA_M - ALPHA_F) - 1.0 / 6.0)
+"""Of h² times the change of the accelerations: the error of positions."""
+
+ROOT = math.sqrt(6.0)
+RADAU_C = np.array([(4.0 - ROOT) / 10.0, (4.0 + ROOT) / 10.0, 1.0])
+RADAU_A = np.array(
+    [
+        [(88.0 - 7.0 * ROOT) / 360.0, (296.0 - 169.0 * ROOT) / 1800.0, (-2.0 + 3.0 * ROOT) / 225.0],
+        [(296.0 + 169.0 * ROOT) / 1800.0, (88.0 + 7.0 * ROOT) / 360.0, (-2.0 - 3.0 * ROOT) / 225.0],
+        [(16.0 - ROOT) / 36.0, (16.0 + ROOT) / 36.0, 1.0 / 9.0],
+    ]
+)
+RADAU_E = np.array([-13.0 - 7.0 * ROOT, -13.0 + 7.0 * ROOT, -1.0]) / 3.0
+RADAU_GAMMA = 1.0 / (3.0 + 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0))
+"""Inverse of the real eigenvalue of the inverse of the coefficients: the weight of the slope at the start of a step."""
 
 GOES_ON, CONVERGED, DIVERGES = range(3)
 """What Newton's method does."""
@@ -66,31 +90,24 @@ def quintic(x: Any, h: float, q: Any, u: Any, a: Any, next_q: Any, next_u: Any, 
     )
 
 
-def alpha_known(h: float, q: Any, u: Any, a: Any, drift: Any, coefficients: Any) -> tuple[Any, Any, Any]:
+def alpha_known(h: float, q: Any, u: Any, a: Any, drift: Any) -> tuple[Any, Any, Any]:
     """Return w, q and u at the end of a step of the generalized-α method, without what its accelerations add.
 
-    Parameters
-    ----------
-    drift
-        (w − a)/h at its start.
-    coefficients : tuple of float
-        α_m, α_f, γ and β.
+    `drift` is (w − a)/h at its start.
     """
-    m, f, gamma, beta = coefficients
     w = a + h * drift
-    known = (f * a - m * w) / (1.0 - m)
+    known = (ALPHA_F * a - ALPHA_M * w) / (1.0 - ALPHA_M)
     return (
         known,
-        q + h * u + h * h * ((0.5 - beta) * w + beta * known),
-        u + h * ((1.0 - gamma) * w + gamma * known),
+        q + h * u + h * h * ((0.5 - BETA) * w + BETA * known),
+        u + h * ((1.0 - GAMMA) * w + GAMMA * known),
     )
 
 
-def alpha_factors(h: float, coefficients: Any) -> tuple[float, float, float]:
+def alpha_factors(h: float) -> tuple[float, float, float]:
     """Return by what w, q and u at the end of a step change with its accelerations."""
-    m, f, gamma, beta = coefficients
-    c = (1.0 - f) / (1.0 - m)
-    return c, h * h * beta * c, h * gamma * c
+    c = (1.0 - ALPHA_F) / (1.0 - ALPHA_M)
+    return c, h * h * BETA * c, h * GAMMA * c
 
 
 def weight(nodes: Any, i: int, j: int, h: float, length: float) -> float:

@@ -16,10 +16,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from mbstab.compiler.machine import formulas
 from mbstab.compiler.machine import tables as at
 from mbstab.compiler.machine.constraints import follower, watched
 from mbstab.compiler.machine.formulas import CONVERGED, DIVERGES, GOES_ON
+from mbstab.compiler.machine.formulas import RADAU_A as A
+from mbstab.compiler.machine.formulas import RADAU_C as C
+from mbstab.compiler.machine.formulas import RADAU_E as E
 from mbstab.compiler.machine.implicit import arrived, consistent, cover, moved, newton, step_control
 from mbstab.compiler.machine.interpreter import evaluate
 from mbstab.compiler.machine.native import called, compiled, complexes, copy, fill, floats, integers
@@ -28,10 +33,13 @@ from mbstab.compiler.machine.tables import Floats, Implicit, Machine, March
 
 STAGES = 3
 
-C, E, LEFT, RIGHT, LEFT_REAL, LEFT_IMAG, RIGHT_REAL, RIGHT_IMAG, EIGENVALUES = range(3, 12)
-"""Rows of `Implicit.coefficients` after those of A: nodes, the estimate of the error, the real eigenvector and its row
-of the inverse, the parts of the complex ones, and the real eigenvalue with the parts of the complex one."""
-
+_values, _left = np.linalg.eig(A)
+_right = np.linalg.inv(_left)
+_real, _pair = int(np.argmin(np.abs(_values.imag))), int(np.argmax(_values.imag))
+ONE, OTHER = float(_values[_real].real), complex(_values[_pair])
+LEFT, RIGHT = _left[:, _real].real.copy(), _right[_real].real.copy()
+LEFT_PAIR, RIGHT_PAIR = _left[:, _pair].copy(), _right[_pair].copy()
+"""The real eigenvalue and one of the complex pair; their eigenvectors and their rows of the inverse."""
 
 weight = compiled(formulas.weight)
 
@@ -66,7 +74,7 @@ def weigh(c: Any, x: Any) -> None:
 
 
 @compiled
-def predict(m: Machine, s: March, p: Implicit, h: float) -> None:
+def predict(m: Machine, s: March, h: float) -> None:
     """Extrapolate accelerations and multipliers of the stages from the last step."""
     stage_a, stage_nu = floats(m, at.STAGE_A), floats(m, at.STAGE_NU)
     last_a, last_nu = floats(m, at.LAST_A), floats(m, at.LAST_NU)
@@ -82,7 +90,7 @@ def predict(m: Machine, s: March, p: Implicit, h: float) -> None:
         for k in range(rows):
             stage_nu[i * rows + k] = 0.0
         for j in range(STAGES):
-            part = weight(p.coefficients[C], i, j, h, length)
+            part = weight(C, i, j, h, length)
             for k in range(n):
                 stage_a[i * n + k] += part * last_a[j * n + k]
             for k in range(rows):
@@ -90,7 +98,7 @@ def predict(m: Machine, s: March, p: Implicit, h: float) -> None:
 
 
 @compiled
-def unfold(m: Machine, p: Implicit, h: float) -> None:
+def unfold(m: Machine, h: float) -> None:
     """Find speeds and positions of the stages."""
     begun, y, n = floats(m, at.Y), floats(m, at.STAGE_Y), m.coordinates
     a, pull = floats(m, at.STAGE_A), floats(m, at.STAGE_PULL)
@@ -98,17 +106,17 @@ def unfold(m: Machine, p: Implicit, h: float) -> None:
         for i in range(STAGES):
             speed = begun[n + k]
             for j in range(STAGES):
-                speed += h * p.coefficients[i, j] * a[j * n + k]
+                speed += h * A[i, j] * a[j * n + k]
             y[2 * n * i + n + k] = speed
         for i in range(STAGES):
             position = begun[k]
             for j in range(STAGES):
-                position += h * p.coefficients[i, j] * (y[2 * n * j + n + k] + pull[j * n + k])
+                position += h * A[i, j] * (y[2 * n * j + n + k] + pull[j * n + k])
             y[2 * n * i + k] = position
 
 
 @compiled
-def look(m: Machine, s: March, p: Implicit, h: float) -> bool:
+def look(m: Machine, s: March, h: float) -> bool:
     """Find what the stages leave of the equations, of rows in velocity and of rows in position."""
     row_place, n, rows = integers(m, at.ROW_PLACE), m.coordinates, m.rows
     y, a, nu = floats(m, at.STAGE_Y), floats(m, at.STAGE_A), floats(m, at.STAGE_NU)
@@ -117,7 +125,7 @@ def look(m: Machine, s: March, p: Implicit, h: float) -> bool:
     for i in range(STAGES):
         b, e = all_b[i * size : i * size + size], all_e[i * size : i * size + size]
         s.counts[at.EVALUATIONS] += 1
-        if not evaluate(m, s.t[at.TIME] + p.coefficients[C, i] * h, y[2 * n * i : 2 * n * i + 2 * n], 1):
+        if not evaluate(m, s.t[at.TIME] + C[i] * h, y[2 * n * i : 2 * n * i + 2 * n], 1):
             return False
         imbalance(m, a[i * n : i * n + n], nu[i * rows : i * rows + rows], b)
         for k in range(rows):
@@ -161,28 +169,18 @@ def part(m: Machine, eigenvalue: Any, x: Any, c: Any, lu: Any, b: Any, e: Any, g
 
 
 @compiled
-def gather(p: Implicit, row: int, x: Floats, y: Floats) -> None:
-    """Set y to the part of the real eigenvalue in what is given by stages."""
+def gather(weights: Any, x: Floats, y: Any) -> None:
+    """Set y to the part of an eigenvalue in what is given by stages."""
     for k in range(len(y)):
         y[k] = 0.0
         for i in range(STAGES):
-            y[k] += p.coefficients[row, i] * x[i * len(y) + k]
+            y[k] += weights[i] * x[i * len(y) + k]
 
 
 @compiled
-def gather_complex(p: Implicit, x: Floats, y: Any) -> None:
-    """Set y to the part of the complex eigenvalue in what is given by stages."""
-    for k in range(len(y)):
-        y[k] = 0.0
-        for i in range(STAGES):
-            weight = complex(p.coefficients[RIGHT_REAL, i], p.coefficients[RIGHT_IMAG, i])
-            y[k] += weight * x[i * len(y) + k]
-
-
-@compiled
-def spread(m: Machine, p: Implicit, h: float) -> None:
+def spread(m: Machine, h: float) -> None:
     """Change accelerations, multipliers and corrections of the stages."""
-    n, rows, c = m.coordinates, m.rows, p.coefficients
+    n, rows = m.coordinates, m.rows
     place, row_place = integers(m, at.PLACE), integers(m, at.ROW_PLACE)
     scale, row_scale = floats(m, at.SCALE), floats(m, at.ROW_SCALE)
     real_b, real_g = floats(m, at.NEWTON_B), floats(m, at.REAL_G)
@@ -190,7 +188,7 @@ def spread(m: Machine, p: Implicit, h: float) -> None:
     a, nu, pull = floats(m, at.STAGE_A), floats(m, at.STAGE_NU), floats(m, at.STAGE_PULL)
     step_a, step_pull = floats(m, at.STEP_A), floats(m, at.STEP_PULL)
     for i in range(STAGES):
-        real, weight = c[LEFT, i], 2.0 * complex(c[LEFT_REAL, i], c[LEFT_IMAG, i])
+        real, weight = LEFT[i], 2.0 * LEFT_PAIR[i]
         for k in range(n):
             step_a[i * n + k] = scale[k] * (real * real_b[place[k]] + (weight * complex_b[place[k]]).real)
             step_pull[i * n + k] = h * scale[k] * (real * real_g[place[k]] + (weight * complex_g[place[k]]).real)
@@ -205,7 +203,7 @@ def spread(m: Machine, p: Implicit, h: float) -> None:
 @compiled
 def changed(m: Machine, p: Implicit, h: float) -> float:
     """Return the size of the last changes of positions and speeds of the stages."""
-    n, A, sizes, size = m.coordinates, p.coefficients, floats(m, at.SIZES), 0.0
+    n, sizes, size = m.coordinates, floats(m, at.SIZES), 0.0
     step_a, step_pull = floats(m, at.STEP_A), floats(m, at.STEP_PULL)
     for k in range(n):
         a0, a1, a2 = step_a[k], step_a[n + k], step_a[2 * n + k]
@@ -227,30 +225,28 @@ def changed(m: Machine, p: Implicit, h: float) -> float:
 @compiled
 def iterate(m: Machine, s: March, p: Implicit, h: float) -> bool:
     """Find the stages of a step by Newton's method."""
-    real, imaginary = p.coefficients[EIGENVALUES, 1], p.coefficients[EIGENVALUES, 2]
-    one, other = p.coefficients[EIGENVALUES, 0], complex(real, imaginary)
     c, lu = floats(m, at.NEWTON_C), floats(m, at.NEWTON_LU)
     complex_c, complex_lu = complexes(m, at.COMPLEX_C), complexes(m, at.COMPLEX_LU)
     b, e, g = floats(m, at.NEWTON_B), floats(m, at.REAL_E), floats(m, at.REAL_G)
     complex_b, complex_e, complex_g = complexes(m, at.COMPLEX_B), complexes(m, at.COMPLEX_E), complexes(m, at.COMPLEX_G)
     all_b, all_e = floats(m, at.STAGE_B), floats(m, at.STAGE_E)
-    weigh(c, h * one)
+    weigh(c, h * ONE)
     decompose(m, 0.0, c, lu)
-    weigh(complex_c, h * other)
+    weigh(complex_c, h * OTHER)
     decompose(m, 0.0, complex_c, complex_lu)
-    predict(m, s, p, h)
+    predict(m, s, h)
     fill(floats(m, at.STAGE_PULL), 0.0)
     found, before, k = GOES_ON, math.inf, 0
     while found == GOES_ON and k < p.iterations:
-        unfold(m, p, h)
-        if look(m, s, p, h):
-            gather(p, RIGHT, all_b, b)
-            gather(p, RIGHT, all_e, e)
-            gather_complex(p, all_b, complex_b)
-            gather_complex(p, all_e, complex_e)
-            part(m, one, h * one, c, lu, b, e, g)
-            part(m, other, h * other, complex_c, complex_lu, complex_b, complex_e, complex_g)
-            spread(m, p, h)
+        unfold(m, h)
+        if look(m, s, h):
+            gather(RIGHT, all_b, b)
+            gather(RIGHT, all_e, e)
+            gather(RIGHT_PAIR, all_b, complex_b)
+            gather(RIGHT_PAIR, all_e, complex_e)
+            part(m, ONE, h * ONE, c, lu, b, e, g)
+            part(m, OTHER, h * OTHER, complex_c, complex_lu, complex_b, complex_e, complex_g)
+            spread(m, h)
             size = changed(m, p, h)
             found = newton(size, before, h, p.rate, p.goal, p.stalled)
             before = size
@@ -272,15 +268,15 @@ def error_of(m: Machine, p: Implicit, h: float) -> float:
     )
     scale, sizes, c = floats(m, at.SCALE), floats(m, at.SIZES), floats(m, at.NEWTON_C)
     b, in_q, in_u = floats(m, at.NEWTON_B), floats(m, at.REAL_G), floats(m, at.REAL_E)
-    gamma, size = p.coefficients[EIGENVALUES, 0], 0.0
+    gamma, size = ONE, 0.0
     fill(b, 0.0)
     fill(in_q, 0.0)
     fill(in_u, 0.0)
     for k in range(n):
         q, u = gamma * h * begun[n + k], gamma * h * a[k]
         for i in range(STAGES):
-            q += gamma * p.coefficients[E, i] * (y[2 * n * i + k] - begun[k])
-            u += gamma * p.coefficients[E, i] * (y[2 * n * i + n + k] - begun[n + k])
+            q += gamma * E[i] * (y[2 * n * i + k] - begun[k])
+            u += gamma * E[i] * (y[2 * n * i + n + k] - begun[n + k])
         in_q[place[k]], in_u[place[k]] = q / scale[k], u / scale[k]
     fill(c, 0.0)
     c[at.MASS] = 1.0
@@ -301,7 +297,7 @@ def attempt(m: Machine, s: March, p: Implicit, h: float) -> float:
     """Make a step; return its error relative to the tolerance, nan where it fails."""
     n, error = m.coordinates, math.nan
     if iterate(m, s, p, h):
-        unfold(m, p, h)
+        unfold(m, h)
         copy(floats(m, at.TRIAL), floats(m, at.STAGE_Y)[4 * n :])
         error = 0.0 if p.fixed else error_of(m, p, h)
     return error

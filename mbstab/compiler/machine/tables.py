@@ -201,5 +201,3 @@ class Implicit(NamedTuple):
     quadrature: Floats  # of the power: nodes in -1 … 1, weights
     power: float  # one over the order of the estimate plus one
     consistent: bool  # accelerations at the end of a step are those of the state
-    coefficients: Floats  # of stages
-    alpha: tuple[float, float, float, float]  # α_m, α_f, γ and β

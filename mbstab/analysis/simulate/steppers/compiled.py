@@ -18,14 +18,7 @@ from numpy.polynomial import legendre
 from mbstab.analysis.reference.attitude import Attitudes
 from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.energy import Energy
-from mbstab.analysis.simulate.steppers.implicit import (
-    RADAU_A,
-    RADAU_C,
-    RADAU_E,
-    alpha_coefficients,
-    first_step,
-    newton_goal,
-)
+from mbstab.analysis.simulate.steppers.implicit import first_step, newton_goal
 from mbstab.analysis.simulate.steppers.interface import Method, Options
 from mbstab.analysis.simulate.steppers.layout import machine_of
 from mbstab.analysis.simulate.tolerances import TOLERANCES
@@ -74,22 +67,9 @@ def machine_code() -> ModuleType:
     return native
 
 
-@cache
-def radau_coefficients() -> Array:
-    """Return the rows that `mbstab.compiler.machine.radau` names."""
-    values, left = np.linalg.eig(RADAU_A)
-    right = np.linalg.inv(left)
-    real, other = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
-    one, pair = values[real].real, values[other]
-    parts = [f(x) for x in (left[:, other], right[other]) for f in (np.real, np.imag)]
-    eigenvalues = [one, pair.real, pair.imag]
-    return np.array([*RADAU_A, RADAU_C, RADAU_E, left[:, real].real, right[real].real, *parts, eigenvalues])
-
-
 def implicit_of(t: float, options: Options) -> at.Implicit:
     """Return the numbers of an implicit method for a march that starts at t (s)."""
     method, fixed = options.method, options.step is not None
-    stages = method.compiled == "radau"
     return at.Implicit(
         tol=options.tol,
         rate=options.rate,
@@ -102,9 +82,7 @@ def implicit_of(t: float, options: Options) -> at.Implicit:
         begin=t,
         quadrature=np.array(legendre.leggauss(max(2, (method.order + 1) // 2))),
         power=method.exponent,
-        consistent=stages,
-        coefficients=radau_coefficients() if stages else np.zeros((0, 0)),
-        alpha=alpha_coefficients(),
+        consistent=method.compiled == "radau",
     )
 
 

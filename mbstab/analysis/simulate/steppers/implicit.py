@@ -35,25 +35,9 @@ from mbstab.analysis.simulate.constrained import Constrained
 from mbstab.analysis.simulate.steppers.interface import HINT, Options
 from mbstab.analysis.simulate.tolerances import TOLERANCES
 from mbstab.compiler.machine import formulas
+from mbstab.compiler.machine.formulas import ALPHA_F, ALPHA_M, RADAU_A, RADAU_C, RADAU_E, RADAU_GAMMA
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError, NumericalError
-
-RHO = 0.8
-"""Spectral radius at infinity of the generalized-α method: 1 keeps all frequencies, 0 damps the highest at once."""
-
-ROOT = math.sqrt(6.0)
-RADAU_C = np.array([(4.0 - ROOT) / 10.0, (4.0 + ROOT) / 10.0, 1.0])
-RADAU_A = np.array(
-    [
-        [(88.0 - 7.0 * ROOT) / 360.0, (296.0 - 169.0 * ROOT) / 1800.0, (-2.0 + 3.0 * ROOT) / 225.0],
-        [(296.0 + 169.0 * ROOT) / 1800.0, (88.0 + 7.0 * ROOT) / 360.0, (-2.0 - 3.0 * ROOT) / 225.0],
-        [(16.0 - ROOT) / 36.0, (16.0 + ROOT) / 36.0, 1.0 / 9.0],
-    ]
-)
-RADAU_E = np.array([-13.0 - 7.0 * ROOT, -13.0 + 7.0 * ROOT, -1.0]) / 3.0
-RADAU_GAMMA = 1.0 / (3.0 + 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0))
-"""Inverse of the real eigenvalue of the inverse of the coefficients: the weight of the slope at the start of a step."""
-
 
 DIVERGES = "Newton's method does not converge"
 
@@ -69,13 +53,6 @@ def newton_goal(options: Options) -> float:
     if options.step is not None:
         return TOLERANCES.newton_correction_rounding
     return max(TOLERANCES.newton_correction * options.tol, TOLERANCES.newton_correction_rounding)
-
-
-def alpha_coefficients(rho: float = RHO) -> tuple[float, float, float, float]:
-    """Return α_m, α_f, γ and β of the generalized-α method for a spectral radius at infinity."""
-    m, f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-    gamma = 0.5 + f - m
-    return m, f, gamma, 0.25 * (gamma + 0.5) ** 2
 
 
 class _Implicit:
@@ -163,9 +140,7 @@ class GeneralizedAlpha(_Implicit):
 
     def __init__(self, equations: Constrained, t: float, q: Array, u: Array, end: float, options: Options) -> None:
         super().__init__(equations, t, q, u, end, options)
-        self.coefficients = alpha_coefficients()
-        m, f, _, beta = self.coefficients
-        self.ahead, self.part = m - f, abs(beta + 0.5 * (m - f) - 1.0 / 6.0)
+        self.ahead = ALPHA_M - ALPHA_F
         self._jerk = self._rate_of_acceleration()
         self._drift = self.ahead * self._jerk  # (w − a)/h
         self._past: tuple[float, Array] | None = None
@@ -186,8 +161,8 @@ class GeneralizedAlpha(_Implicit):
         equations, t = self.equations, self.t + h
         n, n_h, scale, rows = equations.n, equations.n_h, equations.scale, equations.row_scale
         P_h, P = equations.combinations
-        c, to_q, to_u = formulas.alpha_factors(h, self.coefficients)
-        known, q0, u0 = formulas.alpha_known(h, self.q, self.u, self.a, self._drift, self.coefficients)
+        c, to_q, to_u = formulas.alpha_factors(h)
+        known, q0, u0 = formulas.alpha_known(h, self.q, self.u, self.a, self._drift)
         a, nu = self.a + h * self._jerk, self.nu
         lines: Any = None
         before = math.inf
@@ -226,7 +201,7 @@ class GeneralizedAlpha(_Implicit):
         if self.options.step is not None:
             return 0.0
         change = a - self.a
-        in_q = self.part * h * h * change
+        in_q = formulas.ALPHA_ERROR * h * h * change
         earlier = h * self._jerk if self._past is None else change * 0.0 + h / self._past[0] * self._past[1]
         in_u = h / 12.0 * (change - earlier)
         return self._size(in_q, in_u) / self.options.tol
