@@ -172,7 +172,8 @@ class BackwardErrors:
 
         T is exact by structure, but as it was computed the equations lead out of its span by roundings, many of them
         where its directions are nearly dependent. This is evaluated with S and with the unreduced equations: each has
-        rounding errors of its own, which the smaller of both has least of. Twice as much is not too little.
+        rounding errors of its own, which the smaller of both has least of. Twice as much is too little by 1.03 in one
+        of 160 motions of a ball on a turntable.
         """
         T = self.T
         if not T.shape[1]:
@@ -184,7 +185,7 @@ class BackwardErrors:
         x = Motions(pos, vel, acc, self._multipliers(self.m.M @ acc + self.m.R @ vel + self.m.K @ pos))
         p = self._along(self.inside @ V, inner, C, blocks)
         effects = self.residual(x, w, inner) @ p, Y @ (self.S @ T - T @ inner) @ p
-        return np.where(blocks, 2.0 * np.min(np.abs(effects), axis=0), 0.0)
+        return np.where(blocks, 4.0 * np.min(np.abs(effects), axis=0), 0.0)
 
     @staticmethod
     def _along(c: Complex, inner: Array, C: Complex, blocks: Any) -> Complex:

@@ -20,6 +20,7 @@ import numpy as np
 from mbstab.analysis.algebra.deflation import in_frame, time_scale
 from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.algebra.subspaces import Subspaces
+from mbstab.analysis.linear.tolerances import TOLERANCES
 from mbstab.analysis.reference.coefficients import Matrices, deflated, matrices_in, multiplier_sizes
 from mbstab.analysis.reference.guard import coefficients
 from mbstab.analysis.reference.motion import Motion
@@ -227,7 +228,8 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
     variation, generator, matrices = coefficients(system, motion, frozen)
     names, plain = tuple(system.names), motion.spaces.plain
     if motion.massless is None:
-        if plain is not None and _fastest(matrices, plain) < _fastest(matrices, motion.spaces):
+        better = TOLERANCES.better_scale
+        if plain is not None and better * _fastest(matrices, plain) < _fastest(matrices, motion.spaces):
             motion = motion.scaled(plain)
         rows = tuple(system.rows)
         return Linearization(system, *matrices, system.n_h, names, rows, motion, variation, generator, frozen)

@@ -52,5 +52,8 @@ class Tolerances:
     simplified_weight: Final = 5000
     """Maximum total weight of the entries that are simplified; the others are printed without."""
 
+    better_scale: Final = 2.0
+    """Coordinates have the scale of their own inertia if rates in that of carried ones are so many times as large."""
+
 
 TOLERANCES = Tolerances()
