@@ -329,7 +329,6 @@ def _finite(x: Any) -> Any:
     return tidied(x)
 
 
-@cache
 def decimal(text: str) -> Ball:
     """Return a decimal exactly."""
     value = Fraction(text)
@@ -351,6 +350,7 @@ def rounded_decimal(text: str) -> Ball:
     return real(value) + arb(0, 0.5 * 10.0**exponent)
 
 
+@cache
 def ball_arithmetic(number: Callable[[str], Ball] = decimal) -> Arithmetic:
     """Return the arithmetic of real balls, at the precision in use, in which literals are what a function says.
 
