@@ -540,12 +540,15 @@ def test_the_governor_is_found_from_angles_off_by_03_rad():
         assert np.max(np.abs(difference)) < 1e-13
 
 
+def rough_guess(system, rng, spread):
+    """Return the guess of a scene with random errors: parts of 0.2 m and 3 rad."""
+    sizes = {n: 0.2 if n.rpartition(".")[2] in "xyz" else 3.0 for n in system.scene.guess}
+    return {n: x + spread * sizes[n] * rng.uniform(-1.0, 1.0) for n, x in system.scene.guess.items()}
+
+
 def test_rounding_of_multipliers_is_no_imbalance():
     system = governor()
-    rng = np.random.default_rng(103)
-    sizes = {n: 0.2 if n.rpartition(".")[2] in "xyz" else 3.0 for n in system.scene.guess}
-    guess = {n: x + 0.3 * sizes[n] * rng.uniform(-1.0, 1.0) for n, x in system.scene.guess.items()}
-    motion = found_motion(guessed(system, guess))
+    motion = found_motion(guessed(system, rough_guess(system, np.random.default_rng(103), 0.3)))
     assert imbalance(system, motion, *turning(system, motion.q, 10.0))[0] < 1e-9
 
 
@@ -556,10 +559,8 @@ def test_a_random_guess_for_the_governor_leads_to_a_steady_motion_or_an_error(sp
     rng = np.random.default_rng(100 + seed)
     verified = 0
     for _ in range(10):
-        sizes = {n: 0.2 if n.rpartition(".")[2] in "xyz" else 3.0 for n in system.scene.guess}
-        guess = {n: x + spread * sizes[n] * rng.uniform(-1.0, 1.0) for n, x in system.scene.guess.items()}
         try:
-            motion = found_motion(guessed(system, guess))
+            motion = found_motion(guessed(system, rough_guess(system, rng, spread)))
         except MbstabError:
             continue
         u, a = turning(system, motion.q, 10.0)

@@ -112,7 +112,7 @@ class Balls(Doubles):
 
     def powers(self, x: Array) -> Array:  # noqa: D102
         size = middle(x)
-        # What is beyond the range of doubles has no size: then everything shows beside it.
+        # What is beyond the range of doubles has no size.
         return super().powers(np.where(np.isfinite(size), size, 0.0))
 
     def sized(self, x: Array) -> tuple[Array, Array]:  # noqa: D102

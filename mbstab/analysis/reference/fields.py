@@ -55,6 +55,11 @@ class Block(NamedTuple):
         """Numbers of its fields."""
         return range(self.start, self.start + SIZES[self.kind])
 
+    @property
+    def ground(self) -> int:
+        """How many of the fields of a body, its first ones, move it with the ground."""
+        return 6 if self.kind.startswith("spatial") else 3
+
 
 class Basis:
     """The fields of a scene, numbered body by body, then the states."""
@@ -259,7 +264,7 @@ class Field:
             if b.body is None:
                 spins[b.part] = own
                 continue
-            first, last = ROTATIONS[b.kind], 6 if b.kind.startswith("spatial") else 3
+            first, last = ROTATIONS[b.kind], b.ground
             turn = own[first:last]
             motion = np.concatenate([own[:first], np.zeros(3 - d), np.zeros(3 - len(turn)), turn])
             if b.kind in SPINS:

@@ -381,8 +381,7 @@ class Identities:
         """Return independent fields of a space that are motions of everything with the ground, or of single bodies."""
         bodies, columns = [b for b in self.basis.blocks if b.body is not None], []
         if bodies:
-            ground = 6 if bodies[0].kind.startswith("spatial") else 3
-            columns = [[b.start + k for b in bodies] for k in range(ground)]
+            columns = [[b.start + k for b in bodies] for k in range(bodies[0].ground)]
         columns += [[k] for k in range(self.basis.size)]
         Q = np.linalg.qr(space / self.scale[:, None])[0] if space.shape[1] else space
         room, found = np.zeros((self.basis.size, len(columns))), list[Array]()
@@ -629,9 +628,9 @@ class Identities:
         shifted = np.array(shift, dtype=object) - np.cross(turn, np.array(point, dtype=object))
         found = np.full(self.basis.size, 0, dtype=object)
         for b in (b for b in self.basis.blocks if b.body is not None):
-            first, spatial = ROTATIONS[b.kind], b.kind.startswith("spatial")
+            first = ROTATIONS[b.kind]
             found[b.start : b.start + first] = shifted[:first]
-            found[b.start + first : b.start + (6 if spatial else 3)] = turn if spatial else turn[2:]
+            found[b.start + first : b.start + b.ground] = turn[first + 3 - b.ground :]
         for i, x in enumerate(map(plain, generator.spins)):
             if x == 0:
                 continue
@@ -683,16 +682,14 @@ class Identities:
 
     def common(self, bodies: Sequence[Block]) -> Array:
         """Return the fields of the space that move all bodies with the ground, and states, as reduced columns."""
-        first, rows = bodies[0], []
-        for b in bodies:
-            ground = 6 if b.kind.startswith("spatial") else 3
-            rows.append(self.space[b.start + ground : b.start + SIZES[b.kind]])
-            rows.append(self.space[b.start : b.start + ground] - self.space[first.start : first.start + ground])
-        found = self._those(self.space, np.concatenate(rows))
-        for b in bodies:
-            ground = 6 if b.kind.startswith("spatial") else 3
-            found[b.start : b.start + ground] = found[first.start : first.start + ground]
-            found[b.start + ground : b.start + SIZES[b.kind]] = 0
+        space, rows = self.space, []
+        parts = [(slice(b.start, b.start + b.ground), slice(b.start + b.ground, b.fields.stop)) for b in bodies]
+        first = parts[0][0]
+        for ground, own in parts:
+            rows += [space[own], space[ground] - space[first]]
+        found = self._those(space, np.concatenate(rows))
+        for ground, own in parts:
+            found[ground], found[own] = found[first], 0
         return found
 
     def _those(self, space: Array, rows: Array) -> Array:

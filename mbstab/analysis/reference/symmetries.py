@@ -21,7 +21,7 @@ from mbstab.analysis.algebra.ball_arrays import BALLS, excludes_zero, many_bits
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.changes import At, Local
 from mbstab.analysis.reference.element_comparison import ElementComparison, State, with_errors
-from mbstab.analysis.reference.fields import DRIFTS, ROTATIONS, SIZES, SPINS, Block, Field, Symmetry
+from mbstab.analysis.reference.fields import DRIFTS, ROTATIONS, SIZES, SPINS, Field, Symmetry
 from mbstab.analysis.reference.identities import Identities, echelon
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator, axis_text, through
@@ -391,7 +391,7 @@ class Names:
         first = bodies[0]
         for entries in self.identities.common(bodies).T:
             turn = np.array(
-                [float(entries[k]) for k in range(first.start + ROTATIONS[first.kind], first.start + _last(first))]
+                [float(entries[k]) for k in range(first.start + ROTATIONS[first.kind], first.start + first.ground)]
             )
             size = float(np.linalg.norm(turn))
             if not size:
@@ -426,11 +426,6 @@ class Names:
             self.system.names[b.part.start] if b.body is None else self.system.scene.bodies[b.body].name for b in moved
         ]
         return f"motion of {', '.join([*owners[:4], *['…'] * (len(owners) > 4)])}"
-
-
-def _last(b: Block) -> int:
-    """Return the number after the last rotation of the ground among the fields of a body."""
-    return 6 if b.kind.startswith("spatial") else 3
 
 
 def _spanned(X: Array, rows: Array) -> Flags:
