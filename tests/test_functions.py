@@ -104,7 +104,7 @@ def test_a_slope_is_the_derivative(name):
 def test_balls_contain_the_value(name):
     import flint
 
-    from mbstab.analysis.algebra.balls import ball, ball_arithmetic, digits, real
+    from mbstab.model.balls import ball, ball_arithmetic, digits, real
 
     with digits(30):
         value = real(getattr(ball_arithmetic(), name)(*map(ball, PLACES[name])))

@@ -43,7 +43,7 @@ ONLY_IN = {
     "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}
     | {f"analysis/reference/{x}.py" for x in ("element_comparison", "sharpening", "symmetries")}
     | {f"analysis/spectrum/{x}.py" for x in ("holding_force", "precise", "precise_motion")},
-    "flint": {f"analysis/algebra/{x}.py" for x in ("balls", "ball_arrays", "ball_matrices", "ball_polynomials")}
+    "flint": {"model/balls.py", *(f"analysis/algebra/ball_{x}.py" for x in ("arrays", "matrices", "polynomials"))}
     | {"analysis/reference/identities.py", "analysis/proof/krawczyk.py", "analysis/proof/characteristic.py"},
 }
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent.name != "kernels")

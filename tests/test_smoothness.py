@@ -189,7 +189,7 @@ def test_other_number_systems_agree(nu):
 def test_balls_and_intervals():
     import flint
 
-    from mbstab.analysis.algebra.balls import ball_arithmetic, digits
+    from mbstab.model.balls import ball_arithmetic, digits
 
     model = mbstab.load("models/kapitza.yaml").model
     with digits(30):

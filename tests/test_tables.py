@@ -75,7 +75,7 @@ def test_every_number_system_has_the_same_function(function, x):
     exec(text, names)
     assert names["evaluate"]([x])[0] == near
     if x != 1.0:
-        from mbstab.analysis.algebra.balls import ball, ball_arithmetic, digits
+        from mbstab.model.balls import ball, ball_arithmetic, digits
 
         with digits(30):
             assert float(getattr(ball_arithmetic(), function)(ball(x), *map(ball, at)).mid()) == near

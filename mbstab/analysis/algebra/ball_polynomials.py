@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from mbstab.analysis.algebra.ball_matrices import determinant
-from mbstab.analysis.algebra.balls import Ball, Exact, Matrix, ball, real, zero_inside
+from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.algebra.tolerances import TOLERANCES
+from mbstab.model.balls import Ball, Exact, ball, real, zero_inside
 
 
 def characteristic(A: Matrix) -> list[Ball]:

@@ -107,17 +107,11 @@ class Tolerances:
     """Bits to which combinations of fields must be known: data that are rounded decimals have 50."""
     bits_of_zero: Final = 100
     """Bits to which a motion is known whose equations are proven."""
-    digits_of_rounded: Final = 15
-    """A decimal with so many digits was rounded when it was written."""
 
     sines_kept: Final = 500
     """Sines and cosines of so many angles are kept."""
 
     # Balls
-    ball_digits_beyond: Final = 15
-    """Guard digits, in addition to the requested ones."""
-    ball_width_interval: Final = 1e-12
-    """Balls wider than this, relative to their midpoint, are intervals, not numbers with a rounding error."""
     sparse_pivot: Final = 0.1
     """A pivot may be smaller than the largest by this factor if it causes less fill-in."""
     determinant_summed_size: Final = 6

@@ -53,7 +53,7 @@ def _of_floats(base: tuple[float, ...]) -> Array:
 def _functions(angles: Array) -> Any:
     """Return cos, sin and tan for single angles, for the points of a sweep, or for refined numbers or balls."""
     if angles.dtype == object:
-        from mbstab.analysis.algebra.balls import ball_arithmetic
+        from mbstab.model.balls import ball_arithmetic
 
         if any(isinstance(x, Jet) for x in angles.flat):
             return jet_arithmetic(_functions(np.array([Jet.of(x).value for x in angles.flat], dtype=object)))

@@ -71,8 +71,7 @@ def exact_system(system: System, proven: bool = False) -> System:
 
     def made() -> System:
         from mbstab.analysis.algebra.ball_arrays import many_bits
-        from mbstab.analysis.algebra.balls import ball_arithmetic, decimal, rounded_decimal
-        from mbstab.analysis.algebra.balls import exact_factor as ball_factor
+        from mbstab.model.balls import ball_arithmetic, decimal, rounded_decimal
 
         with uncollected(), many_bits(TOLERANCES.bits_of_scene):
             number = decimal if proven else rounded_decimal
@@ -82,7 +81,7 @@ def exact_system(system: System, proven: bool = False) -> System:
                 given, error = value_and_error(known[name])
                 values[name] = number(repr(given))
                 with suppress(ExpressionError, ArithmeticError, ValueError):
-                    found = parameter.expression.evaluate(values, f) * ball_factor(parameter.unit)
+                    found = parameter.expression.evaluate(values, f) * exact_factor(parameter.unit, f)
                     # What cancels in doubles may leave nothing of a value there.
                     if abs(float(found) - given) <= error + 8.0 * UNIT * abs(given):
                         values[name] = found
