@@ -15,6 +15,7 @@ import zoo
 from click.testing import CliRunner
 from flint import arb, ctx
 from mpmath import mp
+from mpmath_numbers import mpmath_arithmetic
 from sampling import sample
 from truth import exact_eigenvalues
 
@@ -30,7 +31,6 @@ from mbstab.analysis.verdict.spectrum import Modulo
 from mbstab.cli import main
 from mbstab.errors import UsageError
 from mbstab.model import balls
-from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.balls import ball, digits, real
 from mbstab.model.expressions import parse
 from mbstab.model.parameters import bound

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import sympy
 from click.testing import CliRunner
+from mpmath_numbers import mpmath_arithmetic
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 import mbstab
@@ -19,7 +20,7 @@ from mbstab.cli.main import main
 from mbstab.compiler.tape import Tape
 from mbstab.compiler.trace import Trace
 from mbstab.errors import MbstabError, ModelFileError
-from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic, symbol_arithmetic
+from mbstab.model.arithmetic import FLOAT, array_arithmetic, symbol_arithmetic
 from mbstab.model.functions import NATIVE
 from mbstab.model.hermite import monotone_slopes, no_slopes, spline_slopes
 from mbstab.model.jets import Jet, jet_arithmetic

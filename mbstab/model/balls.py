@@ -14,7 +14,7 @@ import copyreg
 import math
 import numbers
 from collections.abc import Callable, Iterator
-from decimal import Decimal
+from decimal import Decimal, localcontext
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -61,7 +61,14 @@ def bits(number: int) -> Iterator[None]:
 
 def digits(number: int) -> contextlib.AbstractContextManager[None]:
     """Compute with this number of decimal digits, and a few more, inside the context."""
-    return bits(math.ceil((number + GUARD_DIGITS) * math.log2(10)))
+    return bits(round((number + GUARD_DIGITS + 1) * math.log2(10)))
+
+
+def digits_in_use() -> int:
+    """Return the number of decimal digits in use."""
+    from flint import ctx
+
+    return int(ctx.dps) - GUARD_DIGITS
 
 
 class Exact:
@@ -195,7 +202,16 @@ def real(x: Any) -> Any:
     """Return a number as ``flint.arb``."""
     from flint import arb
 
-    return arb(x.v) if isinstance(x, Exact) else x if isinstance(x, arb) else real(ball(x))
+    if isinstance(x, arb):
+        return x
+    return arb(x.v) if isinstance(x, Exact) else arb(x) if isinstance(x, float) else real(ball(x))
+
+
+def plane(x: Any, y: Any = None) -> Any:
+    """Return x, or x + iy, as ``flint.acb``."""
+    from flint import acb
+
+    return acb(x) if y is None else acb(x, y)
 
 
 def tidied(x: Any) -> Ball:
@@ -346,9 +362,11 @@ def ball_arithmetic(number: Callable[[str], Ball] = decimal) -> Arithmetic:
     A function raises ValueError where it has no finite enclosure: outside its domain, or where a
     ball contains a kink.
     """
-    from flint import arb, fmpq
+    from flint import acb, arb, fmpq
 
-    copyreg.pickle(arb, _as_integers)  # balls go to other processes
+    # Balls go to other processes.
+    copyreg.pickle(arb, _as_integers)
+    copyreg.pickle(acb, lambda z: (acb, (z.real, z.imag)))
     Turns = _turns_type()
 
     def plain(name: str) -> Callable[[Any], Any]:
@@ -477,3 +495,14 @@ def small(part: float) -> Ball:
     from flint import arb, ctx
 
     return arb(2) ** -round(part * ctx.prec)
+
+
+def decimals(x: Any, number: int) -> str:
+    """Return a number with its significant digits, without an exponent where that is short enough."""
+    if not real(x).is_finite():
+        return str(float(x))
+    mantissa, exponent = (int(part) for part in real(x).mid().man_exp())
+    with localcontext(prec=2 * number + GUARD_DIGITS):
+        exactly = Decimal(mantissa) * Decimal(2) ** exponent
+        text = f"{exactly:.{number - 1}e}"
+    return f"{Decimal(text):f}" if Decimal(text).adjusted() in range(-5, number) else text

@@ -97,8 +97,6 @@ class Tolerances:
     """Entries of orthonormal bases below this are rounding errors of zero."""
     slope_rounding: Final = 1e-9
     """Derivatives of the reference are accepted if their corrections stop shrinking below this fraction of them."""
-    cluster_widths: Final = (1e-7, 1e-4, 1e-2)
-    """Eigenvalues closer than this fraction of the norm are computed together; tried in this order."""
 
     # Identities
     bits_of_identities: Final = 220

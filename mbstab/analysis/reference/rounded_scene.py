@@ -49,11 +49,10 @@ def without_chance_zeros(system: System) -> System:
         return system
     given = {name: float(x) for name, x in scene.parameters.items()}
     pairs = {name: value_and_error(x) for name, x in _parameters(scene.model, given).items()}
-    unsure = {name: e for name, (v, e) in pairs.items() if e and abs(v) <= e}
-    if not unsure:
+    beside = {name: given[name] + 2.0 * e for name, (v, e) in pairs.items() if e and abs(v) <= e}
+    if not beside:
         return system
-    beside = {name: given[name] + 2.0 * e for name, e in unsure.items()}
-    better = given | beside | exact_parameters(unsure, scene.model, given, scene.arithmetic)
+    better = given | beside | exact_parameters(beside, scene.model, given, scene.arithmetic)
     if better == given:
         return system
     try:
