@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from mbstab.analysis.algebra import ball_matrices
+from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls
 from mbstab.analysis.proof.tolerances import TOLERANCES
@@ -22,7 +23,7 @@ Map = Callable[[Sequence[Jet]], list[Jet]]
 """A field, for jets of balls."""
 
 
-def along_direction(Y: Map, q: Sequence[Ball], v: Sequence[Ball]) -> list[Jet]:
+def along_direction(Y: Map, q: Matrix, v: Matrix) -> list[Jet]:
     """Return a field at q with its first two derivatives in a direction."""
     return [Jet.of(x) for x in Y([Jet(x, y, ball(0)) for x, y in zip(q, v, strict=True)])]
 
@@ -63,7 +64,7 @@ def _axes(reference: Reference) -> Iterable[list[Ball]]:
     """Yield axes that the file names."""
     yield from ([ball(int(i == k)) for i in range(3)] for k in range(3))
     scene = reference.system.scene
-    gravity = [*ball_matrices.vector(scene.gravity), ball(0)][:3]
+    gravity = [*ball_matrices.matrix(scene.gravity), ball(0)][:3]
     if any(not x.is_zero() for x in gravity):
         size = balls.ball_arithmetic().sqrt(sum((x * x for x in gravity), ball(0)))
         yield [-x / size for x in gravity]
@@ -72,7 +73,7 @@ def _axes(reference: Reference) -> Iterable[list[Ball]]:
         if item.entry.section == "joints" and item.given("axis") and item.given("between"):
             sides = zip(item.markers("between"), item.triads("axis", "zero"), strict=True)
             yield from (
-                [*ball_matrices.vector(triad.v1), ball(0)][:3] for marker, triad in sides if marker.body == GROUND
+                [*ball_matrices.matrix(triad.v1), ball(0)][:3] for marker, triad in sides if marker.body == GROUND
             )
 
 
@@ -82,7 +83,7 @@ def _points(reference: Reference, axis: list[Ball]) -> Iterable[list[Ball]]:
     for item in reference.system.scene.items:
         if item.given("between"):
             markers = (x for x in item.markers("between") if x.body == GROUND)
-            found += [[*ball_matrices.vector(x.point), ball(0)][:3] for x in markers]
+            found += [[*ball_matrices.matrix(x.point), ball(0)][:3] for x in markers]
     for point in found:
         along = sum((x * y for x, y in zip(axis, point, strict=True)), ball(0))
         yield [x - along * y for x, y in zip(point, axis, strict=True)]

@@ -63,11 +63,11 @@ class Identities:
             return lambda q: list(map(Jet.of, reference.state.field.field(np.array(q, dtype=object))))
         return combined(item.of, reference)
 
-    def disturbance(self, item: Symmetry, reference: Reference) -> tuple[list[Ball], list[Ball]]:
+    def disturbance(self, item: Symmetry, reference: Reference) -> tuple[Matrix, Matrix]:
         """Return the changes of the coordinates and speeds of a reference under a symmetry."""
         state = reference.state
         found = along_direction(self._field(item, reference), state.q, state.u)
-        return [ball(x.value) for x in found], [ball(x.rate) for x in found]
+        return ball_matrices.matrix([x.value for x in found]), ball_matrices.matrix([x.rate for x in found])
 
     # --- symmetries ---------------------------------------------------------------------------------------------------
 
@@ -103,28 +103,28 @@ class Identities:
 
     def _at_any_speed(self, item: Symmetry) -> Finding:
         reference = self.reference
-        q, still, field = reference.state.q, [ball(0)] * self.system.n_q, self._field(item, reference)
-        Y = [ball(x.value) for x in along_direction(field, q, still)]
-        turned = [ball(x.rate) for x in along_direction(field, q, Y)]
+        q, still, field = reference.state.q, ball_matrices.zeros(self.system.n_q), self._field(item, reference)
+        Y = ball_matrices.matrix([x.value for x in along_direction(field, q, still)])
+        turned = ball_matrices.matrix([x.rate for x in along_direction(field, q, Y)])
         found: list[Finding] = ["structural" if all(x.analytic for x in self.elements) else "open"]
         for speed in map(short, TOLERANCES.trial_speeds):
-            u, a = [speed * x for x in Y], [speed * speed * x for x in turned]
+            u, a = speed * Y, speed * speed * turned
             at = self.system.dynamics(q, u, self.time)
-            V, J = ball_matrices.vector(at.V), ball_matrices.matrix(at.J)
+            V, J = ball_matrices.matrix(at.V), ball_matrices.matrix(at.J)
             found += [is_zero(V[i], 2 * sum_of(J[i]) * sum_of(u)) for i in reference.rows]
-            force, size = still[:], ball(0)
+            force, size = still.copy(), ball(0)
             for element in self.elements:
-                own = ball_matrices.vector(element.force(q, u, a, self.time, self.f))
+                own = ball_matrices.matrix(element.force(q, u, a, self.time, self.f))
                 size = size + sum_of(own)
                 for i, x in zip(element.columns, own, strict=True):
                     force[i] = force[i] + x
-            found += [is_zero(x, size) for x in ball_matrices.apply(ball_matrices.transposed(self._allowed(J)), force)]
+            found += [is_zero(x, size) for x in ball_matrices.times(self._allowed(J).T, force)]
         return least(found)
 
     def _allowed(self, J: Matrix) -> Matrix:
         """Return admissible directions, as columns, given the rows."""
         rows, sizes = self.reference.rows, self.invariance.motion.sizes.tolist()
-        pivots, T = ball_matrices.eliminate([J[i] for i in rows], len(rows), self.system.n_q, None, sizes)
+        pivots, T = ball_matrices.eliminate(J[rows], len(rows), self.system.n_q, None, sizes)
         return ball_matrices.null_space(pivots, T, self.system.n_q)[1]
 
     # --- work ---------------------------------------------------------------------------------------------------------
@@ -157,14 +157,14 @@ class Identities:
 
     def _takes(self, system: System) -> bool:
         """Return whether dampers dissipate energy: their coefficients are not negative; and drag as it is written."""
-        zero, paths = [ball(0)] * self.system.n_q, {e.path for e in self.exact_work.kinds["damping"]}
+        zero, paths = ball_matrices.zeros(self.system.n_q), {e.path for e in self.exact_work.kinds["damping"]}
         for element in (e for e in system.acting() if e.path in paths and not e.inertia):
             if element.stored:
                 if not all(ball(x) >= 0 for x in element.damping or ()):
                     return False
                 continue
-            R = element.slopes(self.reference.state.q, zero, zero, self.time, self.f)[1]
-            if not _not_negative(ball_matrices.matrix(R)):
+            R = ball_matrices.matrix(element.slopes(self.reference.state.q, zero, zero, self.time, self.f)[1])
+            if not ball_matrices.positive(R + R.T, semi=True):
                 return False
         drag = Drag(system, self.invariance.motion.q, self.invariance.motion.time)
         return all(np.all(drag.resists(path)) for path in self.exact_work.resisting)
@@ -175,26 +175,6 @@ class Identities:
 
 
 # --- numbers ----------------------------------------------------------------------------------------------------------
-
-
-def _not_negative(R: Matrix) -> bool:
-    """Return whether the symmetric part of a matrix is proven positive semidefinite; pivots may be exact zeros."""
-    A = [
-        [x + y for x, y in zip(row, column, strict=True)]
-        for row, column in zip(R, ball_matrices.transposed(R), strict=True)
-    ]
-    for k in range(len(A)):
-        pivot = A[k][k]
-        if pivot.is_zero():
-            if not all(x.is_zero() for x in A[k][k:]):
-                return False
-            continue
-        if not pivot > 0:
-            return False
-        for i in range(k + 1, len(A)):
-            factor = A[i][k] / pivot
-            A[i] = [x - factor * y for x, y in zip(A[i], A[k], strict=True)]
-    return True
 
 
 def is_zero(x: Ball, size: Ball) -> Finding:
