@@ -388,7 +388,8 @@ class Identities:
         inverse = np.linalg.pinv(matrix[:, solved], rcond=TOLERANCES.proposed_change)
         free = free[solved]
         for _ in range(TOLERANCES.steps_of_refinement):
-            left = np.concatenate([self._along(own, at, space[own.fields], "along") * x for own, at, x in parts])
+            found = [self._along(own, at, space[own.fields], "along") * x for own, at, x in parts]
+            left = np.concatenate([BALLS.zeros((0, space.shape[1])), *found])
             power = float(np.max(BALLS.powers(left), initial=NONE))
             if not np.isfinite(power):
                 break
