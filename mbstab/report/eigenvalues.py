@@ -53,6 +53,8 @@ def verdict_lines(judged: Verdict) -> list[str]:
         lines += wrap_lines(reason, "  ", "  ")
     for sentence in () if judged.spectrum is None else judged.spectrum.sentences():
         lines += wrap_lines(sentence, "", "  ")
+    if judged.if_symmetric is not None:
+        lines += wrap_lines(str(judged.if_symmetric), "", "  ")
     return lines
 
 

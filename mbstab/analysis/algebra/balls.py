@@ -330,24 +330,17 @@ def _finite(x: Any) -> Any:
 
 
 def decimal(text: str) -> Ball:
-    """Return a decimal exactly."""
+    """Return a decimal exactly; one with many more digits than a double has may be off by half a unit of its last."""
     value = Fraction(text)
     if value and len(text) > MAX_DIGITS:
         raise OverflowError("too many digits")
-    return ball(value)
-
-
-def rounded_decimal(text: str) -> Ball:
-    """Return a decimal, with half a unit of its last digit as an error if it has as many digits as a double."""
-    value = decimal(text)
-    if "/" in text:
-        return value
-    _, digits, exponent = Decimal(text).as_tuple()
-    if len(digits) < TOLERANCES.digits_of_rounded or not isinstance(exponent, int):
-        return value
+    if not value or len(text) < TOLERANCES.digits_of_rounded or "/" in text:
+        return ball(value)
     from flint import arb
 
-    return real(value) + arb(0, 0.5 * 10.0**exponent)
+    _, _, exponent = Decimal(text).as_tuple()
+    assert isinstance(exponent, int)
+    return real(ball(value)) + arb(0, 0.5 * 10.0**exponent)
 
 
 @cache

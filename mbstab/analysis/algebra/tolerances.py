@@ -107,8 +107,8 @@ class Tolerances:
     """Bits to which combinations of fields must be known: data that are rounded decimals have 50."""
     bits_of_zero: Final = 100
     """Bits to which a motion is known whose equations are proven."""
-    digits_of_rounded: Final = 15
-    """A decimal with so many digits was rounded when it was written."""
+    digits_of_rounded: Final = 48
+    """A decimal with so many digits stands for a number that has more."""
 
     sines_kept: Final = 500
     """Sines and cosines of so many angles are kept."""
