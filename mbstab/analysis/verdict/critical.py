@@ -91,7 +91,8 @@ def critical_zero(
     what = "force" if by_energy else "speed of the drift"
     grows = f"along the critical direction the {what} grows with {_POWERS.get(k, f'the power {k}')} of the distance"
     if away > 0:
-        why = "does not bring the motion back: the energy has no minimum there" if by_energy else "drives the motion away"
+        no_minimum = "does not bring the motion back: the energy has no minimum there"
+        why = no_minimum if by_energy else "drives the motion away"
         return Critical(UNSTABLE, f"{grows} and {why}" + ", at least to one side" * (min(sides)[0] <= 0))
     if not away:
         # Disturbances that do not decay may drive the motion along the family, out of its stable part.
@@ -272,8 +273,9 @@ def _family(
     both = all(flat)
     return Critical(
         ASYMPTOTIC_UP_TO if decays else STABLE_UP_TO,
-        f"as far as checked: a family of motions of the same kind {'goes through' if both else 'begins with'} this one, "
-        f"along {name} (followed by {path.z[0]:.2g} of the size of the scene {'both ways' if both else 'one way'}; "
+        "as far as checked: a family of motions of the same kind "
+        f"{'goes through' if both else 'begins with'} this one, along {name} (followed by {path.z[0]:.2g} "
+        f"of the size of the scene {'both ways' if both else 'one way'}; "
         f"{off:.0e} N or N*m are left of the forces), "
         + ("" if both else "a force brings motions on the other side back, ")
         + ("and all other disturbances decay" if decays else "and the energy has a strict minimum across it"),
