@@ -106,6 +106,7 @@ POINTWISE = [
 ]  # fmt: skip
 
 
+@pytest.mark.table
 @pytest.mark.parametrize(("forces", "takes"), POINTWISE)
 def test_drag_along_a_velocity_in_the_plane(forces, takes):
     assert rails(forces).eig().verdict == ("stable" if takes else "undecided")

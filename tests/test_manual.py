@@ -68,6 +68,7 @@ def test_every_page_is_a_topic_and_listed():
         assert re.search(rf"^  {topic} +{re.escape(text.splitlines()[0][2:])}$", listed, flags=re.M)
 
 
+@pytest.mark.table
 @pytest.mark.parametrize("topic", TOPICS)
 def test_a_page_is_plain_text_of_80_columns_when_piped(topic):
     answer = said(topic)

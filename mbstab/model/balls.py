@@ -28,8 +28,8 @@ Ball = Any
 GUARD_DIGITS = 15
 """Digits in addition to the requested ones."""
 
-DIGITS_OF_ROUNDED = 15
-"""A decimal with so many digits was rounded when it was written."""
+DIGITS_OF_ROUNDED = 48
+"""A decimal with so many digits stands for a number that has more."""
 
 WIDTH_OF_INTERVAL = 1e-12
 """Balls wider than this, relative to their midpoint, are intervals, not numbers with a rounding error."""
@@ -335,24 +335,17 @@ def _finite(x: Any) -> Any:
 
 
 def decimal(text: str) -> Ball:
-    """Return a decimal exactly."""
+    """Return a decimal exactly; one with many more digits than a double has may be off by half a unit of its last."""
     value = Fraction(text)
     if value and len(text) > MAX_DIGITS:
         raise OverflowError("too many digits")
-    return ball(value)
-
-
-def rounded_decimal(text: str) -> Ball:
-    """Return a decimal, with half a unit of its last digit as an error if it has as many digits as a double."""
-    value = decimal(text)
-    if "/" in text:
-        return value
-    _, digits, exponent = Decimal(text).as_tuple()
-    if len(digits) < DIGITS_OF_ROUNDED or not isinstance(exponent, int):
-        return value
+    if not value or len(text) < DIGITS_OF_ROUNDED or "/" in text:
+        return ball(value)
     from flint import arb
 
-    return real(value) + arb(0, 0.5 * 10.0**exponent)
+    _, _, exponent = Decimal(text).as_tuple()
+    assert isinstance(exponent, int)
+    return real(ball(value)) + arb(0, 0.5 * 10.0**exponent)
 
 
 @cache

@@ -31,14 +31,15 @@ What is not proven is part of the statement: "proven …, provided that …".
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
 from mbstab.analysis.algebra.balls import Hopeless, NotProvable, ends
 from mbstab.analysis.proof.characteristic import Enclosure, Proof
 from mbstab.analysis.proof.intervals import OPEN, Part, Walk, common, in_words
 from mbstab.analysis.proof.proven_facts import best
 from mbstab.analysis.proof.tolerances import TOLERANCES
-from mbstab.analysis.verdict.rule import ASYMPTOTIC, MARGINAL, NONLINEAR, UNDECIDED, UNSTABLE, Verdict
+from mbstab.analysis.spectrum.eigenvalues import if_symmetric
+from mbstab.analysis.verdict.rule import ASYMPTOTIC, MARGINAL, NONLINEAR, UNDECIDED, UNSTABLE, IfSymmetric, Verdict
 from mbstab.analysis.verdict.spectrum import Modulo, Spectrum
 from mbstab.errors import UsageError, counted
 from mbstab.model import balls
@@ -123,6 +124,11 @@ class Certificate(Answer):
         return self.judged.warnings if self.judged is not None else ()
 
     @property
+    def if_symmetric(self) -> IfSymmetric | None:
+        """The verdict, not proven, of a scene within the digits of the file that has more symmetries."""
+        return self.judged.if_symmetric if self.judged is not None else None
+
+    @property
     def status(self) -> str:
         """Return ``proven``, ``conditional`` (a verdict that rests on `conditions`) or ``not provable``."""
         return "not provable" if self.verdict == "not provable" else "conditional" if self.conditions else "proven"
@@ -192,7 +198,8 @@ def _at(model: Model, digits: int) -> tuple[Certificate, bool]:
         )
     except NotProvable as error:
         return _refused(error, digits), not isinstance(error, Hopeless)
-    judged, conditions = case.verdict, (*proof.conditions, *case.conditions)
+    judged = replace(case.verdict, if_symmetric=if_symmetric(proof.identities.grounds))
+    conditions = (*proof.conditions, *case.conditions)
     assumed = (*proof.assumed, *case.conditions)
     if judged.word == UNDECIDED:
         reasons = tuple(dict.fromkeys(judged.reasons))

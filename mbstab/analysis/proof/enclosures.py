@@ -22,7 +22,6 @@ from mbstab.analysis.proof.motion import BallGenerator, Rough, State, generator_
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
-from mbstab.analysis.reference.rounded_scene import exact_system
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.verdict.constancy import time_doubt
 from mbstab.analysis.verdict.facts import Grounds
@@ -121,7 +120,6 @@ class Reference:
         if system.scene.period is not None:
             raise Hopeless("the motion is periodic: multipliers are not enclosed")
         motion = self._rough_motion(system)
-        exact_system(system, proven=True)
         linear = linearize(system, motion)
         self.rough = Rough(system, motion, linear)
         self.grounds = Grounds(linear)

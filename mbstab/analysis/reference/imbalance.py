@@ -172,11 +172,15 @@ def force_change(
 ) -> float:
     """Return how much scaled forces change over the size of the scene, by their slope at q, u, a and ν.
 
-    Near a singular point of a force its slope does not tell this: 0 is returned.
+    Where the slope changes within the rounding of coordinates, the larger one counts if there is one as large further
+    away: near a multiple zero of a force, not near a pole.
     """
     q, u, a, nu = at
     K, R, _ = system.linearize(q, u, a, nu, time)
     beside, _, _ = system.linearize(q + TOLERANCES.coordinate_rounding * sizes, u, a, nu, time)
+    slope = abs(K)
     if largest(beside - K) > 0.01 * largest(K):
-        return 0.0
-    return float(np.max((abs(K) @ sizes + abs(R) @ np.abs(u)) * scale))
+        further, _, _ = system.linearize(q + TOLERANCES.move_scaling_forces * sizes, u, a, nu, time)
+        larger, further = np.maximum(dense(slope), dense(abs(beside))), dense(abs(further))
+        slope = np.where(np.isfinite(larger), np.fmin(larger, further), 0.0)
+    return float(np.max((slope @ sizes + abs(R) @ np.abs(u)) * scale))

@@ -61,24 +61,19 @@ def without_chance_zeros(system: System) -> System:
         return system
 
 
-def exact_system(system: System, proven: bool = False) -> System:
-    """Return a scene in balls, with the decimals of the file where the parameters have the values that these give.
-
-    Numbers with as many digits as a double has were rounded when they were written: an axis that CAD turned is parallel
-    to another one within half a unit of its last digits. For a proof, which asks first, they are what is written.
-    """
+def exact_system(system: System) -> System:
+    """Return a scene in balls, with the decimals of the file where the parameters have the values that these give."""
 
     def made() -> System:
         from mbstab.analysis.algebra.ball_arrays import many_bits
-        from mbstab.model.balls import ball_arithmetic, decimal, rounded_decimal
+        from mbstab.model.balls import ball_arithmetic, decimal
 
         with uncollected(), many_bits(TOLERANCES.bits_of_scene):
-            number = decimal if proven else rounded_decimal
-            f, values, scene = ball_arithmetic(number), dict[str, Any](), system.scene
+            f, values, scene = ball_arithmetic(), dict[str, Any](), system.scene
             known = _parameters(scene.model, scene.parameters)
             for name, parameter in scene.model.parameters.items():
                 given, error = value_and_error(known[name])
-                values[name] = number(repr(given))
+                values[name] = decimal(repr(given))
                 with suppress(ExpressionError, ArithmeticError, ValueError):
                     found = parameter.expression.evaluate(values, f) * exact_factor(parameter.unit, f)
                     # What cancels in doubles may leave nothing of a value there.

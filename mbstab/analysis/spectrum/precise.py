@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from decimal import Decimal
 from typing import Any
 
@@ -27,7 +28,7 @@ from mbstab.analysis.algebra.refining import Stalled
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization, state_space
 from mbstab.analysis.linear.methods import DEFAULT
-from mbstab.analysis.spectrum.eigenvalues import kind_in, with_saddles
+from mbstab.analysis.spectrum.eigenvalues import if_symmetric, kind_in, with_saddles
 from mbstab.analysis.spectrum.precise_motion import Start, another_rank, rank_misfit, reference_point
 from mbstab.analysis.spectrum.refined_matrix import deflated, state_matrix
 from mbstab.analysis.spectrum.results import Counts, EigenResult
@@ -366,7 +367,7 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
             f"with these digits {neutral} eigenvalues are those of symmetries and families of motions, which have "
             f"{grounds.separated.neutral.count}: the reference may be written with too few digits",
         )
-    verdict = judge(grounds.facts(discs, number, doubts))
+    verdict = replace(judge(grounds.facts(discs, number, doubts)), if_symmetric=if_symmetric(grounds))
     found = _listed(fine, bounds, digits, discs, members, verdict, grounds)
     # Zeros along which a minimum of the energy is flat are neutral, too.
     neutral += sum(e.kind == "neutral" for e in found)
