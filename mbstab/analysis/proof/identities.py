@@ -18,7 +18,7 @@ from mbstab.analysis.algebra import ball_matrices
 from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.enclosures import Reference
-from mbstab.analysis.proof.fields import Map, along_direction, combined, short
+from mbstab.analysis.proof.fields import moved, short
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.verdict.drag import Drag
@@ -28,7 +28,6 @@ from mbstab.compiler.system import System
 from mbstab.errors import MbstabError
 from mbstab.model import balls
 from mbstab.model.balls import Ball, ball, zero_inside
-from mbstab.model.jets import Jet
 
 Finding = Literal["structural", "enclosed", "open", "refuted"]
 """``open``: not verified; ``refuted``: proven to be wrong."""
@@ -57,17 +56,10 @@ class Identities:
 
     # --- fields -----------------------------------------------------------------------------------------------------
 
-    def _field(self, item: Symmetry, reference: Reference) -> Map:
-        """Return Y(q) of a symmetry for jets of balls, or of the motion itself."""
-        if item.name == "the motion itself":
-            return lambda q: list(map(Jet.of, reference.state.field.field(np.array(q, dtype=object))))
-        return combined(item.of, reference)
-
     def disturbance(self, item: Symmetry, reference: Reference) -> tuple[Matrix, Matrix]:
         """Return the changes of the coordinates and speeds of a reference under a symmetry."""
         state = reference.state
-        found = along_direction(self._field(item, reference), state.q, state.u)
-        return ball_matrices.matrix([x.value for x in found]), ball_matrices.matrix([x.rate for x in found])
+        return (state.u, state.a) if item.name == "the motion itself" else moved(item.of, reference, state.q, state.u)
 
     # --- symmetries ---------------------------------------------------------------------------------------------------
 
@@ -103,9 +95,10 @@ class Identities:
 
     def _at_any_speed(self, item: Symmetry) -> Finding:
         reference = self.reference
-        q, still, field = reference.state.q, ball_matrices.zeros(self.system.n_q), self._field(item, reference)
-        Y = ball_matrices.matrix([x.value for x in along_direction(field, q, still)])
-        turned = ball_matrices.matrix([x.rate for x in along_direction(field, q, Y)])
+        q, still = reference.state.q, ball_matrices.zeros(self.system.n_q)
+        Y = self.disturbance(item, reference)[0]
+        itself = item.name == "the motion itself"
+        turned = reference.state.a if itself else moved(item.of, reference, q, Y)[1]
         found: list[Finding] = ["structural" if all(x.analytic for x in self.elements) else "open"]
         for speed in map(short, TOLERANCES.trial_speeds):
             u, a = speed * Y, speed * speed * turned

@@ -34,7 +34,7 @@ from mbstab.analysis.proof.characteristic import (
 )
 from mbstab.analysis.proof.fields import ground_turn, short
 from mbstab.analysis.proof.identities import Finding, tiny
-from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls
+from mbstab.analysis.proof.motion import BallGenerator
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.verdict.minimum import frame_rates
 from mbstab.analysis.verdict.rule import (
@@ -396,12 +396,11 @@ class Case:
             Y = self.identities.disturbance(item, self.proof)[0]
             free = {int(np.flatnonzero(x.direction)[0]) for x in spins}
             if all(i in free or y.is_zero() for i, y in enumerate(Y)) and any(not y.is_zero() for y in Y):
-                turn = ground_turn(generator, self.proof)
+                turn = ground_turn(group, self.proof)
                 pairs = zip([*own.axis, *own.point], [*turn.axis, *turn.point], strict=True)
                 if not own.rate.is_zero() and any(not (x - y).is_zero() for x, y in pairs):
                     continue
-                zero, undone = [ball(0)] * 3, [-y for y in Y]
-                yield item, generator_in_balls(self.proof.system, turn.axis, turn.point, ball(1), zero, undone)
+                yield item, replace(turn, spins=-Y)
 
     def _second_variation(self) -> Matrix:
         """Return H in the coordinates of S."""
