@@ -308,7 +308,9 @@ class Search:
         energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
         # At an equilibrium whose forces vanish one by one, a small move shows how large they are.
         at = q, u, a, np.zeros(self.system.n_c)
-        energy = max(energy, TOLERANCES.move_scaling_forces * force_change(self.system, at, self.sizes, self.sizes))
+        energy = max(
+            energy, TOLERANCES.move_scaling_forces * float(force_change(self.system, at, self.sizes, self.sizes))
+        )
         self.balance.measured_by(energy or 1.0, speed, q, u, a)
         self.sizes = self.balance.sizes
 
