@@ -526,7 +526,7 @@ class _Work:
                 linear.system, linear.generator.axis, np.zeros(3), directions, spinning_columns(linear.system)
             )
         balance = None if self.path is None else self.motion(linear.system, i)[1]
-        return Pattern(linear, known, family, linear.motion.sizes, balance)
+        return Pattern(linear, known, family, balance)
 
     def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
         """Return the motion at a point, and its equations if it was solved for."""

@@ -45,10 +45,6 @@ class Tolerances:
     """An eigenvalue has a side if its distance from the axis is this many times its bound."""
     part_of_margin: Final = 0.8
     """Errors of the data are proven bounds: they are compared with this part of that distance."""
-    points_with_conditions: Final = 3
-    """If at so many of the points condition numbers do not place all eigenvalues, all are placed by their vectors."""
-    bounds_apart: Final = 16.0
-    """First-order bounds hold if eigenvalues are apart by this many times the largest bound times their number."""
     parallel_vectors: Final = 1e12
     """Vectors whose inverse has a larger norm are useless."""
     slow_eigenvalue: Final = 1e-7
