@@ -101,7 +101,7 @@ class Tolerances:
     """Eigenvalues closer than this fraction of the norm are computed together; tried in this order."""
 
     # Identities
-    bits_of_identities: Final = 220
+    bits_of_identities: Final = 320
     """Bits of balls in which identities are tested at random states."""
     bits_of_combinations: Final = 40
     """Bits to which combinations of fields must be known: data that are rounded decimals have 50."""
