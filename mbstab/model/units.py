@@ -231,12 +231,12 @@ def as_name(text: str, at: int = 0) -> str:
 
 
 def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
-    """Return the factor to SI of a unit that `parse_unit` accepts, in a number system: a millimetre is 1/1000.
+    """Return the factor to SI of a unit of `parse_unit`, or of none, in a number system: a millimetre is 1/1000.
 
     The float in `UNITS` is only the nearest double; its shortest decimals are the exact factor.
     """
     above, below = arithmetic.number("1"), arithmetic.number("1")
-    for name, power, _ in factors(text):
+    for name, power, _ in factors(text) if text else ():
         if name == "deg":
             factor = arithmetic.constants["deg"]
         elif name == "rpm":

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Any
 
-from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, real, zero_inside
+from mbstab.analysis.algebra.balls import Matrix, NotProvable
 from mbstab.analysis.algebra.tolerances import TOLERANCES
+from mbstab.model.balls import Ball, ball, real, zero_inside
 
 
 def matrix(rows: Any) -> Matrix:

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from mbstab.analysis.algebra.ball_matrices import determinant
-from mbstab.analysis.algebra.balls import Ball, Exact, Matrix, ball, real, zero_inside
+from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.algebra.tolerances import TOLERANCES
+from mbstab.model.balls import Ball, Exact, ball, real, zero_inside
 
 
 def characteristic(A: Matrix) -> list[Ball]:
@@ -140,10 +141,17 @@ def root_discs(p: Sequence[Ball]) -> list[tuple[Any, Ball, int]]:
             found.append((points[group[0]], radii[group[0]].abs_upper(), 1))
             continue
         centre = sum((points[k] for k in group), acb(0)) / len(group)
-        centre = acb(centre.real.mid(), centre.imag.mid())
+        centre = _middle(centre)
         reach = [(abs(points[k] - centre) + radii[k]).abs_upper() for k in group]
         found.append((centre, max(reach, key=float), len(group)))
     return found
+
+
+def _middle(z: Any) -> Any:
+    """Return the midpoint of a complex ball."""
+    from flint import acb
+
+    return acb(z.real.mid(), z.imag.mid())
 
 
 def _groups(points: list[Any], radii: list[Ball]) -> list[list[int]]:
@@ -172,20 +180,23 @@ def _approximations(p: list[Any]) -> list[Any]:
     points = [acb(float(x.real), float(x.imag)) * acb(1, 1e-9 * (k + 1)) for k, x in enumerate(rough)]
     slope = [k * x for k, x in enumerate(p)][1:]
     tiny = 2.0 ** (-ctx.prec)
-    for _ in range(60):
+    # A step to a double root gains one bit.
+    for _ in range(60 + ctx.prec):
         largest = 0.0
         for k, z in enumerate(points):
             at, by = value(p, z), value(slope, z)
-            if at == 0 or not by.is_finite():
+            others = [other for j, other in enumerate(points) if j != k]
+            if any(z == other for other in others):
+                # As far as digits tell double roots apart.
+                z = z + acb(0, (1 + abs(z)) * 2.0 ** (-ctx.prec // 2))
+            elif at == 0 or not by.is_finite():
                 continue
-            near = sum((1 / (z - other) for j, other in enumerate(points) if j != k), acb(0))
-            step = at / (by - at * near)
-            if not step.is_finite():
-                z = z * (1 + acb(0, 1e-6)) + 1e-12
             else:
-                z = z - step
+                near = sum((1 / (z - other) for other in others), acb(0))
+                step = at / _middle(by - at * near)
                 largest = max(largest, float(abs(step).mid()) / max(float(abs(z).mid()), 1e-300))
-            points[k] = acb(z.real.mid(), z.imag.mid())
+                z = z - step if step.is_finite() else z * (1 + acb(0, 1e-6)) + 1e-12
+            points[k] = _middle(z)
         if largest < tiny * 1e6:
             break
     small = 2.0 ** (-0.7 * ctx.prec)

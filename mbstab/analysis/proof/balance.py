@@ -10,11 +10,12 @@ import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices
 from mbstab.analysis.algebra.augmented import least_multipliers
-from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball
+from mbstab.analysis.algebra.balls import Matrix, NotProvable
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.proof.krawczyk import independent_rows
 from mbstab.analysis.proof.motion import BallGenerator, Rough, State, steady_state
 from mbstab.compiler.system import Array, System
+from mbstab.model.balls import Ball, ball
 
 
 class Known(Protocol):

@@ -17,14 +17,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
-from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, real, zero_inside
+from mbstab.analysis.algebra import ball_matrices, ball_polynomials
+from mbstab.analysis.algebra.balls import Matrix, NotProvable
 from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.identities import Identities
 from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls, steady_state
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball, real, zero_inside
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
 

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mbstab.analysis.algebra import ball_matrices, balls
-from mbstab.analysis.algebra.balls import Ball, Hopeless, Matrix, NotProvable, ball, real, zero_inside
-from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.algebra import ball_matrices
+from mbstab.analysis.algebra.balls import Hopeless, Matrix, NotProvable, ball_system
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.proof.balance import Equations, forces
 from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
@@ -27,6 +26,8 @@ from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.verdict.constancy import time_doubt
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.compiler.system import System
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball, real, zero_inside
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
@@ -113,7 +114,7 @@ class Reference:
         self.driven: set[int] = set()
         self.taken: dict[str, float] = near.taken if near is not None else {}
         self.near = near if near is not None and near.solutions else None
-        self.wide = any(float(x.rad()) > ALGEBRA.ball_width_interval * abs(float(x.mid())) for x in overrides.values())
+        self.wide = any(map(balls.is_wide, overrides.values()))
         nominal = {name: float(x.mid()) for name, x in overrides.items()}
         system = System(evaluate(model, nominal))
         if system.scene.period is not None:
@@ -122,7 +123,7 @@ class Reference:
         linear = linearize(system, motion)
         self.rough = Rough(system, motion, linear)
         self.grounds = Grounds(linear)
-        self.system = balls.ball_system(model, overrides)
+        self.system = ball_system(model, overrides)
         # Constancy follows from the expressions: samples at some times can only refute it.
         doubt = time_doubt(self.system) or (self.grounds.time if not steady or not linear.constant else "")
         if doubt:

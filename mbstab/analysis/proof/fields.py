@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
-from mbstab.analysis.algebra import ball_matrices, balls
-from mbstab.analysis.algebra.balls import Ball, ball
+from mbstab.analysis.algebra import ball_matrices
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls
 from mbstab.analysis.proof.tolerances import TOLERANCES
@@ -15,6 +14,8 @@ from mbstab.analysis.reference.fields import Basis, Field, columns_of
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import Array
 from mbstab.mechanics.catalogue import GROUND
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball
 from mbstab.model.jets import Jet, jet_arithmetic
 
 Map = Callable[[Sequence[Jet]], list[Jet]]

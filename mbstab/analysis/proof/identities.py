@@ -14,8 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mbstab.analysis.algebra import ball_matrices, balls
-from mbstab.analysis.algebra.balls import Ball, Matrix, ball, zero_inside
+from mbstab.analysis.algebra import ball_matrices
+from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.fields import Map, along_direction, combined, short
@@ -26,6 +26,8 @@ from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.work import Work
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball, zero_inside
 from mbstab.model.jets import Jet
 
 Finding = Literal["structural", "enclosed", "open", "refuted"]
@@ -219,4 +221,4 @@ def tiny(x: Ball, size: Ball) -> bool:
     """Return whether a ball contains zero and is smaller than a size by half of the digits in use."""
     if x.is_zero():
         return True
-    return zero_inside(x) and bool(x.abs_upper() <= balls.half_digits() * size.abs_upper())
+    return zero_inside(x) and bool(x.abs_upper() <= balls.small(0.5) * size.abs_upper())

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra import ball_matrices, balls
-from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball
+from mbstab.analysis.algebra import ball_matrices
+from mbstab.analysis.algebra.balls import Matrix, NotProvable
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.errors import MbstabError
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball
 
 
 def independent_rows(A: Any, rank: int) -> list[int]:

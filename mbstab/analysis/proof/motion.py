@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices
-from mbstab.analysis.algebra.balls import Ball, Matrix
+from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import System
+from mbstab.model.balls import Ball
 
 BallGenerator = Any
 """`mbstab.analysis.reference.steady.Generator` whose arrays hold balls."""

@@ -18,8 +18,8 @@ from functools import cached_property
 
 import numpy as np
 
-from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
-from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, zero_inside
+from mbstab.analysis.algebra import ball_matrices, ball_polynomials
+from mbstab.analysis.algebra.balls import Matrix, NotProvable
 from mbstab.analysis.proof.characteristic import (
     Enclosure,
     Factor,
@@ -52,6 +52,8 @@ from mbstab.analysis.verdict.rule import (
 )
 from mbstab.analysis.verdict.spectrum import Evidence, Neutral
 from mbstab.analysis.verdict.wording import phrases
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball, zero_inside
 
 SIDES: dict[str, Side] = {"left": "left", "right": "right", "imaginary": "axis", "open": "open"}
 
@@ -196,7 +198,7 @@ class Case:
         products = [[_dot(row, x) for row in scaled[0]] for x in scaled[1]]
         products = ball_matrices.transposed(products, len(rows)) if turned else products
         found, slack = null_combinations(products, len(columns) if turned else len(rows))
-        if not self.proof.wide and slack > float(balls.half_digits()):
+        if not self.proof.wide and slack > float(balls.small(0.5)):
             raise NotProvable("which conserved functions change along symmetries is not known")
         sizes = [_size(v) for v in (columns if turned else rows)]
         return [[x / size for x, size in zip(c, sizes, strict=True)] for c in found]

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.ball_arrays import BALLS, NONE, as_ball, many_bits, middle
-from mbstab.analysis.algebra.balls import ball_arithmetic, decimal
 from mbstab.analysis.reference.element_comparison import ElementComparison
 from mbstab.analysis.reference.identities import NO_VALUE, Identities
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
+from mbstab.model.balls import ball_arithmetic, decimal
 from mbstab.model.garbage import uncollected
 from mbstab.model.literals import named_literals, rounded_literals
 from mbstab.model.values import evaluate

@@ -1,7 +1,7 @@
 """The reference motion in refined numbers, starting from double precision: with any number of digits, or with slopes.
 
 Given values are the decimals of the file. Double precision selects the solution;
-the residual of the same equations on mpmath numbers, corrected by the Jacobian in double
+the residual of the same equations on numbers with many digits, corrected by the Jacobian in double
 precision, takes it to all digits; on numbers with slopes, to its derivatives by parameters.
 """
 
@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from mpmath import mp
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.digits import misfits
@@ -34,6 +33,7 @@ from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.compiler.system import Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError, UsageError
+from mbstab.model import balls
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
@@ -128,7 +128,7 @@ class Point:
         Matrices of objects and exact floats.
     generator : Generator or None
         Generator of the rotating frame in which the equations are written.
-    rates : tuple of mpf
+    rates : tuple of numbers
         Rates of that frame and of the coordinates that spin in it, as in `mbstab.analysis.verdict.neutral.Separated`.
     excess : tuple
         The largest residual, relative to the terms that balance, and what it belongs to.
@@ -309,7 +309,7 @@ def _axis(f: Refining, start: Start, system: System, q: Matrix, u: Matrix) -> Ma
             if body.orientation:
                 angles = slice(part.start + 3, part.stop)
                 candidates.append(f.exact(rate_matrix(body, q[angles]) @ u[angles]))
-    units = [x / f.sqrt(sum(x * x)) for x in candidates if f.largest(x)]
+    units = [x / f.sqrt(sum(x * x)) for x in candidates if f.largest(x) > 0]
     return min(units, key=lambda x: float(np.linalg.norm((x - rough.axis).astype(float))))
 
 
@@ -351,7 +351,7 @@ def _accelerations(f: Refining, start: Start, state: Dynamics, known: Matrix | N
 def _undetermined(start: Start, J: Matrix, stalled: Stalled) -> MbstabError:
     """Return why accelerations and reactions do not converge: rows that are redundant in double precision only."""
     motion, misfit = start.motion, rank_misfit(start.motion, J, start.system.n_h)
-    if motion.redundant and misfit > mp.mpf(10) ** (-ALGEBRA.polished_digits * mp.dps):
+    if motion.redundant and misfit > balls.small(ALGEBRA.polished_digits):
         return another_rank(motion, misfit)
     return NumericalError(
         f"accelerations and reactions do not converge (steps of {stalled.reached:.1e}): "
@@ -371,8 +371,8 @@ def another_rank(motion: Motion, misfit: Any) -> ConstraintError:
     rows = ", ".join(dict.fromkeys(str(item.row) for item in motion.redundant))
     which = f" ({rows})" if rows else ""
     return ConstraintError(
-        f"with {mp.dps} digits the constraints have another rank than in double precision: rows that depend on "
-        f"each other there differ by {mp.nstr(mp.mpf(misfit), 2)}{which}\n"
+        f"with {balls.digits_in_use()} digits the constraints have another rank than in double precision: rows that "
+        f"depend on each other there differ by {balls.decimals(misfit, 2)}{which}\n"
         "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
         "constraints determine; or remove the redundant rows that mbstab check names"
     )
