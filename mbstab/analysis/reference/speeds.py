@@ -50,8 +50,8 @@ def on_rows(
         x = x + step
         longest, fastest = (np.max(np.abs(v / sizes), axis=-1, initial=1e-300) for v in (times(basis, step), u))
         # Rows may be nonlinear in the rates. Short steps that do not become shorter any more are rounding.
-        short = TOLERANCES.newton_step_settled * fastest > longest
-        if np.all(~(longest > 1e-15 * fastest) | (short & (longest >= before))):
+        settled = (longest < TOLERANCES.newton_step_settled * fastest) & (longest >= before)
+        if np.all(settled | ~(longest > 1e-15 * fastest)):
             break
         before = longest
     return x, slope

@@ -24,7 +24,7 @@ from mbstab.analysis.algebra.subspaces import Subspaces, decided
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization, entries_of
-from mbstab.analysis.reference.coefficients import matrices_in, multiplier_sizes
+from mbstab.analysis.reference.coefficients import Matrices, matrices_in, multiplier_sizes
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.imbalance import balanced_at, carrying, state_rounding
 from mbstab.analysis.reference.many_points import polished
@@ -33,8 +33,7 @@ from mbstab.analysis.reference.speeds import on_rows
 from mbstab.analysis.reference.steady import Family, Generator, spins_freely
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.sweep.batched_structure import Known
-from mbstab.analysis.sweep.cancellation import Cancellation
-from mbstab.analysis.sweep.data_errors import EntryErrors
+from mbstab.analysis.sweep.data_errors import EntryErrors, Samples
 from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
@@ -63,6 +62,11 @@ class Pattern:
     family: Family | None
     balance: Balance | None
     errors: dict[tuple[float, ...], EntryErrors | None] = field(default_factory=dict, compare=False, repr=False)
+
+
+Terms = tuple[Array, Array]
+"""How much larger the terms of matrices are than their sums, by points: the ratio of norms, and the terms of each entry
+of K by the norm of K, as what cancels in one entry may be small beside another."""
 
 
 class Equations:
@@ -98,8 +102,16 @@ class Equations:
         if pattern.family is not None:
             self.good &= spins_freely(system, pattern.family.columns)
 
-    def linearized(self, cancellation: Cancellation) -> tuple[Flags, Points]:
-        """Return which points fit the pattern, and their linearized equations."""
+    def linearized(self, errors: Samples, terms: Terms | None = None) -> tuple[Flags, Points]:
+        """Return which points fit the pattern, and their linearized equations.
+
+        Parameters
+        ----------
+        errors : Samples
+            What the rounding of the file changes in them, as `EntryErrors`.
+        terms : Terms, optional
+            The largest ones of points among which these are; else their own.
+        """
         (motion, steady), linear, system = self.motion, self.pattern.linear, self.system
         spaces, scale, light = motion.spaces, motion.spaces.scale, linear.massless
         self._require_rows(motion)
@@ -112,6 +124,7 @@ class Equations:
             most = np.maximum(np.max(np.abs(forces), axis=-1), 1e-300)
             across = np.max(np.abs(times(transposed(J), nu) * scale), axis=-1) / most
         free, inverse, m = spaces.allowed, motion.augmented.inverse, matrices_in(system, motion, steady)
+        self.terms = spread, parts = self._terms(m) if terms is None else terms
         if light is not None:
             M, R = (scaled(x, scale, scale) for x in m[:2])
             moved, basis, alike = light.at_points(M, R, spaces)
@@ -131,13 +144,13 @@ class Equations:
         if light is not None and M_z.size:
             inertias = np.linalg.eigvalsh(M_z)
             self.good &= inertias[:, 0] > REFERENCE.massless * inertias[:, -1]
-        (ratio, terms), (of_K, of_R, rest) = cancellation.terms.larger(), cancellation.data.larger()
+        of_K, of_R, rest = errors.larger()
         data = scaled(of_K, scale, scale), scaled(of_R, scale, scale), rest
-        spread = ratio * self._cancelling
+        spread = spread * self._cancelling
         error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, spaces.W.pseudo_inverse, S, data) * spread
         deflated = motion.q, steady, scale, M, R, K, N, Z, P, S, gamma
-        terms = terms * frobenius(K)[:, None, None]
-        return self.good, Points(*deflated, system, motion.u, motion.a, data, free, error, across, spread, terms)
+        parts = parts * frobenius(K)[:, None, None]
+        return self.good, Points(*deflated, system, motion.u, motion.a, data, free, error, across, spread, parts)
 
     @property
     def _cancelling(self) -> float:
@@ -221,20 +234,16 @@ class Equations:
         result: Array = np.maximum(evaluated, given / (TOLERANCES.part_of_margin * TOLERANCES.bounds_from_axis))
         return result
 
-    def cancellation(self) -> tuple[Array, Array]:
-        """Return the ratio and the terms of the stiffness of `Cancellation`, for all of these points."""
-        (motion, _), system = self.motion, self.system
-        scale, reactions = motion.spaces.scale, multiplier_sizes(system, motion)
-        terms, sums = entries_of(system, motion, None, reactions), matrices_in(system, motion, None)
-        parts, of_K, of_R, K, R, M = (
-            scaled(x, scale, scale) for x in (terms.K, terms.K, terms.R, sums.K, sums.R, sums.M)
-        )
-        gamma = np.sqrt(frobenius(K)) + frobenius(R)
-        whole = frobenius(K) + frobenius(R) * gamma + frobenius(M) * gamma**2
-        found = (frobenius(of_K) + frobenius(of_R) * gamma) / np.maximum(whole, 1e-300)
-        found = np.maximum(np.nan_to_num(np.broadcast_to(found, (self.points,)), nan=1.0, posinf=1e6), 1.0)
-        parts = np.broadcast_to(of_K, (self.points, *of_K.shape[1:])) / np.maximum(frobenius(K), 1e-300)[:, None, None]
-        return found, np.nan_to_num(parts, nan=0.0, posinf=1e300)
+    def _terms(self, m: Matrices) -> Terms:
+        """Return how much larger the terms of scaled matrices are than their sums."""
+        motion, steady = self.motion
+        found = entries_of(self.system, motion, steady, multiplier_sizes(self.system, motion))
+        of_K, of_R, M, R, K = (scaled(x, motion.spaces.scale, motion.spaces.scale) for x in (found.K, found.R, *m[:3]))
+        M, R, K = (frobenius(x) for x in (M, R, K))
+        gamma = np.sqrt(K) + R
+        ratio = (frobenius(of_K) + frobenius(of_R) * gamma) / np.maximum(K + R * gamma + M * gamma**2, 1e-300)
+        ratio = np.maximum(np.nan_to_num(ratio, nan=1.0, posinf=1e6), 1.0)
+        return ratio, np.nan_to_num(of_K / np.maximum(K, 1e-300)[:, None, None], nan=0.0, posinf=1e300)
 
     def _state(self) -> tuple[Array, Generator | None, Array, Dynamics]:
         """Return the coordinates, the steady motion, the speeds and the equations of motion there."""
