@@ -4,7 +4,7 @@ The force of an element changes along a field X by K X + R X' + M X'' + (DX)ᵀ 
 states that satisfy the rows of its bodies. Where that vanishes at a random state, it does so everywhere (an analytic
 function that is not zero vanishes at a random point with probability 0: Schwartz 1980, Zippel 1979; Mityagin 2015), and
 the group of X carries motions into motions (Lie; Olver 1993, theorem 2.31). Doubles propose a space of fields, element
-by element; balls of Arb with 220 bits, in which decimals of the file are exact, keep those of it for which the change
+by element; balls of Arb with 320 bits, in which decimals of the file are exact, keep those of it for which the change
 may vanish. Coordinates that rows determine, and coefficients that are no fractions, are balls that contain them: so a
 change that excludes zero is one, however weak it is.
 
