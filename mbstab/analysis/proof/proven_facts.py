@@ -423,12 +423,16 @@ class Case:
 
     @cached_property
     def _following(self) -> Matrix:
-        """Disturbances of states that only follow the others, if they are proven to decay by themselves, as columns."""
+        """Disturbances of states that only follow the others, if proven to decay but for symmetries, as columns."""
         states, r = self.proof.system.following, self.proof.reduced
         if not states or self._moves or self.grounds.linear.massless is not None:
             return []
         places = [r.free.index(i) for i in states]
-        A = [[r.S[i][j] for j in places] for i in places]
+        left = Quotient([[r.S[i][j] for j in places] for i in places])
+        for _, symmetry, x in self._divided[1]:
+            if symmetry and all(x[i].is_zero() for i in range(len(x)) if i not in places):
+                left.divide([x[i] for i in places])
+        A = [[left.kept[i][j] for j in left.alive] for i in left.alive]
         if ball_polynomials.right_roots(ball_polynomials.characteristic(A)) != 0:
             return []
         return [[ball(int(j == i)) for j in range(len(r.S))] for i in places]

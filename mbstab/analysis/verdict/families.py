@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares, norms
-from mbstab.analysis.algebra.stacks import beside, complement
+from mbstab.analysis.algebra.stacks import beside, complement, unit
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.element_comparison import State
 from mbstab.analysis.verdict.constants import LinearFunctions, linear_functions
@@ -65,10 +65,10 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     wider = replace(found, T=T, L=np.zeros((0, n)), B=complement(T))
     checked = f"motions of the same kind were found {TOLERANCES.family_reach:g} of the size of the scene to all sides"
     directions = counted(size - known, "more direction" if known else "direction")
-    name = f"motions of the same kind nearby ({directions})"
+    names = _speeds(structure, found.S @ null) or [f"motions of the same kind nearby ({directions})"]
     return Neutral(
         found.neutral.symmetries,
-        (*found.neutral.family, name),
+        (*found.neutral.family, *names),
         T.shape[1],
         structure.chains(wider),
         "numerical",
@@ -122,6 +122,15 @@ def _drifts_along_symmetries(structure: Structure, found: Separated, symmetries:
     left = moved - group @ (group.T @ moved)
     size = max(float(np.linalg.norm(found.S, 2)), structure.invariance.rate)
     return float(np.linalg.norm(left)) <= TOLERANCES.direction_closure * size
+
+
+def _speeds(structure: Structure, moved: Array) -> list[str]:
+    """Return names of the speeds that tell the motions of a family apart, if each goes along a symmetry of its own."""
+    items = structure.invariance.symmetries
+    parts = np.linalg.pinv(unit(structure.at.of_symmetries(items))) @ moved
+    counts = norms(parts) > TOLERANCES.direction_closure * float(np.linalg.norm(structure.at.S, 2))
+    names = [f"speed of {x.name}" for x, goes in zip(items, counts.tolist(), strict=True) if goes]
+    return names if len(names) == moved.shape[1] else []
 
 
 def _directions(size: int) -> list[Array]:
