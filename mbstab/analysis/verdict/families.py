@@ -21,7 +21,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares, norms
 from mbstab.analysis.algebra.ball_arrays import BALLS, NONE, as_ball, many_bits, middle
-from mbstab.analysis.algebra.stacks import beside, complement
+from mbstab.analysis.algebra.stacks import beside, complement, unit
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.fields import field_values
 from mbstab.analysis.reference.identities import NO_VALUE, in_balls
@@ -74,10 +74,10 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     wider = replace(found, T=T, L=np.zeros((0, n)), B=complement(T))
     checked = "motions of the same kind were found in a random direction of the family, to 70 digits"
     directions = counted(size - known, "more direction" if known else "direction")
-    name = f"motions of the same kind nearby ({directions})"
+    names = _speeds(structure, found.S @ null) or [f"motions of the same kind nearby ({directions})"]
     return Neutral(
         found.neutral.symmetries,
-        (*found.neutral.family, name),
+        (*found.neutral.family, *names),
         T.shape[1],
         structure.chains(wider),
         "numerical",
@@ -131,6 +131,15 @@ def _drifts_along_symmetries(structure: Structure, found: Separated, symmetries:
     left = moved - group @ (group.T @ moved)
     size = max(float(np.linalg.norm(found.S, 2)), structure.invariance.rate)
     return float(np.linalg.norm(left)) <= TOLERANCES.direction_closure * size
+
+
+def _speeds(structure: Structure, moved: Array) -> list[str]:
+    """Return names of the speeds that tell the motions of a family apart, if each goes along a symmetry of its own."""
+    items = structure.invariance.symmetries
+    parts = np.linalg.pinv(unit(structure.at.of_symmetries(items))) @ moved
+    counts = norms(parts) > TOLERANCES.direction_closure * float(np.linalg.norm(structure.at.S, 2))
+    names = [f"speed of {x.name}" for x, goes in zip(items, counts.tolist(), strict=True) if goes]
+    return names if len(names) == moved.shape[1] else []
 
 
 class _Members:
@@ -190,9 +199,9 @@ class _Members:
         """DE, divided by the sizes of its rows and columns, and these sizes."""
         start, step = BALLS.of(self.start), as_ball(2.0) ** -TOLERANCES.bits_of_difference
         first, columns = self.residual(start), []
-        for i, unit in enumerate(BALLS.of(self.units)):
+        for i, size in enumerate(BALLS.of(self.units)):
             moved = start.copy()
-            moved[i] = moved[i] + step * unit
+            moved[i] = moved[i] + step * size
             columns.append(middle((self.residual(moved) - first) / step))
         matrix = np.array(columns).T
         rows = self._felt(norms(matrix))
@@ -236,7 +245,7 @@ class _Members:
                 return q, middle(self.speeds(x))
             if not power < before + 4.0:
                 return None
-            before, unit = min(before, power), as_ball(2.0) ** int(power)
-            step = -inverse @ middle(left / unit) / sizes * self.units
-            x = BALLS.settled(x + BALLS.of(step) * unit)
+            before, size = min(before, power), as_ball(2.0) ** int(power)
+            step = -inverse @ middle(left / size) / sizes * self.units
+            x = BALLS.settled(x + BALLS.of(step) * size)
         return None
