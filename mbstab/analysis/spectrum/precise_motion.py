@@ -7,6 +7,7 @@ precision, takes it to all digits; on numbers with slopes, to its derivatives by
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -32,7 +33,7 @@ from mbstab.analysis.spectrum.results import EigenResult
 from mbstab.analysis.verdict.directions import span
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
-from mbstab.compiler.system import Dynamics, System
+from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError, UsageError
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
@@ -192,19 +193,36 @@ def _assembled(f: Refining, start: Start, system: System) -> Matrix:
     columns, sizes = np.flatnonzero(missing), motion.sizes
     still = f.zeros(system.n_q)
     J = start.system.closing.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h][:, columns] * sizes[columns]
-    lengths = norms(J)
-    inverse = np.linalg.pinv(J / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
 
-    def correction(x: Matrix) -> Matrix:
+    def gaps(x: Matrix) -> Matrix:
         place = q.copy()
         place[columns] = x * sizes[columns]
-        return -f.applied(inverse, f.exact(system.closing.dynamics(place, still, scene.time).E)[:n_h] / lengths)
+        return f.exact(system.closing.dynamics(place, still, scene.time).E)[:n_h]
 
-    try:
-        q[columns] = f.polished(q[columns] / sizes[columns], correction, 1.0) * sizes[columns]
-    except Stalled:
-        raise _unassembled(system) from None
+    q[columns] = _on_rows(f, system, q[columns] / sizes[columns], gaps, (J, norms(J)), 1.0) * sizes[columns]
     return q
+
+
+def _on_rows(
+    f: Refining,
+    system: System,
+    x: Matrix,
+    residual: Callable[[Matrix], Matrix],
+    slope: tuple[Array, Array],
+    floor: float,
+) -> Matrix:
+    """Return unknowns with which rows vanish, from a start, their derivative and lengths in double precision."""
+    lengths = slope[1]
+    inverse = np.linalg.pinv(slope[0] / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
+    try:
+        return f.polished(x, lambda x: -f.applied(inverse, residual(x) / lengths), floor)
+    except Stalled:
+        raise ConstraintError(
+            f"{system.scene.model.reference.location}: reference: the constraints are satisfied in double precision "
+            "only: with more digits the decimals of the file contradict each other\n"
+            "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
+            "constraints determine"
+        ) from None
 
 
 def _rates(f: Refining, start: Start, system: System, q: Matrix) -> Matrix:
@@ -218,29 +236,16 @@ def _rates(f: Refining, start: Start, system: System, q: Matrix) -> Matrix:
     if not (len(columns) and system.n_c):
         return u
     J = motion.dynamics.J[:, columns] * sizes[columns]
-    lengths = norms(motion.dynamics.J * sizes)
-    inverse = np.linalg.pinv(J / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
     fastest = float(np.max(np.abs(motion.u / sizes), initial=0.0))
 
-    def correction(x: Matrix) -> Matrix:
+    def rates(x: Matrix) -> Matrix:
         speeds = u.copy()
         speeds[columns] = x * sizes[columns]
-        return -f.applied(inverse, f.exact(system.dynamics(q, speeds, scene.time).V) / lengths)
+        return f.exact(system.dynamics(q, speeds, scene.time).V)
 
-    try:
-        u[columns] = f.polished(u[columns] / sizes[columns], correction, fastest) * sizes[columns]
-    except Stalled:
-        raise _unassembled(system) from None
+    slope = J, norms(motion.dynamics.J * sizes)
+    u[columns] = _on_rows(f, system, u[columns] / sizes[columns], rates, slope, fastest) * sizes[columns]
     return u
-
-
-def _unassembled(system: System) -> ConstraintError:
-    return ConstraintError(
-        f"{system.scene.model.reference.location}: reference: the constraints are satisfied in double precision only: "
-        "with more digits the decimals of the file contradict each other\n"
-        "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
-        "constraints determine"
-    )
 
 
 def _declared(f: Refining, start: Start, system: System, q: Matrix) -> Generator:
@@ -261,20 +266,16 @@ def _declared(f: Refining, start: Start, system: System, q: Matrix) -> Generator
     rates = f.exact([scene.rates[system.names[i]] for i in given])
     basis = rough.basis(motion.q)[:, free]
     sizes = motion.sizes
-    weights = 1.0 / norms(np.vstack([motion.dynamics.J * sizes, np.diag(sizes)[given]]))
-    inverse = np.linalg.pinv(np.vstack([motion.dynamics.J @ basis, basis[given]]) * weights[:, None], rcond=1e-12)
+    lengths = norms(np.vstack([motion.dynamics.J * sizes, np.diag(sizes)[given]]))
+    slope = np.vstack([motion.dynamics.J @ basis, basis[given]]), lengths
 
-    def correction(x: Matrix) -> Matrix:
+    def residual(x: Matrix) -> Matrix:
         c = full.copy()
         c[free] = x
         u = f.exact(family.generator(c).field(q))
-        residual = np.concatenate([f.exact(system.dynamics(q, u, scene.time).V), u[given] - rates])
-        return -f.applied(inverse, residual * weights)
+        return np.concatenate([f.exact(system.dynamics(q, u, scene.time).V), u[given] - rates])
 
-    try:
-        full[free] = f.polished(full[free], correction, float(np.max(np.abs(plain), initial=0.0)))
-    except Stalled:
-        raise _unassembled(system) from None
+    full[free] = _on_rows(f, system, full[free], residual, slope, float(np.max(np.abs(plain), initial=0.0)))
     return family.generator(full)
 
 
