@@ -20,6 +20,7 @@ import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices, ball_polynomials
 from mbstab.analysis.algebra.balls import Matrix, NotProvable
+from mbstab.analysis.algebra.matching import together
 from mbstab.analysis.proof.characteristic import (
     Enclosure,
     Factor,
@@ -320,7 +321,9 @@ class Case:
         spectrum, _ = self.left
         found = [Disc(0j, 0.0, 1, "open", name) for name in spectrum.zeros]
         even = [factor for factor in spectrum.factors if factor.even]
-        for group in _joined(even, spectrum):
+        acting = [[not spectrum.apart(one, other) for other in even] for one in even]
+        for members in together(acting):
+            group = [even[k] for k in members]
             whole = ball_polynomials.product(*(factor.p for factor in group))
             count = 2 * (len(whole) - 1)
             inside = ball_polynomials.all_negative_and_simple(whole)
@@ -508,16 +511,6 @@ def _size(x: Matrix) -> Ball:
 def _alone(kernel: Matrix, j: int) -> bool:
     """Whether only one row has an entry in a column."""
     return sum(not c[j].is_zero() for c in kernel) == 1
-
-
-def _joined(even: list[Factor], spectrum: Spectrum) -> list[list[Factor]]:
-    """Return factors in groups that do not act on each other."""
-    groups: list[list[Factor]] = []
-    for factor in even:
-        near = [group for group in groups if any(not spectrum.apart(factor, other) for other in group)]
-        groups = [group for group in groups if group not in near]
-        groups.append([*(x for group in near for x in group), factor])
-    return groups
 
 
 def _rough(factor: Factor, isolated: bool) -> list[Disc]:
