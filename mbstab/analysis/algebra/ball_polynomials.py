@@ -6,6 +6,8 @@ import itertools
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from mbstab.analysis.algebra.ball_matrices import determinant
 from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.algebra.tolerances import TOLERANCES
@@ -17,20 +19,20 @@ def characteristic(A: Matrix) -> list[Ball]:
     from flint import arb_mat, fmpq_mat
 
     n = len(A)
-    if all(isinstance(x, Exact) for row in A for x in row):
+    if all(isinstance(x, Exact) for x in A.flat):
         exact = fmpq_mat([[x.v for x in row] for row in A]).charpoly()
         return [Exact(exact[i]) for i in range(n + 1)]
     if n <= TOLERANCES.determinant_summed_size:
         sums = [ball(0)] * (n + 1)
         for size in range(n + 1):
             for chosen in itertools.combinations(range(n), size):
-                sums[size] = sums[size] + _expanded([[A[i][j] for j in chosen] for i in chosen])
+                sums[size] = sums[size] + _expanded(A[np.ix_(chosen, chosen)].tolist())
         return [sums[n - i] * (-1) ** (n - i) for i in range(n + 1)]
     p = arb_mat([[real(x) for x in row] for row in A]).charpoly()
     return [p[i] for i in range(n + 1)]
 
 
-def _expanded(A: Matrix) -> Ball:
+def _expanded(A: list[list[Ball]]) -> Ball:
     """Return a determinant as the sum of its nonzero products."""
     if not A:
         return ball(1)
@@ -43,14 +45,16 @@ def _expanded(A: Matrix) -> Ball:
     return total
 
 
-def product(p: Sequence[Ball], q: Sequence[Ball]) -> list[Ball]:
+def product(*factors: Sequence[Ball]) -> list[Ball]:
     """Return the coefficients of a product of polynomials."""
-    result = [ball(0)] * (len(p) + len(q) - 1)
-    for i, x in enumerate(p):
-        for j, y in enumerate(q):
-            if not x.is_zero() and not y.is_zero():
-                result[i + j] = result[i + j] + x * y
-    return result
+    whole = [ball(1)]
+    for p in factors:
+        before, whole = whole, [ball(0)] * (len(whole) + len(p) - 1)
+        for i, x in enumerate(before):
+            for j, y in enumerate(p):
+                if not x.is_zero() and not y.is_zero():
+                    whole[i + j] = whole[i + j] + x * y
+    return whole
 
 
 def value(p: Sequence[Any], z: Any) -> Any:
@@ -110,7 +114,7 @@ def resultant(p: Sequence[Ball], q: Sequence[Ball]) -> Ball:
     n, m = len(p) - 1, len(q) - 1
     rows = [[ball(0)] * k + list(reversed(p)) + [ball(0)] * (m - 1 - k) for k in range(m)]
     rows += [[ball(0)] * k + list(reversed(q)) + [ball(0)] * (n - 1 - k) for k in range(n)]
-    return determinant(rows)
+    return determinant(np.array(rows, dtype=object))
 
 
 def root_discs(p: Sequence[Ball]) -> list[tuple[Any, Ball, int]]:
@@ -168,7 +172,6 @@ def _groups(points: list[Any], radii: list[Ball]) -> list[list[int]]:
 
 def _approximations(p: list[Any]) -> list[Any]:
     """Return approximate roots, all distinct, to the digits in use (Aberth's iteration)."""
-    import numpy as np
     from flint import acb, ctx
 
     n = len(p) - 1
