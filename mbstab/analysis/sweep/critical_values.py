@@ -338,7 +338,7 @@ class CriticalValues(Branches):
                 mirrored[n], words[n] = self.raw.mirrored[k], self.raw.words[k]
             else:
                 looked = self.looked[p]
-                values[n], sides[n], mirrored[n], words[n] = looked.values, looked.sides, looked.mirrored, looked.word
+                values[n], sides[n], mirrored[n], words[n] = looked.values, looked.sides, looked.mirrored, looked.words
         places = np.where((own < len(self.x)) & (self.x[np.minimum(own, len(self.x) - 1)] == x), own, -1)
         order = self._linked(values, places, branches)
         counts = settled(sides, words, self.unplaced)
@@ -387,7 +387,7 @@ class CriticalValues(Branches):
             count, word = -1, ""
             if room > TOLERANCES.meeting_rounding * self.width:
                 at = value + sign * min(TOLERANCES.direction_difference * self.width, 0.5 * room)
-                count, word = int(self._counted(np.array([at]))[0]), WORDS[self.looked[at].word]
+                count, word = int(self._counted(np.array([at]))[0]), WORDS[int(self.looked[at].words)]
                 known = np.flatnonzero((self.counts >= 0) & (sign * (self.x - value) > 0.0))
                 if count < 0 and len(known):
                     nearest = known[np.argmin(np.abs(self.x[known] - value))]
@@ -620,7 +620,7 @@ class CriticalValues(Branches):
             if np.any((found >= 0) & (ends >= 0) & (found != ends)):
                 break
             if np.all(found >= 0):
-                below, above = (WORDS[self.looked[p].word] for p in places)
+                below, above = (WORDS[int(self.looked[p].words)] for p in places)
                 return (int(found[0]), int(found[1])), (below, above)
         return (-1, -1), ("", "")
 

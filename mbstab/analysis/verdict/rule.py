@@ -251,6 +251,25 @@ class Facts:
 
 
 @dataclass(frozen=True)
+class IfSymmetric:
+    """The verdict of a scene with more symmetries, whose decimals differ from the file by less than their last digits.
+
+    Attributes
+    ----------
+    about : tuple of str
+        The further symmetries.
+    verdict : str
+    """
+
+    about: tuple[str, ...]
+    verdict: str
+
+    def __str__(self) -> str:
+        """Return it as a sentence."""
+        return f"symmetric within the digits of the file: {', '.join(self.about)}; if exact: {self.verdict}"
+
+
+@dataclass(frozen=True)
 class Verdict:
     """The verdict on the stability of a motion.
 
@@ -272,6 +291,8 @@ class Verdict:
         ``critical``, zeros that nonlinear terms judge; empty: they are not known to be zero.
     spectrum : Spectrum or None
         Where the eigenvalues lie; None where there is no linearization, or nothing to judge.
+    if_symmetric : IfSymmetric or None
+        The verdict of a scene within the digits of the file that has more symmetries; nothing else rests on it.
     """
 
     word: str
@@ -283,6 +304,7 @@ class Verdict:
     warnings: tuple[str, ...] = ()
     zeros: Zeros = ""
     spectrum: Spectrum | None = None
+    if_symmetric: IfSymmetric | None = None
 
     @property
     def modulo(self) -> Modulo:
@@ -314,6 +336,11 @@ class Judged(Answer):
     def spectrum(self) -> Spectrum | None:
         """Where the eigenvalues lie, whatever the verdict; None where there is no linearization."""
         return self.judged.spectrum
+
+    @property
+    def if_symmetric(self) -> IfSymmetric | None:
+        """The verdict of a scene within the digits of the file that has more symmetries; None: there is none."""
+        return self.judged.if_symmetric
 
     @property
     def in_place(self) -> bool | None:
