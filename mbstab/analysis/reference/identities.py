@@ -411,7 +411,7 @@ class Identities:
         return space
 
     def _simple(self, space: Array, closeness: float) -> Array:
-        """Return independent fields near a space that are motions of everything with the ground, or of single bodies."""
+        """Return independent fields near a space that move everything with the ground, or single bodies."""
         bodies, columns = [b for b in self.basis.blocks if b.body is not None], []
         if bodies:
             columns = [[b.start + k for b in bodies] for k in range(bodies[0].ground)]
