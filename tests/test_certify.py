@@ -21,6 +21,7 @@ from truth import exact_eigenvalues
 
 import mbstab
 from mbstab.analysis.algebra import ball_polynomials
+from mbstab.analysis.algebra.ball_matrices import matrix
 from mbstab.analysis.algebra.balls import NotProvable, ends
 from mbstab.analysis.proof.critical_values import proven_change
 from mbstab.analysis.proof.intervals import Part, common
@@ -851,27 +852,27 @@ def test_characteristic_polynomials_of_all_sizes():
         expected = np.poly(A)[::-1]
         with digits(30):
             for wrapped in (lambda x: ball(int(x)), lambda x: arb(int(x), 1e-20)):
-                p = ball_polynomials.characteristic([[wrapped(x) for x in row] for row in A])
+                p = ball_polynomials.characteristic(np.frompyfunc(wrapped, 1, 1)(A))
                 assert np.allclose([float(x) for x in p], expected, atol=1e-6)
 
 
 def test_krawczyk_proves_a_root_and_refuses_where_there_is_none():
     with digits(40):
-        ((x,), _) = krawczyk_boxes(lambda x: [x[0] * x[0] - 2], lambda x: [[2 * x[0]]], [ball(1.4)], "the root")
+        ((x,), _) = krawczyk_boxes(lambda x: x * x - 2, lambda x: 2 * x[None], matrix([1.4]), "the root")
         assert x.overlaps(arb(2).sqrt())
         assert float(x.rad()) < 1e-40
         with pytest.raises(NotProvable, match="the root is not proven"):
-            krawczyk_boxes(lambda x: [x[0] * x[0] + 2], lambda x: [[2 * x[0]]], [ball(1.4)], "the root")
+            krawczyk_boxes(lambda x: x * x + 2, lambda x: 2 * x[None], matrix([1.4]), "the root")
         with pytest.raises(NotProvable, match="the root is not proven"):
-            krawczyk_boxes(lambda x: [x[0] * x[0]], lambda x: [[2 * x[0]]], [ball(1e-3)], "the root")
+            krawczyk_boxes(lambda x: x * x, lambda x: 2 * x[None], matrix([1e-3]), "the root")
 
 
 @pytest.mark.parametrize("start", [0.4, 0.8])
 def test_a_root_at_a_short_fraction_is_exact(start):
     def root(a):
         a = ball(a)
-        rows = [lambda x: [(x[0] - a) * (x[0] * x[0] + 1)], lambda x: [[3 * x[0] * x[0] - 2 * a * x[0] + 1]]]
-        return krawczyk_boxes(*rows, [ball(start)], "the root")[0][0]
+        rows = [lambda x: (x - a) * (x * x + 1), lambda x: (3 * x * x - 2 * a * x + 1)[None]]
+        return krawczyk_boxes(*rows, matrix([start]), "the root")[0][0]
 
     with digits(40):
         assert root(Fraction(17, 41)) == ball(Fraction(17, 41))

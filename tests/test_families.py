@@ -1,5 +1,7 @@
 """Families of steady motions that nothing explains but that are there: a shaft that turns at any speed."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -216,6 +218,55 @@ def test_a_state_that_time_changes_is_named_without_empty_brackets():
     found = mbstab.loads(f"mbstab: 1\n{rail}\n{late}\nreference: {{coordinates: {{p: {{x: 0, y: 0}}}}}}\n").eig()
     assert found.verdict == UNDECIDED
     assert "through states.z (smooth_start(t - 5)):" in found.reasons[0]
+
+
+# --- floppy chains: rests of another shape -------------------------------------------------------------------------
+
+
+def floppy(count, planar, weak="0"):
+    """Return points on springs of their free length, with friction on the ground, and perhaps a weak force."""
+    places, names = [(0, 0), (1, 0), (1, 1), (2, 1)], "abcd"[:count]
+    letters = "xy" if planar else "xyz"
+    kind, third = ("planar_point", "") if planar else ("point", ", z: 0")
+    bodies = ", ".join(f"{x}: {{type: {kind}, mass: {1 + k / 4}}}" for k, x in enumerate(names))
+    springs = "".join(
+        f"  {x}{y}: {{type: spring, between: [{x}, {y}], stiffness: 10, length: 1, damping: 0.5}}\n"
+        for x, y in pairwise(names)
+    )
+    drag = ", ".join(f'{x}.{q}: "-rate({x}.{q})"' for x in names for q in letters)
+    given = ", ".join(f"{x}: {{x: {q[0]}, y: {q[1]}{third}}}" for x, q in zip(names, places, strict=False))
+    return f"""
+mbstab: 1
+bodies: {{{bodies}}}
+forces:
+{springs}  drag: {{type: expression, on: {{{drag}}}}}
+  weak: {{type: expression, on: {{"distance(a, c)": "{weak}"}}}}
+reference: {{coordinates: {{{given}}}}}
+"""
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("planar", [True, False])
+@pytest.mark.parametrize("count", [3, 4])
+def test_chains_of_springs_may_rest_in_any_shape(count, planar):
+    found = mbstab.loads(floppy(count, planar)).eig()
+    assert found.verdict == ASYMPTOTIC_UP_TO
+    # Lengths and speeds decay; places do not.
+    assert found.counts.neutral == (2 if planar else 3) * count - (count - 1)
+
+
+@pytest.mark.parametrize(
+    ("weak", "allowed"),
+    [
+        ("-1e-12*(distance(a, c) - sqrt(2))**3", {ASYMPTOTIC_UP_TO, UNDECIDED}),
+        ("1e-12*(distance(a, c) - sqrt(2))**3", {UNSTABLE, UNDECIDED}),
+        ("1e-12*(distance(a, c) - sqrt(2))**7", {UNSTABLE, UNDECIDED}),
+    ],
+)
+def test_a_weak_force_along_the_shape_leaves_no_family(weak, allowed):
+    found = mbstab.loads(floppy(3, True, weak)).eig()
+    assert found.verdict in allowed
+    assert not any("same kind" in x for x in found.modulo.family)
 
 
 # --- what goes on along symmetries beside an energy that has a minimum -----------------------------------------------

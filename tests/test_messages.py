@@ -856,10 +856,8 @@ def test_the_gap_and_both_entries_are_told_alike_by_every_command(name, tmp_path
         told.add(result.stderr)
     assert len(told) == 1
     for one, other in (("left", "right"), ("right", "left")):
-        said = (
-            rf"satisfy {kind} '{one}' .*: the residual is .*; where {kind} '{other}' is satisfied, the gap is {gap}\n"
-        )
-        assert re.search(said, told.copy().pop())
+        said = rf"satisfy {kind} '{one}': where {kind} '{other}' is satisfied, the gap is {gap}\n"
+        assert len(re.findall(said, told.copy().pop())) == 1
 
 
 def test_the_one_entry_that_contradicts_the_others_is_told():

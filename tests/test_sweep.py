@@ -1013,8 +1013,7 @@ reference:
     path = tmp_path / "model.yaml"
     path.write_text(text, encoding="utf-8")
     printed = run(path, "--param", "w", "--from", 0.5, "--to", 1.6, "--points", 12, "--plot", "none").stdout
-    assert "0.5 to 0.9: stable\n" in printed
-    assert "1.1 to 1.6: marginally stable\n" in printed
+    assert "  0.5 to 1: stable\n  at 1: stable up to symmetry\n  1 to 1.6: marginally stable\n" in printed
     assert "does not change" not in printed
 
 
@@ -1104,8 +1103,8 @@ def test_a_pair_that_meets_beside_the_axis_is_a_divergence(damping, growing, spa
     assert critical.value == pytest.approx(1.037, rel=1e-9)
 
 
-def test_a_start_where_two_equilibria_meet_is_undecided():
-    # V' = (1 + x)(2x² − p): at p = 2 two of them meet at x = −1, where the eigenvalue is 0.
+def test_a_start_where_two_equilibria_meet_is_unstable():
+    # V' = (1 + x)(2x² − p): at p = 2 two of them meet at x = −1, where the force 4 (1 + x)² drives the motion away.
     text = """
 mbstab: 1
 parameters: {p: 2}
@@ -1116,7 +1115,7 @@ reference: {find: equilibrium, coordinates: {b: {y: 0}}, guess: {b: {x: 0.1}}}
 """
     result = mbstab.loads(text).sweep("p", np.linspace(2.0, -2.0, 9))
     at = int(np.argmax(result.values))
-    assert result.verdicts[at] == "undecided"
+    assert result.verdicts[at] == "unstable"
 
 
 @pytest.mark.long

@@ -318,7 +318,7 @@ class System:
         shapes = {"M": (n, n), "F": (n,), "E": (c,), "V": (c,), "J": (c, n), "B": (c,)}
         out = self._run("dynamics", q, u, time, shapes, what="sizes")
         out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, what="sizes")
-        return out | {"D": out["D"][self.n_h :]}
+        return out | {"D": out["D"][..., self.n_h :, :]}
 
     def lost(self, q: Any, u: Any, a: Any, nu: Any, time: Any = None) -> dict[str, Any]:
         """Return the rounding errors of the sums in the entries of M, J, K, R and D (= D_q), if sparse."""
@@ -326,7 +326,7 @@ class System:
         shapes = {"M": (n, n), "F": (n,), "E": (c,), "V": (c,), "J": (c, n), "B": (c,)}
         out = self._run("dynamics", q, u, time, shapes, what="lost")
         out |= self._run("linearize", q, u, time, {"K": (n, n), "R": (n, n), "D": (c, n)}, a, nu, what="lost")
-        return out | {"D": out["D"][self.n_h :]}
+        return out | {"D": out["D"][..., self.n_h :, :]}
 
     def acting(self) -> list[Acting]:
         """Return the elements without rows, each by itself."""

@@ -252,11 +252,9 @@ def given_values(model: Model, name: str, arithmetic: Arithmetic) -> list[Number
     assert given is not None
 
     def value(expression: Expression, unit: str | None) -> Number:
-        if unit is not None:
-            factor = parse_unit(unit)[0] if unit else 1.0
-            return require_finite(expression.evaluate({}, arithmetic) * _factor(unit, factor, arithmetic))
         values = evaluate_parameters(of_file(model), {}, arithmetic) if expression.names() else {}
-        return require_finite(expression.evaluate(values, arithmetic))
+        found = expression.evaluate(values, arithmetic)
+        return require_finite(found * _factor(unit, parse_unit(unit)[0], arithmetic) if unit else found)
 
     with _refused(name, given.setting):
         return [value(*end) for end in given.ends]

@@ -1,6 +1,6 @@
 """Scenes in balls, and what proofs raise.
 
-Matrices are lists of rows of balls and fractions. Elimination divides by pivots chosen in double precision and
+Matrices are arrays of balls and fractions. Elimination divides by pivots chosen in double precision and
 never adds a multiple with factor zero, so that it preserves structural zeros.
 """
 
@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
+
+import numpy.typing as npt
 
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, UsageError
@@ -19,7 +21,8 @@ from mbstab.model.parameters import given_values
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
-Matrix = list[list[Ball]]
+Matrix = npt.NDArray[Any]
+"""Arrays of balls and fractions, vectors and matrices."""
 
 
 class NotProvable(MbstabError):

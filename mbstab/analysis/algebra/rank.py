@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.stacks import transposed
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
@@ -14,12 +15,12 @@ from mbstab.records import dataclass
 
 @dataclass(frozen=True)
 class Rank:
-    """A rank decision.
+    """A rank decision about a matrix, or about stacks of matrices of the same rank.
 
     Attributes
     ----------
     rank : int
-    smallest_kept, largest_dropped : float
+    smallest_kept, largest_dropped : float, or ndarray, shape (…)
         Singular values on both sides of the decision (0 and inf where there is none).
     null : ndarray
         Orthonormal basis of the null space, as columns.
@@ -31,8 +32,8 @@ class Rank:
     """
 
     rank: int
-    smallest_kept: float
-    largest_dropped: float
+    smallest_kept: Any
+    largest_dropped: Any
     null: Array
     left_null: Array
     doubtful: Array
@@ -41,22 +42,33 @@ class Rank:
     @property
     def gap(self) -> float:
         """Ratio of the singular values on both sides of the decision."""
-        return self.smallest_kept / self.largest_dropped if self.largest_dropped > 0.0 else np.inf
+        return float(self.smallest_kept / self.largest_dropped) if self.largest_dropped > 0.0 else np.inf
 
 
-def rank_of(matrix: Array, tolerance: float = TOLERANCES.singular_value_zero) -> Rank:
-    """Return rank, null spaces and pseudo-inverse of a matrix with rows of unit length, or of a part of its columns."""
-    rows, columns = matrix.shape
+def rank_of(matrix: Array, tolerance: float = TOLERANCES.singular_value_zero, rank: int | None = None) -> Rank:
+    """Return rank, null spaces and pseudo-inverse of a matrix with rows of unit length, or of a part of its columns.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (…, m, n)
+    tolerance : float
+        Smaller singular values are zero.
+    rank : int, optional
+        The rank that is expected of stacks of matrices: the singular values beside it tell which of them have it.
+    """
+    rows, columns = matrix.shape[-2:]
     if rows == 0 or columns == 0:
+        one = (1,) * (matrix.ndim - 2)
         empty = np.eye(columns), np.eye(rows), np.zeros(rows), np.zeros((columns, rows))
-        return Rank(0, np.inf, 0.0, *empty)
+        return Rank(0, np.inf, 0.0, *(x.reshape(*one, *x.shape) for x in empty))
     left, s, right = np.linalg.svd(matrix)
-    rank = int(np.sum(s > tolerance))
-    kept = float(s[rank - 1]) if rank else np.inf
-    dropped = float(s[rank]) if rank < len(s) else 0.0
-    inverse = (right[:rank].T / s[:rank]) @ left[:, :rank].T
-    doubtful = left[:, rank - 1] if rank else np.zeros(rows)
-    return Rank(rank, kept, dropped, right[rank:].T, left[:, rank:], doubtful, inverse)
+    if rank is None:
+        rank = int(np.sum(s > tolerance))
+    kept = s[..., rank - 1] if rank else np.inf
+    dropped = s[..., rank] if rank < s.shape[-1] else 0.0
+    inverse = (transposed(right[..., :rank, :]) / s[..., None, :rank]) @ transposed(left[..., :rank])
+    doubtful = left[..., rank - 1] if rank else np.zeros(rows)
+    return Rank(rank, kept, dropped, transposed(right[..., rank:, :]), left[..., rank:], doubtful, inverse)
 
 
 def inverse_of_part(rows: Array) -> Array:

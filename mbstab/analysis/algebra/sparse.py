@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.stacks import times
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 
@@ -51,9 +52,10 @@ def dense(A: Any) -> Array:
 
 
 def scaled(A: Any, columns: Array, rows: Array | None = None) -> Any:
-    """Return a matrix, dense or in compressed rows, with its columns and rows multiplied by factors."""
+    """Return a matrix, in compressed rows or dense with any leading axes, with columns and rows times factors."""
     if not is_sparse(A):
-        return A * columns if rows is None else A * columns * rows[:, None]
+        A = A * columns[..., None, :]
+        return A if rows is None else A * rows[..., :, None]
     data = A.data * columns[A.indices]
     if rows is not None:
         data = data * np.repeat(rows, np.diff(A.indptr))
@@ -80,9 +82,9 @@ def row_norms(A: Any) -> Array:
     return result
 
 
-def largest(A: Any) -> float:
-    """Return the largest absolute value of the entries, 0 if there are none."""
-    return float(np.max(np.abs(A.data if is_sparse(A) else A), initial=0.0))
+def largest(A: Any) -> Any:
+    """Return the largest absolute value of the entries, 0 if there are none; of arrays of matrices that of each."""
+    return float(np.max(np.abs(A.data), initial=0.0)) if is_sparse(A) else np.max(np.abs(A), axis=(-2, -1), initial=0.0)
 
 
 def difference(b: Array, *products: tuple[Any, Array]) -> Array:
@@ -95,10 +97,9 @@ def difference(b: Array, *products: tuple[Any, Array]) -> Array:
 
 
 def sizes_times(A: Any, x: Array) -> Array:
-    """Return |A| x for an array, or for a linear operator row by row."""
+    """Return |A| x for arrays with any leading axes, or for a linear operator row by row."""
     if not is_sparse(A):
-        result: Array = np.abs(A) @ x
-        return result
+        return times(np.abs(A), x)
     count = A.shape[0]
     total = np.zeros((count, *x.shape[1:]))
     for start in range(0, count, TOLERANCES.columns_at_once):

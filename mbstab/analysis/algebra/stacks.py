@@ -18,9 +18,16 @@ def some(x: Array, index: Any, dims: int) -> Array:
 
 
 def transposed(x: Any) -> Array:
-    """Return the transposes of matrices."""
-    result: Array = np.swapaxes(x, -1, -2)
+    """Return the transposes of matrices, and of a single one of any kind."""
+    result: Array = x.T if x.ndim == 2 else np.swapaxes(x, -1, -2)
     return result
+
+
+def times(matrix: Any, vectors: Array) -> Array:
+    """Return the products of matrices with vectors, shape (…, n); one matrix, of any kind, serves all vectors."""
+    if matrix.ndim == 2:
+        return np.asarray((matrix @ vectors.T).T)
+    return np.asarray((matrix @ vectors[..., None])[..., 0])
 
 
 def _wide(parts: tuple[Array, ...], own: int) -> list[Array]:

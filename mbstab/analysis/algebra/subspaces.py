@@ -19,6 +19,7 @@ eigenvalues.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import Flags, Index, least_squares
 from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import dense, is_sparse, row_norms, scaled
+from mbstab.analysis.algebra.stacks import beside, frobenius, transposed
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Row
 from mbstab.errors import ConstraintError
@@ -53,13 +55,13 @@ class Redundancy:
 
 @dataclass(frozen=True)
 class Subspaces:
-    """Scaled bases of the motions the constraints allow.
+    """Scaled bases of the motions the constraints allow; over the points of a sweep all arrays have an axis for these.
 
     Attributes
     ----------
-    scale : ndarray, shape (n_q,)
+    scale : ndarray, shape (…, n_q)
         q = scale · scaled q.
-    row_scale : ndarray, shape (n_c,)
+    row_scale : ndarray, shape (…, n_c)
         Factors that give the scaled rows unit length.
     C, W : Rank
         Rank decisions about scaled C_q and scaled D_u N.
@@ -76,7 +78,7 @@ class Subspaces:
 
     @property
     def N(self) -> Array:
-        """Null-space basis of the scaled C_q, shape (n_q, n_q − rank C_q)."""
+        """Null-space basis of the scaled C_q, shape (…, n_q, n_q − rank C_q)."""
         return self.C.null
 
     @property
@@ -86,7 +88,7 @@ class Subspaces:
 
     @property
     def allowed(self) -> Array:
-        """Basis of the speeds that all rows allow, N Z, shape (n_q, dim η)."""
+        """Basis of the speeds that all rows allow, N Z, shape (…, n_q, dim η)."""
         return self.N @ self.Z if self.W.left_null.size or self.W.rank else self.N
 
     def projected(self, x: Array) -> Array:
@@ -97,10 +99,13 @@ class Subspaces:
         return result
 
     def inverse(self, J: Any) -> Any:
-        """Return the pseudo-inverse of the scaled rows, all together, shape (n_q, n_c)."""
+        """Return the pseudo-inverse of the scaled rows, all together, shape (…, n_q, n_c)."""
         if is_sparse(J):
             return self.C.pseudo_inverse
-        return np.linalg.pinv(J, rcond=TOLERANCES.singular_value_zero) if len(J) else J.T
+        if J.ndim > 2 and not self.C.left_null.size + self.W.left_null.size:  # of independent rows, in parts
+            of_C, along = self.C.pseudo_inverse, self.N @ self.W.pseudo_inverse
+            return beside(of_C - along @ (J[..., self.C.rank :, :] @ of_C), along)
+        return np.linalg.pinv(J, rcond=TOLERANCES.singular_value_zero) if J.size else transposed(J)
 
     @property
     def n_f(self) -> int:
@@ -171,19 +176,19 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array, scale
     """
     if scale is None:
         scale = coordinate_scale(M, sizes, J, n_h, sum(row.section == "states" for row in rows))
-    found = other = _decided(J, n_h, scale)
+    found = other = decided(J, n_h, scale)
     most = sizes * np.min(scale / sizes) / np.sqrt(TOLERANCES.light_mass)
     # Behind the light coordinates of some rows there may be those of others: all of them together may be what it takes.
     while len(light := _light(J, n_h, other, most)):
         carrying = other.scale.copy()
         carrying[light] = most[light]
-        other = _decided(J, n_h, carrying)
+        other = decided(J, n_h, carrying)
         if (other.C.rank + other.W.rank, _least(other)) > (found.C.rank + found.W.rank, 2.0 * _least(found)):
             found = other
     if isinstance(found.C, Rank):
         carrying = _carrying(M, J[:n_h], found, sizes)
         if carrying is not found.scale:
-            plain, found = found, _decided(J, n_h, carrying)
+            plain, found = found, decided(J, n_h, carrying)
             same = (plain.C.rank, plain.W.rank) == (found.C.rank, found.W.rank)
             found = replace(found, plain=plain if same and _has_gap(plain.C) and _has_gap(plain.W) else None)
     require_gap(found.C, rows[:n_h])
@@ -191,13 +196,42 @@ def subspaces(M: Any, J: Any, n_h: int, rows: Sequence[Row], sizes: Array, scale
     return found
 
 
-def _decided(J: Any, n_h: int, scale: Array) -> Subspaces:
-    """Return the motions that the constraints allow, with coordinates of this scale, whether there is a gap or not."""
+def decided(J: Any, n_h: int, scale: Array, like: Subspaces | None = None) -> Subspaces:
+    """Return the motions that the constraints allow, with coordinates of this scale, whether there is a gap or not.
+
+    Over the points of a sweep the ranks are expected to be those `like` there are at another point.
+    """
     row_scale = 1.0 / row_norms(scaled(J, scale))
     unit = scaled(J, scale, row_scale)
-    C = _sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[:n_h])
-    W = rank_of(unit[n_h:] @ C.null if n_h < J.shape[0] else np.zeros((0, len(scale) - C.rank)))
+    ranks = (None, None) if like is None else (like.C.rank, like.W.rank)
+    if J.shape[-2] and ranks == (n_h, J.shape[-2] - n_h):
+        return Subspaces(scale, row_scale, *_independent(unit, n_h))
+    C = _sparse_rank(unit[:n_h]) if is_sparse(J) else rank_of(unit[..., :n_h, :], rank=ranks[0])
+    none = np.zeros((*J.shape[:-2], 0, J.shape[-1] - C.rank))
+    W = rank_of(unit[..., n_h:, :] @ C.null if n_h < J.shape[-2] else none, rank=ranks[1])
     return Subspaces(scale, row_scale, C, W)
+
+
+def _independent(J: Array, n_h: int) -> tuple[Rank, Rank]:
+    """Return the ranks of stacks of rows, shape (points, n_c, n_q), that are all independent, from Jᵀ = Q R.
+
+    The norm of an inverse bounds the least singular value; where it does not tell enough, that itself is computed.
+    """
+    n_c, n = J.shape[-2:]
+    Q, R = np.linalg.qr(transposed(J), mode="complete")
+    regular = np.all(np.diagonal(R, axis1=-2, axis2=-1), axis=-1)
+    inverse, kept = np.linalg.inv(np.where(regular[:, None, None], R[:, :n_c], np.eye(n_c))), list[Array]()
+    for part in (slice(n_h), slice(n_h, n_c)):
+        least = np.where(regular, 1.0 / np.maximum(frobenius(inverse[:, part, part]), 1e-300), 0.0)
+        vague = np.flatnonzero(regular & (least < math.sqrt(TOLERANCES.light_mass)))
+        least[vague] = np.min(np.linalg.svd(R[vague, part, part], compute_uv=False), axis=-1, initial=np.inf)
+        kept.append(least)
+    across = np.zeros((len(J), n - n_h, n_c - n_h))
+    across[:, : n_c - n_h] = transposed(inverse[:, n_h:, n_h:])
+    of_C = Q[..., :n_h] @ transposed(inverse[:, :n_h, :n_h])
+    none, allowed = np.zeros((len(J), 0, 0)), np.eye(n - n_h)[None, :, n_c - n_h :]
+    ends = (0.0, Q[..., n_h:], none, none, of_C), (0.0, allowed, none, none, across)
+    return Rank(n_h, kept[0], *ends[0]), Rank(n_c - n_h, kept[1], *ends[1])
 
 
 def _carrying(M: Array, C_q: Array, spaces: Subspaces, sizes: Array) -> Array:
@@ -223,7 +257,7 @@ def _carrying(M: Array, C_q: Array, spaces: Subspaces, sizes: Array) -> Array:
 
 def _least(spaces: Subspaces) -> float:
     """Return the smallest singular value that counts as one."""
-    return min(spaces.C.smallest_kept, spaces.W.smallest_kept)
+    return float(min(spaces.C.smallest_kept, spaces.W.smallest_kept))
 
 
 def _light(J: Any, n_h: int, spaces: Subspaces, most: Array) -> Index:

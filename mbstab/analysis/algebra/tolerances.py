@@ -99,7 +99,7 @@ class Tolerances:
     """Derivatives of the reference are accepted if their corrections stop shrinking below this fraction of them."""
 
     # Identities
-    bits_of_identities: Final = 220
+    bits_of_identities: Final = 320
     """Bits of balls in which identities are tested at random states."""
     bits_of_combinations: Final = 40
     """Bits to which combinations of fields must be known: data that are rounded decimals have 50."""

@@ -138,7 +138,7 @@ class Linearization(Answer):
     def entries(self) -> Matrices:
         """Sizes of the terms entry by entry, with the actual multipliers: zeros stay zero."""
         motion = self.motion
-        found = _entries(self.system, motion, self.generator, np.abs(motion.nu))
+        found = entries_of(self.system, motion, self.generator, np.abs(motion.nu))
         return self.with_all_rows(found, sizes=True)
 
     def beside(self, change: Array) -> Matrices:
@@ -233,7 +233,7 @@ def linearize(system: System, motion: Motion, frozen: bool = False) -> Lineariza
             motion = motion.scaled(plain)
         rows = tuple(system.rows)
         return Linearization(system, *matrices, system.n_h, names, rows, motion, variation, generator, frozen)
-    terms = _entries(system, motion, generator, multiplier_sizes(system, motion))
+    terms = entries_of(system, motion, generator, multiplier_sizes(system, motion))
     from mbstab.analysis.linear.massless import massless
 
     light = massless(system, motion, matrices, terms, generator is not None)
@@ -261,7 +261,7 @@ def _fastest(matrices: Matrices, spaces: Subspaces) -> float:
 def _terms(system: System, motion: Motion, generator: Generator | None) -> Matrices:
     """Return the sizes of the terms of which the coefficients are sums, the same for all directions of a body."""
     nu = multiplier_sizes(system, motion)
-    M, R, K, J, D_q = map(dense, _entries(system, motion, generator, nu))
+    M, R, K, J, D_q = map(dense, entries_of(system, motion, generator, nu))
     # Rotated axes mix the directions of a body: none of them is known better than the others.
     kinds = [(name.partition(".")[0], is_length(name)) for name in system.names]
     first = [i for i, kind in enumerate(kinds) if i == 0 or kind != kinds[i - 1]]
@@ -271,13 +271,13 @@ def _terms(system: System, motion: Motion, generator: Generator | None) -> Matri
     return Matrices(M, R, K, J, D_q)
 
 
-def _entries(system: System, motion: Motion, generator: Generator | None, nu: Array) -> Matrices:
-    """Return the sizes of the terms of which the coefficients are sums, for multipliers of given sizes."""
+def entries_of(system: System, motion: Motion, generator: Generator | None, nu: Array) -> Matrices:
+    """Return the sizes of the terms of which the coefficients are sums, as `matrices_in`, for sizes of multipliers."""
     found = system.terms(motion.q, motion.u, motion.a, nu, motion.time)
     M, R, K, J, D_q = (found[key] for key in "MRKJD")
     if generator is not None and generator.turns:
         Xi, Xi_2 = (np.abs(x) for x in generator.frame(motion.q))
-        R, K, D_q = in_frame(M, R, K, J[system.n_h :], D_q, Xi, Xi_2)
+        R, K, D_q = in_frame(M, R, K, J[..., system.n_h :, :], D_q, Xi, Xi_2)
     return Matrices(M, R, K, J, D_q)
 
 

@@ -16,13 +16,15 @@ give it, each direction of first order one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import others
+from mbstab.analysis.algebra.arrays import Flags, Index, norms, others
 from mbstab.analysis.algebra.rank import Rank, rank_of
+from mbstab.analysis.algebra.stacks import reduced, transposed, under
 from mbstab.analysis.algebra.subspaces import Subspaces, coordinate_scale, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.tolerances import TOLERANCES
@@ -77,6 +79,48 @@ class Massless:
         algebraic, first = (np.abs(x) if sizes else x for x in (self.algebraic, self.first_order))
         return _extended(m, self.n_h, algebraic, first)
 
+    def at_points(self, M: Array, R: Array, spaces: Subspaces) -> tuple[Massless, Array, Flags]:
+        """Return these directions at points of a sweep, moved into the motions that carry no mass there.
+
+        Parameters
+        ----------
+        M, R : ndarray, shape (points, n_q, n_q)
+            In scaled coordinates.
+        spaces : Subspaces
+            What the constraints allow.
+
+        Returns
+        -------
+        massless : Massless
+        basis : ndarray, shape (points, n_q, k)
+            The motions without mass.
+        good : ndarray of bool, shape (points,)
+            Where there are as many of them as here, and nothing damps those that are algebraic.
+        """
+        units, allowed = np.vstack([self.algebraic, self.first_order]) / spaces.scale[..., None, :], spaces.allowed
+        basis = transposed(units) / norms(transposed(units), -2, keepdims=True)
+        if self.exact:
+            # The same coordinates carry no mass, and no constraint holds them.
+            outside = basis - allowed @ (transposed(allowed) @ basis)
+            good: Flags = np.max(np.abs(outside), axis=(-2, -1)) <= ALGEBRA.singular_value_zero
+            good = good & ~np.any(M @ basis, axis=(-2, -1))
+            moved = transposed(basis)
+        else:
+            values, vectors = np.linalg.eigh(reduced(M, allowed))
+            least = np.maximum(REFERENCE.massless * values[:, -1], REFERENCE.rounding_of_mass)
+            heavy = values > least[:, None]
+            good = np.sum(~heavy, axis=1) == basis.shape[-1]
+            good &= np.min(values, axis=1, initial=np.inf, where=heavy) > ALGEBRA.rank_gap * least
+            own = allowed @ vectors[:, :, : basis.shape[-1]]
+            moved, basis = transposed(basis) @ own @ transposed(own), own
+        algebraic, first = moved[:, : len(self.algebraic)], moved[:, len(self.algebraic) :]
+        algebraic = algebraic - algebraic @ R @ basis @ np.linalg.pinv(first @ R @ basis) @ first
+        sizes = np.abs(algebraic) @ np.abs(R)
+        damped = np.abs(algebraic @ R) > TOLERANCES.balance_zero * np.max(sizes, initial=0.0)
+        scale = spaces.scale[..., None, :]
+        result = replace(self, algebraic=algebraic * scale, first_order=first * scale)
+        return result, basis, good & ~np.any(damped, axis=(-2, -1))
+
     def with_roundings(self, errors: Matrices, sizes: Matrices) -> Matrices:
         """Return the errors of all rows with those of directions that are computed, for sizes of M, R, K, J and D_q."""
         scale, n = self.spaces.scale, self.n_h + len(self.algebraic)
@@ -111,35 +155,40 @@ class Massless:
         directions : ndarray, shape (n_q, k)
             The motions without mass that the constraints allow, in the coordinates of J.
         """
-        n = self.n_h + len(self.algebraic)
-        own = np.array([*range(self.n_h, n), *range(n + self.n_n, len(J))], dtype=int)
-        rest = others(len(J), own)
+        own, rest = self.own, others(len(J), self.own)
         X = np.zeros(J.T.shape)
         X[:, rest], X[:, own] = of_constraints, np.linalg.solve((J[own] @ directions).T, directions.T).T
         X[:, rest] -= X[:, own] @ (J[own] @ of_constraints)
         return X
 
     @property
+    def own(self) -> Index:
+        """Numbers of the rows of the directions."""
+        n = self.n_h + len(self.algebraic)
+        return np.array([*range(self.n_h, n), *range(n + self.n_n, len(self.rows))], dtype=np.intp)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """What the rows of the directions are, in words."""
-        n = self.n_h + len(self.algebraic)
-        told = [(row, "algebraic") for row in self.rows[self.n_h : n]]
-        told += [(row, "of first order") for row in self.rows[n + self.n_n :]]
+        kinds = ["algebraic"] * len(self.algebraic) + ["of first order"] * len(self.first_order)
+        told = zip([self.rows[i] for i in self.own], kinds, strict=True)
         return tuple(f"{row.name}: {row.label}, {kind}" for row, kind in told)
 
 
 def _extended(m: Matrices, n_h: int, algebraic: Array, first: Array) -> Matrices:
-    J = [*m.J[:n_h], *_times(algebraic, m.K), *m.J[n_h:], *_times(first, m.R)]
-    D_q = [*m.D_q, *_times(first, m.K)]
-    n, kind = m.M.shape[1], m.M.dtype
-    return m._replace(J=np.array(J, dtype=kind).reshape(-1, n), D_q=np.array(D_q, dtype=kind).reshape(-1, n))
+    J = under(m.J[..., :n_h, :], _times(algebraic, m.K), m.J[..., n_h:, :], _times(first, m.R))
+    return m._replace(J=J, D_q=under(m.D_q, _times(first, m.K)))
 
 
-def _times(directions: Array, A: Any) -> Iterable[Any]:
-    """Yield the products of rows with a matrix; zeros do not count, whatever the type of its numbers."""
+def _times(directions: Array, A: Any) -> Any:
+    """Return the products of rows with a matrix; in a single one zeros do not count, whatever its numbers are."""
+    if directions.ndim > 2:
+        return directions @ A
+    rows = []
     for d in directions:
         terms = [A[i] if d[i] == 1.0 else d[i] * A[i] for i in np.flatnonzero(d)]
-        yield sum(terms[1:], terms[0])
+        rows.append(sum(terms[1:], terms[0]))
+    return np.array(rows, dtype=A.dtype).reshape(-1, A.shape[1])
 
 
 def massless(system: System, motion: Motion, matrices: Matrices, terms: Matrices, steady: bool) -> Massless:

@@ -14,6 +14,8 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
+
 from mbstab.analysis.algebra import ball_matrices, ball_polynomials
 from mbstab.analysis.algebra.balls import NotProvable
 from mbstab.analysis.proof.analytic import require_analytic
@@ -250,5 +252,5 @@ def _tests(proof: Proof) -> list[tuple[str, Ball]]:
                 [p[n - 1 - 2 * j + i] if 0 <= n - 1 - 2 * j + i <= n else ball(0) for j in range(n - 1)]
                 for i in range(n - 1)
             ]
-            found.append(("flutter", ball_matrices.determinant(hurwitz)))
+            found.append(("flutter", ball_matrices.determinant(np.array(hurwitz, dtype=object))))
     return found

@@ -9,6 +9,7 @@ import numpy as np
 from mbstab.analysis.algebra.deflation import deflated_matrix, in_frame
 from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.sparse import congruent, is_sparse, scaled
+from mbstab.analysis.algebra.stacks import times, transposed
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
@@ -26,24 +27,27 @@ class Matrices(NamedTuple):
 
 
 def matrices_in(system: System, motion: Motion, generator: Generator | None) -> Matrices:
-    """Return the coefficients in the co-moving frame of a generator, or in the coordinates of the file."""
+    """Return the coefficients in the co-moving frame of a generator, or in the coordinates of the file.
+
+    Over the points of a sweep the motion, and so all matrices, have an axis for these.
+    """
     K, R, D_q = system.linearize(motion.q, motion.u, motion.a, motion.nu, motion.time)
     M, J = motion.dynamics.M, motion.dynamics.J
     if generator is not None and generator.turns:
         Xi, Xi_2 = generator.frame(motion.q)
-        R, K, D_q = in_frame(M, R, K, J[system.n_h :], D_q, Xi, Xi_2)
+        R, K, D_q = in_frame(M, R, K, J[..., system.n_h :, :], D_q, Xi, Xi_2)
     return Matrices(M, R, K, J, D_q)
 
 
 def multiplier_sizes(system: System, motion: Motion) -> Array:
-    """Return the sizes of the terms of which the multipliers are sums, shape (n_c,).
+    """Return the sizes of the terms of which the multipliers are sums, shape (…, n_c).
 
     Their rounding errors are relative to these: they contain the rounding of all the forces that they balance, and of
     the coordinates of these.
     """
     loads = system.terms(motion.q, motion.u, motion.a, motion.nu, motion.time)
-    balanced = loads["F"] + loads["M"] @ np.abs(motion.a) + loads["J"].T @ np.abs(motion.nu)
-    balanced = balanced + loads["K"] @ motion.sizes + loads["R"] @ np.abs(motion.u)
+    balanced = loads["F"] + times(loads["M"], np.abs(motion.a)) + times(transposed(loads["J"]), np.abs(motion.nu))
+    balanced = balanced + loads["K"] @ motion.sizes + times(loads["R"], np.abs(motion.u))
     return np.abs(motion.nu) + motion.balancing_sizes(balanced)
 
 

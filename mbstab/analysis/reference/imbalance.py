@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import Flags
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.algebra.rounded import UNIT
 from mbstab.analysis.algebra.sparse import dense, is_sparse, largest
+from mbstab.analysis.algebra.stacks import times
 from mbstab.analysis.algebra.subspaces import Subspaces
 from mbstab.analysis.reference.rounded_scene import errors_of, rounded_system, with_errors
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -145,32 +146,32 @@ def balanced_at(
     force: Array,
     sizes: Array,
     scale: Array,
-    time: float,
-) -> bool:
-    """Return whether scaled forces that should vanish do so, at q, u, a and ν.
+    time: float | None,
+) -> Flags:
+    """Return whether scaled forces that should vanish do so, at q, u, a and ν, shape (…).
 
     They may be a small part of the forces that balance. Where springs and inertia balance by
     themselves, they may have at least the effect of rounded coordinates and speeds, and of the rounding of the forces
     that the speeds would take to turn.
     """
-    scene, most = system.scene, float(np.max(np.abs(left), initial=0.0))
-    gravity = float(np.linalg.norm(scene.gravity))
-    weights = [math.sqrt(float(body.mass)) * gravity for body in scene.bodies]
-    allowed = TOLERANCES.unbalance * max(float(np.max(np.abs(force * scale))), *weights)
-    if most <= allowed:
-        return True
-    allowed += TOLERANCES.coordinate_rounding * force_change(system, at, sizes, scale, time)
-    fastest = float(np.max(np.abs(at[1] / sizes), initial=0.0))
-    if most <= allowed or not fastest:
-        return most <= allowed
-    turning = (abs(system.dynamics(at[0], at[1], time).M) @ np.abs(at[1])) * fastest * scale
-    return most <= allowed + TOLERANCES.coordinate_rounding * float(np.max(turning))
+    scene, most = system.scene, np.max(np.abs(left), axis=-1, initial=0.0)
+    gravity = np.linalg.norm(np.stack(np.broadcast_arrays(*scene.gravity)).astype(float), axis=0)
+    heaviest = np.sqrt(np.max(np.stack(np.broadcast_arrays(*(x.mass for x in scene.bodies))).astype(float), axis=0))
+    allowed = TOLERANCES.unbalance * np.maximum(np.max(np.abs(force * scale), axis=-1), heaviest * gravity)
+    if np.all(most <= allowed):
+        return np.asarray(most <= allowed)
+    allowed = allowed + TOLERANCES.coordinate_rounding * force_change(system, at, sizes, scale, time)
+    fastest = np.max(np.abs(at[1] / sizes), axis=-1, keepdims=True, initial=0.0)
+    if np.all(most <= allowed) or not np.any(fastest):
+        return np.asarray(most <= allowed)
+    turning = times(abs(system.dynamics(at[0], at[1], time).M), np.abs(at[1])) * fastest * scale
+    return np.asarray(most <= allowed + TOLERANCES.coordinate_rounding * np.max(turning, axis=-1))
 
 
 def force_change(
-    system: System, at: tuple[Array, Array, Array, Array], sizes: Array, scale: Array, time: float = 0.0
-) -> float:
-    """Return how much scaled forces change over the size of the scene, by their slope at q, u, a and ν.
+    system: System, at: tuple[Array, Array, Array, Array], sizes: Array, scale: Array, time: float | None = 0.0
+) -> Array:
+    """Return how much scaled forces change over the size of the scene, by their slope at q, u, a and ν, shape (…).
 
     Where the slope changes within the rounding of coordinates, the larger one counts if there is one as large further
     away: near a multiple zero of a force, not near a pole.
@@ -178,9 +179,10 @@ def force_change(
     q, u, a, nu = at
     K, R, _ = system.linearize(q, u, a, nu, time)
     beside, _, _ = system.linearize(q + TOLERANCES.coordinate_rounding * sizes, u, a, nu, time)
-    slope = abs(K)
-    if largest(beside - K) > 0.01 * largest(K):
+    slope, irregular = abs(K), np.asarray(largest(beside - K) > 0.01 * largest(K))
+    if np.any(irregular):
         further, _, _ = system.linearize(q + TOLERANCES.move_scaling_forces * sizes, u, a, nu, time)
-        larger, further = np.maximum(dense(slope), dense(abs(beside))), dense(abs(further))
-        slope = np.where(np.isfinite(larger), np.fmin(larger, further), 0.0)
-    return float(np.max((slope @ sizes + abs(R) @ np.abs(u)) * scale))
+        larger = np.maximum(dense(slope), dense(abs(beside)))
+        larger = np.where(np.isfinite(larger), np.fmin(larger, dense(abs(further))), 0.0)
+        slope = np.where(irregular[..., None, None], larger, dense(slope))
+    return np.asarray(np.max((slope @ sizes + times(abs(R), np.abs(u))) * scale, axis=-1))

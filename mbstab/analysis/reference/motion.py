@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import norms
+from mbstab.analysis.algebra.arrays import others
 from mbstab.analysis.algebra.augmented import Augmented, mobility, sparse_mobility
-from mbstab.analysis.algebra.rank import Rank, inverse_of_part, last_rows, rank_of
+from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
 from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, scaled, sizes_times
+from mbstab.analysis.algebra.stacks import times, transposed
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, fewest, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.assembly import assembled, not_satisfied, unclosed
@@ -39,6 +40,7 @@ from mbstab.analysis.reference.refusals import (
     turns_and_degrees,
     vanishing_rows,
 )
+from mbstab.analysis.reference.speeds import on_rows
 from mbstab.analysis.reference.state_units import balanced_states, characteristic_sizes
 from mbstab.analysis.reference.steady import Family, Generator, not_round, off_axis
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -55,7 +57,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Motion:
-    """The reference motion at an instant.
+    """The reference motion at an instant; over the points of a sweep arrays have a first axis for these.
 
     Attributes
     ----------
@@ -120,11 +122,11 @@ class Motion:
 
     def balancing(self, force: Any) -> Any:
         """Return the minimum-norm multipliers, shape (…, n_c), that balance forces best, shape (…, n_q)."""
-        return -(self.augmented.inverse.T @ (force * self.spaces.scale).T).T * self.spaces.row_scale
+        return -times(transposed(self.augmented.inverse), force * self.spaces.scale) * self.spaces.row_scale
 
     def balancing_sizes(self, forces: Array) -> Array:
         """Return bounds of the multipliers that balance forces which are known by their sizes."""
-        return sizes_times(self.augmented.inverse.T, forces * self.spaces.scale) * self.spaces.row_scale
+        return sizes_times(transposed(self.augmented.inverse), forces * self.spaces.scale) * self.spaces.row_scale
 
 
 def motion_at(system: System, q: Array, u: Array, time: float, massless: bool = False) -> Motion:
@@ -239,26 +241,11 @@ class Finder:
         system, scene = self.system, self.scene
         u = np.array([scene.rates.get(n, 0.0) for n in system.names], dtype=float)
         missing = np.array([n not in scene.rates for n in system.names])
-        states = system.states[0]
-        bodily = missing.copy()
-        bodily[states] = False
-        columns = np.flatnonzero(bodily)
-        sizes = self.sizes
-        state = system.bodily.dynamics(q, u, scene.time)
-        if len(columns) and system.n_c:
-            # The rows may be nonlinear in the rates; one step solves linear rows.
-            for _ in range(TOLERANCES.newton_steps_onto_constraints):
-                if not np.any(state.V):
-                    break
-                J = dense(state.J) * sizes
-                lengths = norms(J)
-                step = -inverse_of_part(J[:, columns] / lengths[:, None]) @ (state.V / lengths) * sizes[columns]
-                small = np.abs(step) <= 1e-15 * sizes[columns] * max(1.0, float(np.max(np.abs(u / sizes), initial=0.0)))
-                if np.all(small):
-                    break
-                u[columns] += step
-                state = system.bodily.dynamics(q, u, scene.time)
-        free = dense(state.J)[:, columns] * sizes[columns]
+        states, sizes = system.states[0], self.sizes
+        columns = others(len(u), np.concatenate([np.flatnonzero(~missing), states]))
+        basis = np.diag(sizes)[:, columns]
+        x, slope = on_rows(system.bodily, q, u, basis, sizes, (columns[:0], u[:0]), scene.time)
+        u = u + basis @ x
         if np.any(missing[states]):
             u = system.with_state_rates(q, u, scene.time)
         state = system.dynamics(q, u, scene.time)
@@ -271,7 +258,7 @@ class Finder:
             state = system.dynamics(q, u, scene.time)
         self._check_rates(q, u, state)
         if np.any(u):
-            self._check_determined(free, columns, u / sizes)
+            self._check_determined(slope, columns, u / sizes)
         self.solved += [f"rate of {system.names[i]}" for i in np.flatnonzero(missing) if u[i]]
         return u, state
 
@@ -336,23 +323,14 @@ class Finder:
             If there is none, or if a coefficient is undetermined.
         """
         system, scene = self.system, self.scene
-        c = np.array([known.get(k, 0.0) for k in range(family.size)])
-        free = [k for k in range(family.size) if k not in known]
-        basis = family.basis(q)
-        given = [i for i, name in enumerate(system.names) if name in scene.rates]
+        given = np.array([i for i, name in enumerate(system.names) if name in scene.rates], dtype=np.intp)
         rates = np.array([scene.rates[system.names[i]] for i in given], dtype=float)
-        for _ in range(TOLERANCES.newton_steps_onto_constraints if free else 0):
-            u = basis @ c
-            state = system.dynamics(q, u, scene.time)
-            columns = np.vstack([state.J @ basis[:, free], basis[np.ix_(given, free)]])
-            weights = 1.0 / norms(np.vstack([state.J * self.sizes, np.diag(self.sizes)[given]]))
-            residual = np.concatenate([state.V, u[given] - rates]) * weights
-            step = -inverse_of_part(columns * weights[:, None]) @ residual
-            c[free] += step
-            if np.max(np.abs(step)) <= 1e-15 * np.max(np.abs(c)):
-                break
-        if free:
-            rank = rank_of(columns * weights[:, None] / np.max(np.abs(columns * weights[:, None]), initial=1e-300))
+        c = np.array([known.get(k, 0.0) for k in range(family.size)])
+        basis, free = family.basis(q), others(family.size, list(known))
+        x, slope = on_rows(system, q, basis @ c, basis[:, free], self.sizes, (given, rates), scene.time)
+        c[free] += x
+        if slope.shape[1]:
+            rank = rank_of(slope / np.max(np.abs(slope), initial=1e-300))
             names = [family.names()[k] for k in free]
             if few := fewest(rank.null, names):
                 listed = ", ".join(names[i] for i in few)
@@ -618,4 +596,4 @@ class Finder:
 def balanced(system: System, motion: Motion, left: Array) -> bool:
     """Return whether scaled forces that should vanish do so; see `balanced_at`."""
     at = motion.q, motion.u, motion.a, motion.nu
-    return balanced_at(system, at, left, motion.dynamics.F0, motion.sizes, motion.spaces.scale, motion.time)
+    return bool(balanced_at(system, at, left, motion.dynamics.F0, motion.sizes, motion.spaces.scale, motion.time))

@@ -218,7 +218,7 @@ class Search:
         return at
 
     def _further(self, at: State, step: Array, left: float, trial: State) -> State:
-        """Return the state after a step or after several at once, if residuals are smaller there.
+        """Return the state after a step or after several at once, if residuals are much smaller there.
 
         To an m-fold solution each step leaves the part 1 - 1/m of the way: m steps at once lead there (Schröder 1870,
         Math. Ann. 2).
@@ -232,7 +232,7 @@ class Search:
         """
         steps = round(1.0 / (1.0 - left)) if left < TOLERANCES.slowest_settling else 1
         beyond = self.tried(at, steps * step) if steps > 1 else None
-        return trial if beyond is None or beyond.size >= trial.size else beyond
+        return trial if beyond is None or beyond.size > 0.1 * trial.size else beyond
 
     def relaxed(self, at: State) -> State:
         """Return the solution at which a heavily damped motion comes to rest."""
@@ -342,7 +342,9 @@ class Search:
         energy = max(energy, float(np.max(self.system.loads(q, u, a) * self.sizes, initial=0.0)))
         # At an equilibrium whose forces vanish one by one, a small move shows how large they are.
         at = q, u, a, np.zeros(self.system.n_c)
-        energy = max(energy, TOLERANCES.move_scaling_forces * force_change(self.system, at, self.sizes, self.sizes))
+        energy = max(
+            energy, TOLERANCES.move_scaling_forces * float(force_change(self.system, at, self.sizes, self.sizes))
+        )
         self.balance.measured_by(energy or 1.0, speed, q, u, a)
         self.sizes = self.balance.sizes
 

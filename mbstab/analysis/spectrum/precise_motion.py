@@ -7,6 +7,7 @@ precision, takes it to all digits; on numbers with slopes, to its derivatives by
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -31,7 +32,7 @@ from mbstab.analysis.spectrum.results import EigenResult
 from mbstab.analysis.verdict.directions import span
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
-from mbstab.compiler.system import Dynamics, System
+from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError, UsageError
 from mbstab.model import balls
 from mbstab.model.schema import Model
@@ -189,22 +190,55 @@ def _assembled(f: Refining, start: Start, system: System) -> Matrix:
         q[i] = scene.coordinates[system.names[i]] + f.zero
     if not (missing.any() and n_h):
         return q
-    columns, sizes = np.flatnonzero(missing), motion.sizes
-    still = f.zeros(system.n_q)
-    J = start.system.closing.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h][:, columns] * sizes[columns]
-    lengths = norms(J)
-    inverse = np.linalg.pinv(J / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
+    still, sizes = f.zeros(system.n_q), motion.sizes
+    J = start.system.closing.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h] * sizes
+    lengths = norms(J[:, missing])
+
+    def residual(x: Matrix) -> Matrix:
+        return f.exact(system.closing.dynamics(x, still, scene.time).E)[:n_h]
+
+    return _refined(f, system, q, np.flatnonzero(missing), sizes, J, lengths, residual, 1.0)
+
+
+def _refined(
+    f: Refining, system: System, known: Matrix, columns: Any, sizes: Array, J: Array, lengths: Array,
+    residual: Callable[[Matrix], Matrix], floor: float,
+) -> Matrix:  # fmt: skip
+    """Return known numbers, those of some columns refined so that a residual vanishes.
+
+    Parameters
+    ----------
+    J : ndarray
+        Its derivative in double precision by all numbers in their `sizes`.
+    lengths : ndarray
+        Sizes of its entries.
+    floor : float
+        Scale of the numbers where they vanish.
+
+    Raises
+    ------
+    ConstraintError
+        If it does not vanish to all digits.
+    """
+    inverse = np.linalg.pinv(J[:, columns] / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
+
+    def placed(x: Matrix) -> Matrix:
+        found = known.copy()
+        found[columns] = x * sizes[columns]
+        return found
 
     def correction(x: Matrix) -> Matrix:
-        place = q.copy()
-        place[columns] = x * sizes[columns]
-        return -f.applied(inverse, f.exact(system.closing.dynamics(place, still, scene.time).E)[:n_h] / lengths)
+        return -f.applied(inverse, residual(placed(x)) / lengths)
 
     try:
-        q[columns] = f.polished(q[columns] / sizes[columns], correction, 1.0) * sizes[columns]
+        return placed(f.polished(known[columns] / sizes[columns], correction, floor))
     except Stalled:
-        raise _unassembled(system) from None
-    return q
+        raise ConstraintError(
+            f"{system.scene.model.reference.location}: reference: the constraints are satisfied in double precision "
+            "only: with more digits the decimals of the file contradict each other\n"
+            "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
+            "constraints determine"
+        ) from None
 
 
 def _rates(f: Refining, start: Start, system: System, q: Matrix) -> Matrix:
@@ -217,30 +251,13 @@ def _rates(f: Refining, start: Start, system: System, q: Matrix) -> Matrix:
     columns, sizes = np.flatnonzero(missing), motion.sizes
     if not (len(columns) and system.n_c):
         return u
-    J = motion.dynamics.J[:, columns] * sizes[columns]
-    lengths = norms(motion.dynamics.J * sizes)
-    inverse = np.linalg.pinv(J / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
+    J = motion.dynamics.J * sizes
     fastest = float(np.max(np.abs(motion.u / sizes), initial=0.0))
 
-    def correction(x: Matrix) -> Matrix:
-        speeds = u.copy()
-        speeds[columns] = x * sizes[columns]
-        return -f.applied(inverse, f.exact(system.dynamics(q, speeds, scene.time).V) / lengths)
+    def residual(x: Matrix) -> Matrix:
+        return f.exact(system.dynamics(q, x, scene.time).V)
 
-    try:
-        u[columns] = f.polished(u[columns] / sizes[columns], correction, fastest) * sizes[columns]
-    except Stalled:
-        raise _unassembled(system) from None
-    return u
-
-
-def _unassembled(system: System) -> ConstraintError:
-    return ConstraintError(
-        f"{system.scene.model.reference.location}: reference: the constraints are satisfied in double precision only: "
-        "with more digits the decimals of the file contradict each other\n"
-        "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
-        "constraints determine"
-    )
+    return _refined(f, system, u, columns, sizes, J, norms(J), residual, fastest)
 
 
 def _declared(f: Refining, start: Start, system: System, q: Matrix) -> Generator:
@@ -259,23 +276,15 @@ def _declared(f: Refining, start: Start, system: System, q: Matrix) -> Generator
         return family.generator(full)
     given = [i for i, name in enumerate(system.names) if name in scene.rates]
     rates = f.exact([scene.rates[system.names[i]] for i in given])
-    basis = rough.basis(motion.q)[:, free]
-    sizes = motion.sizes
-    weights = 1.0 / norms(np.vstack([motion.dynamics.J * sizes, np.diag(sizes)[given]]))
-    inverse = np.linalg.pinv(np.vstack([motion.dynamics.J @ basis, basis[given]]) * weights[:, None], rcond=1e-12)
+    basis, sizes = rough.basis(motion.q), motion.sizes
+    lengths = norms(np.vstack([motion.dynamics.J * sizes, np.diag(sizes)[given]]))
 
-    def correction(x: Matrix) -> Matrix:
-        c = full.copy()
-        c[free] = x
+    def residual(c: Matrix) -> Matrix:
         u = f.exact(family.generator(c).field(q))
-        residual = np.concatenate([f.exact(system.dynamics(q, u, scene.time).V), u[given] - rates])
-        return -f.applied(inverse, residual * weights)
+        return np.concatenate([f.exact(system.dynamics(q, u, scene.time).V), u[given] - rates])
 
-    try:
-        full[free] = f.polished(full[free], correction, float(np.max(np.abs(plain), initial=0.0)))
-    except Stalled:
-        raise _unassembled(system) from None
-    return family.generator(full)
+    J, fastest = np.vstack([motion.dynamics.J @ basis, basis[given]]), float(np.max(np.abs(plain), initial=0.0))
+    return family.generator(_refined(f, system, full, free, np.ones(len(full)), J, lengths, residual, fastest))
 
 
 def _detected(f: Refining, start: Start, system: System, q: Matrix, u: Matrix) -> Generator:

@@ -10,26 +10,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
+from functools import cached_property
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import Flags, Index, norms
-from mbstab.analysis.algebra.deflation import balanced, deflated_matrix, in_frame, time_scale
+from mbstab.analysis.algebra.arrays import Flags, Index, norms, others
+from mbstab.analysis.algebra.augmented import Augmented
+from mbstab.analysis.algebra.deflation import balanced, deflated_matrix, time_scale
 from mbstab.analysis.algebra.rank import inverse_of_part
-from mbstab.analysis.algebra.stacks import frobenius, transposed
-from mbstab.analysis.algebra.subspaces import Subspaces
+from mbstab.analysis.algebra.sparse import scaled
+from mbstab.analysis.algebra.stacks import frobenius, times, transposed
+from mbstab.analysis.algebra.subspaces import Subspaces, decided
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
-from mbstab.analysis.linear.linearize import Linearization
+from mbstab.analysis.linear.linearize import Linearization, entries_of
+from mbstab.analysis.reference.coefficients import Matrices, matrices_in, multiplier_sizes
 from mbstab.analysis.reference.equations import Balance
-from mbstab.analysis.reference.imbalance import carrying, state_rounding
+from mbstab.analysis.reference.imbalance import balanced_at, carrying, state_rounding
 from mbstab.analysis.reference.many_points import polished
+from mbstab.analysis.reference.motion import Motion
+from mbstab.analysis.reference.speeds import on_rows
 from mbstab.analysis.reference.steady import Family, Generator, spins_freely
 from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
-from mbstab.analysis.sweep.batched_massless import Light
 from mbstab.analysis.sweep.batched_structure import Known
-from mbstab.analysis.sweep.cancellation import Cancellation
-from mbstab.analysis.sweep.data_errors import EntryErrors
+from mbstab.analysis.sweep.data_errors import EntryErrors, Samples
 from mbstab.analysis.sweep.points import Points
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
@@ -47,7 +51,6 @@ class Pattern:
         Structure of the point.
     family : Family or None
         Steady motions in rotating frames.
-    sizes : ndarray, shape (n_q,)
     balance : Balance or None
         The equations of the motion, if it was solved for.
     errors : dict
@@ -57,9 +60,13 @@ class Pattern:
     linear: Linearization
     known: Known
     family: Family | None
-    sizes: Array
     balance: Balance | None
     errors: dict[tuple[float, ...], EntryErrors | None] = field(default_factory=dict, compare=False, repr=False)
+
+
+Terms = tuple[Array, Array]
+"""How much larger the terms of matrices are than their sums, by points: the ratio of norms, and the terms of each entry
+of K by the norm of K, as what cancels in one entry may be small beside another."""
 
 
 class Equations:
@@ -91,43 +98,107 @@ class Equations:
         self.pattern, self.system, self.points, self.start = pattern, system, points, start
         self.some, self.alone = some, alone
         self.good: Flags = np.ones(points, dtype=bool)
-        self.light = None if pattern.linear.massless is None else Light(pattern.linear, pattern.linear.massless)
+        self.sizes = pattern.linear.motion.sizes
         if pattern.family is not None:
             self.good &= spins_freely(system, pattern.family.columns)
 
-    def linearized(self, cancellation: Cancellation) -> tuple[Flags, Points]:
-        """Return which points fit the pattern, and their linearized equations."""
-        pattern, system = self.pattern, self.system
-        q, steady, u, dynamics = self._motion()
-        self._require_rows(dynamics, q, u)
+    def linearized(self, errors: Samples, terms: Terms | None = None) -> tuple[Flags, Points]:
+        """Return which points fit the pattern, and their linearized equations.
+
+        Parameters
+        ----------
+        errors : Samples
+            What the rounding of the file changes in them, as `EntryErrors`.
+        terms : Terms, optional
+            The largest ones of points among which these are; else their own.
+        """
+        (motion, steady), linear, system = self.motion, self.pattern.linear, self.system
+        spaces, scale, light = motion.spaces, motion.spaces.scale, linear.massless
+        self._require_rows(motion)
+        self._require_ranks(spaces)
         # A pattern at rest does not apply to motions, nor the reverse.
-        self.good &= np.any(u, axis=1) != pattern.linear.motion.at_rest
-        M, J, scale, row_scale = self._scaled(dynamics)
-        bases = self._subspaces(J, system.n_h, pattern.linear.motion.spaces)
-        allowed, Z, inverse, _ = bases
-        a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
-        K, R, D_q, balance = self._coefficients(q, u, a, steady, dynamics, (J, inverse), scale, row_scale)
-        if self.start is None:  # solutions balance to rounding, of which little may be left in their sums
-            T = allowed @ Z
-            self.good &= np.max(np.abs(transposed(T) @ balance[0][..., None]), axis=(-1, -2), initial=0.0) <= balance[1]
-        if self.light is not None:
-            without_mass, alike = self.light.found(M, allowed @ Z)
-            J, D_q, regular = self.light.extended(without_mass, R, K, J, D_q)
-            self.good &= alike & regular
-            bases = self._subspaces(J, pattern.linear.n_h, pattern.linear.spaces)
-        N, Z, inverse, W_inverse = bases
-        P = -(W_inverse @ (D_q @ N))
+        self.good &= np.any(motion.u, axis=1) != linear.motion.at_rest
+        forces, across = self._balanced_forces(motion), np.zeros(1)
+        if system.n_n:
+            J, nu = motion.dynamics.J[:, system.n_h :], motion.nu[:, system.n_h :]
+            most = np.maximum(np.max(np.abs(forces), axis=-1), 1e-300)
+            across = np.max(np.abs(times(transposed(J), nu) * scale), axis=-1) / most
+        free, inverse, m = spaces.allowed, motion.augmented.inverse, matrices_in(system, motion, steady)
+        self.terms = spread, parts = self._terms(m) if terms is None else terms
+        if light is not None:
+            M, R = (scaled(x, scale, scale) for x in m[:2])
+            moved, basis, alike = light.at_points(M, R, spaces)
+            m = moved.extended(m)
+            spaces = decided(m.J, linear.n_h, scale, linear.spaces)
+            self._require_ranks(spaces)
+            J = scaled(m.J, scale, spaces.row_scale)
+            kept = np.linalg.svd(J[:, light.own] @ basis, compute_uv=False)[:, -1] >= ALGEBRA.singular_value_kept
+            self.good &= alike & kept
+            inverse = spaces.inverse(J)
+        M, R, K = (scaled(x, scale, scale) for x in m[:3])
+        N, Z, D_q = spaces.N, spaces.Z, scaled(m.D_q, scale, spaces.row_scale[:, linear.n_h :])
+        P = -(spaces.W.pseudo_inverse @ (D_q @ N))
         A, M_z = deflated_matrix(M, R, K, N, Z, P)
         gamma = time_scale(A, N.shape[-1])
         S = self._finite(balanced(A, N.shape[-1], gamma))
-        if self.light is not None:
-            self.good &= self.light.carried(M_z)
-        (ratio, terms), data = cancellation.terms.larger(), _scaled_errors(cancellation, scale)
-        spread = ratio * (1.0 if self.light is None else self.light.cancelling)
-        error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, W_inverse, S, data) * spread
-        deflated = q, steady, scale, M, R, K, N, Z, P, S, gamma
-        terms = terms * frobenius(K)[:, None, None]
-        return self.good, Points(*deflated, system, u, a, data, allowed, error, balance[2], spread, terms)
+        if light is not None and M_z.size:
+            inertias = np.linalg.eigvalsh(M_z)
+            self.good &= inertias[:, 0] > REFERENCE.massless * inertias[:, -1]
+        of_K, of_R, rest = errors.larger()
+        data = scaled(of_K, scale, scale), scaled(of_R, scale, scale), rest
+        spread = spread * self._cancelling
+        error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, spaces.W.pseudo_inverse, S, data) * spread
+        deflated = motion.q, steady, scale, M, R, K, N, Z, P, S, gamma
+        parts = parts * frobenius(K)[:, None, None]
+        return self.good, Points(*deflated, system, motion.u, motion.a, data, free, error, across, spread, parts)
+
+    @property
+    def _cancelling(self) -> float:
+        """Ratio of the terms of the rows of balance to their sums at the pattern, with the rounding of directions."""
+        linear = self.pattern.linear
+        if (light := linear.massless) is None:
+            return 1.0
+        terms, rows = (x[light.own] * light.spaces.scale for x in (linear.entries.J, linear.J))
+        cancelling = float(np.max(np.linalg.norm(terms, axis=1) / np.linalg.norm(rows, axis=1)))
+        return cancelling * (1.0 if light.exact else max(1.0, light.accuracy / EPS))
+
+    @cached_property
+    def motion(self) -> tuple[Motion, Generator | None]:
+        """The motions, and the steady ones that they follow in a rotating frame."""
+        known = self.pattern.linear.motion
+        q, steady, u, dynamics = self._state()
+        a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
+        own, here = (np.diagonal(x, axis1=-2, axis2=-1) for x in (known.dynamics.M, dynamics.M))
+        heavy = (own > 0.0) & (here > 0.0)
+        scale = self.pattern.linear.spaces.scale * np.sqrt(np.where(heavy, own, 1.0) / np.where(heavy, here, 1.0))
+        spaces = decided(dynamics.J, self.system.n_h, scale, known.spaces)
+        M, J = scaled(dynamics.M, scale, scale), scaled(dynamics.J, scale, spaces.row_scale)
+        augmented, time = Augmented(M, J, spaces.inverse(J), None), self.system.scene.time
+        found = replace(known, q=q, u=u, a=a, time=time, dynamics=dynamics, spaces=spaces, augmented=augmented)
+        return replace(found, nu=found.balancing(dynamics.F0 + times(dynamics.M, a))), steady
+
+    def _balanced_forces(self, motion: Motion) -> Array:
+        """Return the scaled forces that the rows balance; where rows are all, solutions must balance to rounding.
+
+        Of those of a path of equilibria little may be left of the digits of their sums.
+        """
+        dynamics, scale = motion.dynamics, motion.spaces.scale
+        forces = dynamics.F0 + times(dynamics.M, motion.a)
+        if self.start is None:
+            left = (forces + times(transposed(dynamics.J), motion.nu)) * scale
+            at = motion.q, motion.u, motion.a, motion.nu
+            left = times(transposed(motion.spaces.allowed), left)
+            self.good &= balanced_at(self.system, at, left, dynamics.F0, motion.sizes, scale, motion.time)
+        return np.asarray(forces * scale)
+
+    def _require_ranks(self, spaces: Subspaces) -> None:
+        """Accept points at which rows have the ranks of the pattern.
+
+        Points at which light bodies make the rows depend on each other are not good: alone they keep their digits.
+        """
+        for rank in (spaces.C, spaces.W):
+            self.good &= np.asarray(rank.smallest_kept >= math.sqrt(ALGEBRA.light_mass))
+            self.good &= np.asarray(rank.largest_dropped <= ALGEBRA.singular_value_zero)
 
     def _finite(self, S: Array) -> Array:
         """Return S of each point, with zeros where it is not finite."""
@@ -163,32 +234,18 @@ class Equations:
         result: Array = np.maximum(evaluated, given / (TOLERANCES.part_of_margin * TOLERANCES.bounds_from_axis))
         return result
 
-    def cancellation(self) -> tuple[Array, Array]:
-        """Return the ratio and the terms of the stiffness of `Cancellation`, for all of these points."""
-        system = self.system
-        q, steady, u, dynamics = self._motion()
-        _, J, scale, row_scale = self._scaled(dynamics)
-        a = steady.acceleration(q) if steady is not None else np.zeros_like(q)
-        inverse = np.linalg.pinv(J, rcond=ALGEBRA.singular_value_zero) if system.n_c else np.zeros((1, system.n_q, 0))
-        forces = _times(dynamics.M, a) + dynamics.F0
-        nu = np.abs(_times(transposed(inverse), forces * scale)) * row_scale
-        loads = system.terms(q, u, a, nu)
-        balanced = loads["F"] + _times(loads["M"], np.abs(a)) + _times(transposed(loads["J"]), nu)
-        balanced = balanced + loads["K"] @ self.pattern.sizes + _times(loads["R"], np.abs(u))
-        K, R, _ = system.linearize(q, u, a, _times(-transposed(inverse), forces * scale) * row_scale)
-        larger = nu + _times(np.abs(transposed(inverse)), balanced * scale) * row_scale
-        terms = system.terms(q, u, a, larger)
-        pairs = ((terms["K"], K), (terms["R"], R))
-        both = scale[:, None, :] * scale[:, :, None]
-        sizes = [(frobenius(one * both), frobenius(other * both)) for one, other in pairs]
-        gamma = np.sqrt(sizes[0][1]) + sizes[1][1]
-        whole = sizes[0][1] + sizes[1][1] * gamma + frobenius(dynamics.M * both) * gamma**2
-        found: Array = np.broadcast_to((sizes[0][0] + sizes[1][0] * gamma) / np.maximum(whole, 1e-300), (self.points,))
-        entries = np.broadcast_to(terms["K"] * both, (self.points, *both.shape[1:]))
-        parts = entries / np.maximum(sizes[0][1], 1e-300)[:, None, None]
-        return np.maximum(np.nan_to_num(found, nan=1.0, posinf=1e6), 1.0), np.nan_to_num(parts, nan=0.0, posinf=1e300)
+    def _terms(self, m: Matrices) -> Terms:
+        """Return how much larger the terms of scaled matrices are than their sums."""
+        motion, steady = self.motion
+        found = entries_of(self.system, motion, steady, multiplier_sizes(self.system, motion))
+        of_K, of_R, M, R, K = (scaled(x, motion.spaces.scale, motion.spaces.scale) for x in (found.K, found.R, *m[:3]))
+        M, R, K = (frobenius(x) for x in (M, R, K))
+        gamma = np.sqrt(K) + R
+        ratio = (frobenius(of_K) + frobenius(of_R) * gamma) / np.maximum(K + R * gamma + M * gamma**2, 1e-300)
+        ratio = np.maximum(np.nan_to_num(ratio, nan=1.0, posinf=1e6), 1.0)
+        return ratio, np.nan_to_num(of_K / np.maximum(K, 1e-300)[:, None, None], nan=0.0, posinf=1e300)
 
-    def _motion(self) -> tuple[Array, Generator | None, Array, Dynamics]:
+    def _state(self) -> tuple[Array, Generator | None, Array, Dynamics]:
         """Return the coordinates, the steady motion, the speeds and the equations of motion there."""
         if self.start is not None:
             return self._balanced(*self.start)
@@ -213,15 +270,13 @@ class Equations:
 
     def _assembled(self, q: Array, missing: Flags) -> Array:
         """Solve C = 0 for the missing coordinates, from those of the pattern."""
-        sizes, n_h = self.pattern.sizes[missing], self.system.n_h
+        n_h, q = self.system.n_h, q.copy()
         for _ in range(REFERENCE.newton_steps_onto_constraints):
             dynamics = self.system.closing.dynamics(q, 0.0 * q)
-            J = dynamics.J[:, :n_h, missing] * sizes
-            lengths = norms(dynamics.J[:, :n_h] * self.pattern.sizes)
-            weighted = J / lengths[..., None], (dynamics.E[:, :n_h] / lengths)[..., None]
-            step = -(inverse_of_part(weighted[0]) @ weighted[1])[..., 0]
-            q = q.copy()
-            q[:, missing] += step * sizes
+            J = dynamics.J[:, :n_h] * self.sizes
+            lengths = norms(J)
+            step = -times(inverse_of_part(J[..., missing] / lengths[..., None]), dynamics.E[:, :n_h] / lengths)
+            q[:, missing] += step * self.sizes[missing]
             if not np.max(np.abs(step)) > 1e-15:
                 break
         return q
@@ -247,64 +302,31 @@ class Equations:
         system, scene = self.system, self.system.scene
         u = self._given(scene.rates, np.zeros(system.n_q))
         missing = np.array([name not in scene.rates for name in system.names])
-        family = self.pattern.family
-        if family is not None:
-            return self._turning(q, u, missing, family)
-        if missing.any() and system.n_c and not self._at_rest():
-            sizes, states, bodily = self.pattern.sizes, system.states[0], missing.copy()
-            bodily[states] = False
-            for _ in range(2):
-                dynamics = system.bodily.dynamics(q, u)
-                J = dynamics.J * sizes
-                lengths = norms(J)[..., None]
-                step = inverse_of_part(J[..., bodily] / lengths) @ (dynamics.V[..., None] / lengths)
-                u = u.copy()
-                u[:, bodily] -= step[..., 0] * sizes[bodily]
-            if missing[states].any():
-                u = system.with_state_rates(q, u)
-            fast = np.max(np.abs(u / sizes), axis=1, keepdims=True)
-            u[(np.abs(u / sizes) < 1e-14 * fast) & missing] = 0.0
-        return None, u
-
-    def _at_rest(self) -> bool:
-        return self.pattern.linear.motion.at_rest and not any(np.any(x) for x in self.system.scene.rates.values())
-
-    def _turning(self, q: Array, u: Array, missing: Flags, family: Family) -> tuple[Generator, Array]:
-        """Return the generator whose speeds satisfy the rows and the given rates."""
-        system, sizes = self.system, self.pattern.sizes
-        own = replace(family, system=system)
-        basis = own.basis(q)
-        zero = system.dynamics(q, 0.0 * q)
-        lengths = norms(zero.J * sizes)
-        given = ~missing
-        rows = np.concatenate([zero.J @ basis / lengths[..., None], (basis / sizes[:, None])[:, given]], axis=1)
-        known = self._declared()
-        right = np.concatenate(
-            [np.broadcast_to(-zero.V / lengths, (self.points, system.n_c)), (u / sizes)[:, given]], axis=1
-        )
-        free = [k for k in range(own.size) if k not in known]
-        c = np.zeros((self.points, own.size))
-        for k, value in known.items():
-            c[:, k] = value
-        right = right - (rows @ c[..., None])[..., 0]
-        c[:, free] = (inverse_of_part(rows[..., free]) @ right[..., None])[..., 0]
-        generator = own.generator(c)
+        family, sizes, given = self.pattern.family, self.sizes, np.flatnonzero(~missing)
+        if family is None:
+            still = self.pattern.linear.motion.at_rest and not any(np.any(x) for x in scene.rates.values())
+            if missing.any() and system.n_c and not still:
+                basis = np.diag(sizes)[:, others(len(missing), [*given, *system.states[0]])]
+                u = u + times(basis, on_rows(system.bodily, q, u, basis, sizes, (given[:0], u[:, :0]))[0])
+                u = system.with_state_rates(q, u) if np.any(missing[system.states[0]]) else u
+                fast = np.max(np.abs(u / sizes), axis=1, keepdims=True)
+                u[(np.abs(u / sizes) < 1e-14 * fast) & missing] = 0.0
+            return None, u
+        family, c = replace(family, system=system), np.zeros((self.points, family.size))
+        free, basis = np.arange(family.size), family.basis(q)
+        if scene.steady is not None and scene.steady.rate is not None:
+            c[:, 0], free = scene.steady.rate, free[1:]
+        c[:, free] = on_rows(system, q, times(basis, c), basis[..., free], sizes, (given, u[:, given]))[0]
+        generator = family.generator(c)
         speeds = generator.field(q)
         fast = np.max(np.abs(speeds / sizes), axis=1)
-        self.good &= np.max(np.abs((speeds - u) / sizes)[:, given], axis=1, initial=0.0) <= REFERENCE.residual * fast
+        off = np.max(np.abs((speeds - u) / sizes)[:, given], axis=1, initial=0.0)
+        self.good &= off <= REFERENCE.residual * fast
         return generator, speeds
 
-    def _declared(self) -> dict[int, Array | float]:
-        """Return the coefficients of a declared steady motion."""
-        steady = self.system.scene.steady
-        if steady is None or steady.rate is None:
-            return {}
-        known: dict[int, Array | float] = {0: steady.rate}
-        return known
-
-    def _require_rows(self, dynamics: Dynamics, q: Array, u: Array) -> None:
+    def _require_rows(self, motion: Motion) -> None:
         """Accept points that satisfy all rows as well as rounding allows, as for a single point."""
-        sizes, n_h = self.pattern.sizes, self.system.n_h
+        dynamics, q, u, sizes, n_h = motion.dynamics, motion.q, motion.u, motion.sizes, self.system.n_h
         allowed = REFERENCE.residual * np.abs(dynamics.J) @ sizes + 1e-300
         fast = np.max(np.abs(u / sizes), axis=1, initial=0.0)[:, None]
         self.good &= np.all(np.abs(dynamics.E[:, :n_h]) <= allowed[:, :n_h], axis=1)
@@ -313,109 +335,3 @@ class Equations:
             rounding = REFERENCE.coordinate_rounding * carrying(self.system, (q, u), None, sizes)
             allowed = allowed + rounding + state_rounding(self.system, q, u)
         self.good &= np.all(np.abs(dynamics.V) <= allowed, axis=1)
-
-    # --- subspaces --------------------------------------------------------------------------------------------------
-
-    def _scaled(self, dynamics: Dynamics) -> tuple[Array, Array, Array, Array]:
-        diagonal = np.diagonal(dynamics.M, axis1=-2, axis2=-1)
-        known = self.pattern.linear.spaces.scale
-        scale = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), known)
-        J = dynamics.J * scale[:, None, :]
-        lengths = np.linalg.norm(J, axis=-1)
-        row_scale = np.where(lengths > 0.0, 1.0 / np.where(lengths > 0.0, lengths, 1.0), 1.0)
-        return dynamics.M * scale[:, None, :] * scale[:, :, None], J * row_scale[..., None], scale, row_scale
-
-    def _subspaces(self, J: Array, n_h: int, spaces: Subspaces) -> tuple[Array, Array, Array, Array]:
-        """Return N, Z, J⁺ and (D_u N)⁺ of rows, n_h of them holonomic, with the ranks of the pattern at every point."""
-        n_c = J.shape[-2]
-        if n_c and (spaces.C.rank, spaces.W.rank) == (n_h, n_c - n_h):
-            return self._independent(J, n_h)
-        N = self._null(J[:, :n_h], spaces.C.rank)
-        across = J[:, n_h:] @ N
-        inverse, W_inverse = (np.linalg.pinv(x, rcond=ALGEBRA.singular_value_zero) for x in (J, across))
-        return N, self._null(across, spaces.W.rank), np.asarray(inverse), np.asarray(W_inverse)
-
-    def _independent(self, J: Array, n_h: int) -> tuple[Array, Array, Array, Array]:
-        """Return the same where all rows are independent: from Jᵀ = Q R, with J⁺ = Q R⁻ᵀ.
-
-        Points at which light bodies make the rows depend on each other are not good: alone they keep their digits.
-        """
-        n_c, n_q = J.shape[-2:]
-        Q, R = np.linalg.qr(transposed(J), mode="complete")
-        diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
-        regular, least = np.min(diagonal, axis=-1) > 0.0, math.sqrt(ALGEBRA.light_mass)
-        self.good &= regular
-        R_inverse = np.linalg.inv(np.where(regular[:, None, None], R[:, :n_c], np.eye(n_c)))
-        for rows in (slice(0, n_h), slice(n_h, n_c)):
-            # The norm of the inverse bounds the least singular value; where it does not tell, that itself does.
-            doubtful = np.flatnonzero(frobenius(R_inverse[:, rows, rows]) * least > 1.0)
-            if len(doubtful):
-                kept = np.ones(len(J), dtype=bool)
-                s = np.linalg.svd(R[doubtful, rows, rows], compute_uv=False)
-                kept[doubtful] = s[:, -1] >= least
-                self.good &= kept
-        W_inverse = np.zeros((len(J), n_q - n_h, n_c - n_h))
-        W_inverse[:, : n_c - n_h] = transposed(R_inverse[:, n_h:, n_h:])
-        return Q[..., n_h:], np.eye(n_q - n_h)[None, :, n_c - n_h :], Q[..., :n_c] @ transposed(R_inverse), W_inverse
-
-    def _null(self, matrix: Array, rank: int) -> Array:
-        """Return the null space, checking the rank at every point."""
-        rows, columns = matrix.shape[-2:]
-        if rows == 0 or columns == 0:
-            return np.eye(columns)[None]
-        _, s, right = np.linalg.svd(matrix)
-        if rank:
-            self.good &= s[:, rank - 1] >= ALGEBRA.singular_value_kept
-        if rank < s.shape[-1]:
-            self.good &= s[:, rank] <= ALGEBRA.singular_value_zero
-        return transposed(right[:, rank:])
-
-    # --- coefficients -----------------------------------------------------------------------------------------------
-
-    def _coefficients(
-        self,
-        q: Array,
-        u: Array,
-        a: Array,
-        steady: Generator | None,
-        dynamics: Dynamics,
-        rows: tuple[Array, Array],
-        scale: Array,
-        row_scale: Array,
-    ) -> tuple[Array, Array, Array, tuple[Array, Array, Array]]:
-        """Return K, R, D_q in scaled coordinates, and the imbalance of the forces and its limit, from J and J⁺.
-
-        The third entry of the forces is the force across rows on speeds, relative to all forces.
-        """
-        system, n_h, (J, inverse) = self.system, self.system.n_h, rows
-        force = (_times(dynamics.M, a) + dynamics.F0) * scale
-        nu, balance, across = np.zeros((1, system.n_c)), force, np.zeros(1)
-        if system.n_c:
-            nu = -_times(transposed(inverse), force)
-            balance = force + _times(transposed(J), nu)
-            largest = np.maximum(np.max(np.abs(force), axis=-1), 1e-300)
-            across = np.max(np.abs(_times(transposed(J[:, n_h:]), nu[:, n_h:])), axis=-1) / largest
-        K, R, D_q = system.linearize(q, u, a, nu * row_scale)
-        sizes, scene = self.pattern.sizes, system.scene
-        gravity = math.sqrt(sum(float(np.max(np.abs(x))) ** 2 for x in scene.gravity))
-        weights = max(math.sqrt(float(np.max(body.mass))) for body in scene.bodies) * gravity
-        changes = (np.abs(K) @ sizes + _times(np.abs(R), np.abs(u))) * scale
-        largest = np.maximum(np.max(np.abs(dynamics.F0 * scale), axis=-1), weights)
-        allowed = REFERENCE.unbalance * largest + REFERENCE.coordinate_rounding * np.max(changes, axis=-1)
-        if steady is not None:
-            R, K, D_q = in_frame(dynamics.M, R, K, dynamics.J[:, n_h:], D_q, *steady.frame(q))
-        both = scale[:, None, :] * scale[:, :, None]
-        D_q = D_q * scale[:, None, :] * row_scale[:, n_h:, None]
-        return K * both, R * both, D_q, (balance, allowed, across)
-
-
-def _scaled_errors(cancellation: Cancellation, scale: Array) -> tuple[Array, Array, Array]:
-    """Return the errors of the data, of K and R in scaled coordinates."""
-    K, R, ratio = cancellation.data.larger()
-    both = scale[:, None, :] * scale[:, :, None]
-    return K * both, R * both, ratio
-
-
-def _times(matrix: Array, vector: Array) -> Array:
-    result: Array = (matrix @ vector[..., None])[..., 0]
-    return result

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.stacks import some
 from mbstab.analysis.bounds.location import enclosures
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
 from mbstab.analysis.reference.equations import Balance
@@ -27,11 +28,10 @@ from mbstab.analysis.reference.paths import Path, Sheet, Surface
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.steady import Family, spinning_columns
 from mbstab.analysis.spectrum.exactly import Exactly
-from mbstab.analysis.sweep.batched_equations import Equations, Pattern
+from mbstab.analysis.sweep.batched_equations import Equations, Pattern, Terms
 from mbstab.analysis.sweep.batched_structure import Known, coefficients
 from mbstab.analysis.sweep.batched_verdict import NOT_COUNTED, WORD, Judged, judged
-from mbstab.analysis.sweep.cancellation import Cancellation, sampled
-from mbstab.analysis.sweep.data_errors import EntryErrors, entry_errors
+from mbstab.analysis.sweep.data_errors import EntryErrors, Samples, data_errors, entry_errors
 from mbstab.analysis.sweep.open_points import Kind, Part, kinds_of_open_points, nearly_meeting, settle, spread
 from mbstab.analysis.sweep.shapes import Shapes, shapes_of
 from mbstab.analysis.sweep.spectra import Spectra
@@ -70,7 +70,8 @@ class Evaluator:
         self.model, self.path = model, path
         self.patterns = list(patterns)
         self.tried: list[Pattern] = []  # those of them that have fitted few points
-        self.cancellation: Cancellation | None = None
+        self.errors: Samples | None = None
+        self.terms: Terms | None = None
         self.solutions: dict[tuple[float, ...], tuple[Array, Array] | None] = {}
         """Coordinates and rates of points that are solved by themselves, by the values of the parameters."""
         self.alone = 0
@@ -250,13 +251,13 @@ class _Work:
             alike[index] = pattern.known.same_signs(numbers)
         done = alike[pending]
         alike_ones = pending[done]
-        cancellation = self._cancellation(pattern, alike_ones) if len(alike_ones) else None
-        if cancellation is None:
+        errors = self._errors(pattern, alike_ones) if len(alike_ones) else None
+        if errors is None:
             return np.zeros(len(pending), dtype=bool)
         block, fits = max(64, TOLERANCES.block_entries // pattern.linear.M.size), []
         for start in range(0, len(alike_ones), block):
             part = slice(start, start + block)
-            fits.append(self._block(pattern, alike_ones[part], cancellation.at(part)))
+            fits.append(self._block(pattern, alike_ones[part], errors.at(part)))
             self.progress(1.0 - (len(pending) - start) / self.points)
         done[done] = np.concatenate(fits)
         return done
@@ -526,7 +527,7 @@ class _Work:
                 linear.system, linear.generator.axis, np.zeros(3), directions, spinning_columns(linear.system)
             )
         balance = None if self.path is None else self.motion(linear.system, i)[1]
-        return Pattern(linear, known, family, linear.motion.sizes, balance)
+        return Pattern(linear, known, family, balance)
 
     def motion(self, system: System, i: int) -> tuple[Motion, Balance | None]:
         """Return the motion at a point, and its equations if it was solved for."""
@@ -543,11 +544,12 @@ class _Work:
 
     # --- many points ------------------------------------------------------------------------------------------------
 
-    def _block(self, pattern: Pattern, index: Index, cancellation: Cancellation) -> Flags:
+    def _block(self, pattern: Pattern, index: Index, errors: Samples) -> Flags:
         """Compute points of a pattern together; return which of them fit it."""
         with np.errstate(all="ignore"):
             try:
-                good, points = self._equations(pattern, index, self.scene(index)).linearized(cancellation)
+                equations, known = self._equations(pattern, index, self.scene(index)), self.evaluator.terms
+                good, points = equations.linearized(errors, None if self.sampled else known)
                 separation = pattern.known.separated(points)
                 for x in self.values.values():
                     good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= VERDICT.number_lost))
@@ -555,6 +557,11 @@ class _Work:
                 found = judged(pattern.known, points, separation)
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)
+        if np.any(good) and self.sampled:  # further points between these take the largest
+            own = [some(x, good, 0) for x in equations.terms]
+            both = zip(own, own if known is None else known, strict=True)
+            ratio, parts = (np.max(np.concatenate(x), axis=0, keepdims=True) for x in both)
+            self.evaluator.terms = ratio, parts
         if np.any(good):
             self.found.append(Part(index[good], found.at(good), pattern.known))
         return good
@@ -562,9 +569,9 @@ class _Work:
     def separated(self, pattern: Pattern, index: Index, count: int, of: Callable[..., Iterable[T]]) -> dict[int, T]:
         """Return what is told of the equations of points with `count` eigenvalues, by their numbers, if they fit."""
         with np.errstate(all="ignore"), contextlib.suppress(MbstabError, ArithmeticError, np.linalg.LinAlgError):
-            if len(index) and (cancellation := self._cancellation(pattern, index)) is not None:
+            if len(index) and (errors := self._errors(pattern, index)) is not None:
                 equations = self._equations(pattern, index, self.scene(index))
-                good, points = equations.linearized(cancellation.at(slice(0, len(index))))
+                good, points = equations.linearized(errors.at(slice(0, len(index))), self.evaluator.terms)
                 separation = pattern.known.separated(points)
                 if separation.A.shape[-1] == count:
                     told = zip(index.tolist(), (good & separation.good).tolist(), of(points, separation), strict=True)
@@ -598,19 +605,18 @@ class _Work:
     def _start(self, index: Index) -> tuple[Array, Array] | None:
         return None if self.path is None else self.path.predicted({k: x[index] for k, x in self.values.items()})
 
-    def _cancellation(self, pattern: Pattern, index: Index) -> Cancellation | None:
-        """Return how much cancels in the matrices, from some of the points; None where it is known of none."""
+    def _errors(self, pattern: Pattern, index: Index) -> Samples | None:
+        """Return how much the rounding of the file changes the equations, from some of the points; None if unknown."""
         evaluator, points = self.evaluator, len(index)
-        earlier = evaluator.cancellation
+        earlier = evaluator.errors
         if earlier is not None and (not self.sampled or points < TOLERANCES.points_of_lonely_pattern):
             return earlier
-        terms = lambda some: self._equations(pattern, index[some], self.scene(index[some])).cancellation()  # noqa: E731
-        found = sampled(terms, points, lambda i: self._errors(pattern, int(index[i])))
+        found = data_errors(lambda i: self._errors_at(pattern, int(index[i])), points)
         if found is not None:
-            evaluator.cancellation = found.largest(earlier)
+            evaluator.errors = found.largest(earlier)
         return found or earlier
 
-    def _errors(self, pattern: Pattern, i: int) -> EntryErrors | None:
+    def _errors_at(self, pattern: Pattern, i: int) -> EntryErrors | None:
         """Return how much the rounding of the file changes the equations of a point; None where it has none."""
         place, known = self._place(i), pattern.errors
         if place not in known:

@@ -261,7 +261,7 @@ class Known:
         """Return the second variation of the energy in the coordinates of S, and the bounds of its rounding errors."""
         K, terms = points.K, np.maximum(points.spread[:, None, None] * np.abs(points.K), points.terms)
         if self.grounds.idle_frame:
-            K, added = points.stiffness_on_ground()
+            _, K, added = points.on_ground()
             terms = terms + points.spread[:, None, None] * added
         error, _, ratio = points.data
         known = terms + error / (VERDICT.roundings_of_variation * EPS)

@@ -1,15 +1,9 @@
 """Verdicts at many points of a sweep at once: sides of eigenvalues, and the result of `judge` for each class of points.
 
-Each eigenvalue has a bound of its own. The matrix left to judge, A, is known to ε in the norm. A simple
-eigenvalue s of A, at a distance δ from the others, has at most the condition number
-
-    κ = (1 + (|A|² − Σ|s|²)/((r − 1) δ²))^((r−1)/2)
-
-(Smith 1967, Numer. Math. 10; Frobenius norms), so the eigenvalues alone locate most of them
-within 2 κ ε. Where this does not tell on which side of the imaginary axis one lies,
-Gershgorin's discs of Y A W, with vectors W and Y = W⁻¹, do. Where there is a stiffness alone, the signs
-of its scaled eigenvalues count those that grow, however stiff the scene is. Points that are then still
-open are judged one by one by the code of `mbstab eig`.
+Each eigenvalue has a bound of its own. The matrix left to judge, A, is known to ε in the norm: Gershgorin's discs of
+Y A W, with vectors W and Y = W⁻¹, contain its eigenvalues. Where there is a stiffness alone, the signs of its scaled
+eigenvalues count those that grow, however stiff the scene is. Points that are then still open are judged one by one by
+the code of `mbstab eig`.
 """
 
 from __future__ import annotations
@@ -20,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.bounds.eigenpairs import eigenpairs
@@ -109,7 +103,7 @@ def judged(known: Known, points: Points, separation: Separation) -> Judged:
         sides, minima = _by_stiffness(values, counts)
     else:
         mirrored = bool(known.mirrored)
-        values, sides = located(A, least, mirrored)
+        values, sides = placed(A, least, mirrored)
         if mirrored:
             sides[~known.regular(points, separation.B)[:, None] & (sides == AXIS)] = OPEN
         if known.minimum:
@@ -246,65 +240,22 @@ def eigenvalues(A: Array) -> Complex:
     return eigenpairs(A, TOLERANCES.slow_eigenvalue, False, TOLERANCES.inverse_departure)[0]
 
 
-def located(A: Array, error: Array, mirrored: bool) -> tuple[Complex, Sides]:
-    """Return the eigenvalues of matrices and their sides, with eigenvectors where condition numbers do not tell them.
+def placed(A: Array, error: Array, mirrored: bool) -> tuple[Complex, Sides]:
+    """Return eigenvalues, and their sides by discs of Y A V, with a basis V of eigenvectors and Y = V⁻¹.
 
-    The arguments are those of `placed`.
-    """
-    some = np.linspace(0, len(A) - 1, TOLERANCES.points_with_conditions).astype(int)
-    if len(A) > len(some) and _open(placed(A[some], eigenvalues(A[some]), error[some], mirrored)).all():
-        return placed_by_vectors(A, error, mirrored)
-    values = eigenvalues(A)
-    sides = placed(A, values, error, mirrored)
-    closer = np.flatnonzero(_open(sides))
-    if len(closer):
-        values[closer], sides[closer] = placed_by_vectors(A[closer], error[closer], mirrored)
-    return values, sides
-
-
-def _open(sides: Sides) -> Flags:
-    """Return which points have eigenvalues without a side."""
-    found: Flags = np.any(sides == OPEN, axis=1)
-    return found
-
-
-def placed(A: Array, values: Complex, error: Array, mirrored: bool) -> Sides:
-    """Return on which side of the axis eigenvalues lie, by bounds of their condition numbers without vectors.
+    Vectors of several eigenvalues near zero are nearly parallel: a basis of their span
+    replaces them.
 
     Parameters
     ----------
     A : ndarray, shape (points, r, r)
-    values : ndarray of complex, shape (points, r)
     error : ndarray, shape (points,)
         Norm of the rounding error of A (1/s).
     mirrored : bool
         Whether the spectrum is symmetric about the imaginary axis by structure.
     """
-    r = A.shape[-1]
-    if r == 1:
-        return _sides(values, np.broadcast_to(error[:, None], values.shape), mirrored)
-    gaps = np.abs(values[:, :, None] - values[:, None, :])
-    each = np.arange(r)
-    gaps[:, each, each] = np.inf
-    nearest = np.min(gaps, axis=2)
-    departure = np.maximum(np.sum(A * A, axis=(1, 2)) - np.sum(np.abs(values) ** 2, axis=1), 0.0)
-    with np.errstate(all="ignore"):
-        condition = (1.0 + departure[:, None] / ((r - 1) * nearest**2)) ** (0.5 * (r - 1))
-        radii = 2.0 * condition * error[:, None]
-    valid = TOLERANCES.bounds_apart * r * np.max(radii, axis=1) < np.min(nearest, axis=1)
-    sides = _sides(values, radii, mirrored)
-    sides[~valid] = OPEN
-    return sides
-
-
-def placed_by_vectors(A: Array, error: Array, mirrored: bool) -> tuple[Complex, Sides]:
-    """Return eigenvalues, and their sides by discs of Y A V, with a basis V of eigenvectors and Y = V⁻¹.
-
-    Vectors of several eigenvalues near zero are nearly parallel: a basis of their span
-    replaces them.
-    """
-    values, W = np.linalg.eig(A)
-    values, sides = values.astype(complex), np.full(A.shape[:2], OPEN, dtype=np.int8)
+    values, W = eigenpairs(A, TOLERANCES.slow_eigenvalue, True, TOLERANCES.inverse_departure)
+    sides = np.full(A.shape[:2], OPEN, dtype=np.int8)
     _place(A, values, W, error, mirrored, sides, np.arange(len(A)))
     small = np.abs(values) <= TOLERANCES.unexplained_zero * np.linalg.norm(A, axis=(1, 2))[:, None]
     number = np.sum(small, axis=1)
@@ -341,7 +292,7 @@ def _place(A: Array, values: Complex, V: Complex, error: Array, mirrored: bool, 
     centres = np.where(real, centres.real, centres)
     gaps = np.abs(centres[:, :, None] - centres[:, None, :])
     gaps[:, each, each] = np.inf
-    found = _sides(centres, radii, mirrored)
+    found = sides_of(centres, TOLERANCES.bounds_from_axis * radii, mirrored)
     # Where discs overlap, their eigenvalues have a side only if all discs lie on the same side.
     meet = gaps <= radii[:, :, None] + radii[:, None, :]
     found[(found == AXIS) & np.any(meet, axis=2)] = OPEN
@@ -390,11 +341,6 @@ def _inverse(W: Complex) -> Complex:
         found = np.full(W.shape, np.inf, dtype=complex)
         found[regular] = np.linalg.inv(W[regular])
         return found
-
-
-def _sides(values: Complex, radii: Array, mirrored: bool) -> Sides:
-    """Return the sides of discs, with a margin."""
-    return sides_of(values, TOLERANCES.bounds_from_axis * radii, mirrored)
 
 
 # --- a stiffness alone ------------------------------------------------------------------------------------------------

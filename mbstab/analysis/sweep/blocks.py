@@ -12,14 +12,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import Sheet, Surface
 from mbstab.analysis.sweep.batched_equations import Pattern
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import WORD, pinned, signs, touching, unplaced, unstable_counts
+from mbstab.analysis.sweep.batched_verdict import WORD, pinned, signs, touching, unplaced
 from mbstab.analysis.sweep.spectra import Spectra
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning
@@ -74,53 +73,28 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Block:
+class Block(Spectra):
     """Spectra of consecutive points.
 
     Attributes
     ----------
-    values : ndarray of complex, shape (points, r)
-        In columns that are continuous …
     clear : ndarray of bool, shape (points − 1,)
-        … to the next point, where the links are certain.
-    problems : dict
-        By the number of a point within the block.
-    neutral : int
-    sides : ndarray of int8, shape (points, r)
-        Side of the imaginary axis of each eigenvalue, as in `mbstab.analysis.sweep.batched_verdict`.
-    words : ndarray of int8, shape (points,)
-        Numbers of the verdicts.
-    mirrored : ndarray of bool, shape (points,)
-        Whether the spectrum is symmetric about the imaginary axis by structure.
+        Where the columns of values are continuous to the next point, and the links are certain.
     passes : ndarray of bool, shape (points,)
         Whether a real part may change its sign before the next point …
     turns : ndarray of bool, shape (points,)
         … or come close to zero and turn back at this one.
-    motion : ndarray, shape (points, 2 n_q)
-        Coordinates and rates, as `mbstab.analysis.sweep.batched_spectra.Spectra` has them.
     """
 
-    values: Complex
     clear: Flags
-    problems: dict[int, str]
-    neutral: int
-    sides: Sides
-    words: npt.NDArray[np.int8]
-    mirrored: Flags
     passes: Flags
     turns: Flags
-    motion: Array
-
-    @property
-    def unstable(self) -> npt.NDArray[np.intp]:
-        """Number of unstable eigenvalues of each point; −1 where the verdict is open."""
-        return unstable_counts(self.sides, self.words)
 
 
 Source = tuple[str, str, tuple[tuple[str, str], ...], tuple[LeftOut, ...]]
 """Text and name of a model, the files beside it, and the rows that are no constraints."""
 
-ARRAYS = ("values", "clear", "sides", "words", "mirrored", "passes", "turns", "motion")
+ARRAYS = ("values", "clear", "sides", "words", "mirrored", "passes", "turns", "sizes", "motion")
 """The arrays of a block."""
 
 
@@ -130,22 +104,11 @@ def compute(task: Task, progress: Progress = lambda done: None) -> Block:
     evaluator = Evaluator(model, task.solutions, patterns_at(model, task.solutions, task.home))
     found = evaluator.spectra(task.values, progress, task.share)
     number = unplaced(found.sides, found.words, found.problems)
-    whole = pinned(found.values, found.sides, found.sizes, number)
-    if not task.followed:
-        unknown = np.zeros(len(whole), dtype=bool)
-        return Block(
-            whole,
-            unknown[1:],
-            found.problems,
-            found.neutral,
-            found.sides,
-            found.words,
-            found.mirrored,
-            unknown,
-            unknown,
-            found.motion,
-        )
-    return followed(replace(found, values=whole))
+    whole = replace(found, values=pinned(found.values, found.sides, found.sizes, number))
+    if task.followed:
+        return followed(whole)
+    unknown = np.zeros(len(whole.values), dtype=bool)
+    return Block(**vars(whole), clear=unknown[1:], passes=unknown, turns=unknown)
 
 
 def followed(found: Spectra) -> Block:
@@ -154,10 +117,8 @@ def followed(found: Spectra) -> Block:
     order = continuous(links, clear)
     values: Complex = np.take_along_axis(found.values, order, axis=1)
     sides: Sides = np.take_along_axis(found.sides, order, axis=1)
-    watched = _watched(values, sides)
-    return Block(
-        values, clear, found.problems, found.neutral, sides, found.words, found.mirrored, *watched, found.motion
-    )
+    passes, turns = _watched(values, sides)
+    return Block(**vars(replace(found, values=values, sides=sides)), clear=clear, passes=passes, turns=turns)
 
 
 def home_of(values: Mapping[str, Array]) -> dict[str, float]:

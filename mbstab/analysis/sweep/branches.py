@@ -47,16 +47,6 @@ class _Piece:
     crowded: bool = True
 
 
-@dataclass(frozen=True)
-class _Looked:
-    """Results at an intermediate point: eigenvalues, their sides, whether the spectrum is symmetric, a verdict."""
-
-    values: Complex
-    sides: Sides
-    mirrored: bool
-    word: int
-
-
 class Branches:
     """Eigenvalues at the points of a sweep and between them, joined into branches.
 
@@ -89,7 +79,7 @@ class Branches:
         self.shapes: dict[float, Shapes | None] = {}
         self.linked = 0
         self.meetings: list[tuple[float, str]] = []
-        self.looked: dict[float, _Looked] = {}
+        self.looked: dict[float, Spectra] = {}
         self.between: list[float] = []
         self.good = ~np.any(np.isnan(raw.values), axis=1)
         self.unplaced = unplaced(raw.sides, raw.words, raw.problems)
@@ -177,7 +167,7 @@ class Branches:
         self.size = max(self.size, float(np.max(found.sizes, initial=0.0)))
         found = replace(found, values=pinned(found.values, found.sides, found.sizes, self.unplaced))
         for n, p in enumerate(points.tolist()):
-            self.looked[p] = _Looked(found.values[n], found.sides[n], bool(found.mirrored[n]), int(found.words[n]))
+            self.looked[p] = found.at(n)
         return found
 
     def _nothing(self, points: Array) -> Spectra:
@@ -189,7 +179,7 @@ class Branches:
             {}, 0, np.zeros(len(points)), np.zeros((len(points), 0)),
         )  # fmt: skip
         for n, p in enumerate(points.tolist()):
-            self.looked.setdefault(p, _Looked(empty.values[n], empty.sides[n], False, WORD[UNDECIDED]))
+            self.looked.setdefault(p, empty.at(n))
         return empty
 
     def sides(self, branches: Complex, rows: Index) -> Sides:
@@ -198,9 +188,9 @@ class Branches:
         order = np.argmin(np.abs(self.values[rows][:, None, :] - branches[rows][:, :, None]), axis=2)
         return np.take_along_axis(self.raw.sides[rows], order, axis=1)
 
-    def look(self, points: Array) -> None:
+    def look(self, points: Array, exact: bool = False) -> None:
         """Store the results at further points, beyond the budget too."""
-        self._spectra(points, needed=True)
+        self._spectra(points, exact, needed=True)
 
     def _counted(self, points: Array, needed: bool = False) -> Index:
         """Return the numbers of unstable eigenvalues at intermediate points, each judged as `mbstab eig` does."""

@@ -90,7 +90,7 @@ def data_errors(errors: Callable[[int], EntryErrors | None], points: int) -> Sam
     points : int
     """
     known: dict[int, EntryErrors | None] = {}
-    tried = np.unique(np.linspace(0, points - 1, TOLERANCES.points_with_terms).round().astype(int)).tolist()
+    tried = np.unique(np.linspace(0, points - 1, TOLERANCES.points_tried_for_errors).round().astype(int)).tolist()
     for order in (tried, tried[::-1]):  # the first and the last that has any
         for i in order:
             if i not in known:

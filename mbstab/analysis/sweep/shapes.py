@@ -145,6 +145,9 @@ def _resolved(link: Index, rows: Index, ends: tuple[Complex, Complex], overlap: 
     except np.linalg.LinAlgError:
         return None
     size = float(np.max(np.abs(np.concatenate([a, b]))))
+    # Vectors that are nearly parallel tell nothing of others.
+    if not np.max(np.abs(H)) <= TOLERANCES.parallel_vectors * size:
+        return None
     start, end = (x[:, None] - x[None, :] for x in (a, b))
     least = np.minimum(np.abs(start), np.abs(end))
     near = _passing(a, b) | (least <= np.sqrt(np.abs(H)) * np.sqrt(np.abs(H.T)))

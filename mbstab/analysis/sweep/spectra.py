@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -44,6 +47,11 @@ class Spectra:
     neutral: int
     sizes: Array
     motion: Array
+
+    def at(self, point: int) -> Spectra:
+        """Return one of the points, without an axis for points."""
+        arrays: dict[str, Any] = {name: x[point] for name, x in vars(self).items() if isinstance(x, np.ndarray)}
+        return replace(self, **arrays)
 
     @property
     def unstable(self) -> Index:

@@ -15,10 +15,10 @@ class Tolerances:
     """S maps directions of symmetries out of their span by less than this fraction of its norm."""
     block_entries: Final = 600_000
     """Entries of a matrix over all points evaluated together: enough to amortize Python, few enough for the caches."""
-    points_with_terms: Final = 17
-    """Number of points of a block at which the terms of the matrices are formed."""
+    points_tried_for_errors: Final = 17
+    """At so many points it is tried to propagate the rounding of the file, from both ends on, until one has any."""
     points_with_errors: Final = 6
-    """Number of points at which the rounding of the file is propagated, at most: the two ends, and others …"""
+    """Number of points at which that is done, at most: these two, and others …"""
     errors_alike: Final = 100.0
     """… between two points at which it differs by more than this factor."""
     unknown_error: Final = 1e100
@@ -37,6 +37,10 @@ class Tolerances:
     """… and after this many of them in a row the other points are computed one by one."""
     points_asked_for_zeros: Final = 100
     """Maximum number of points at which eigenvalues are tested for zero with many digits; with more, none is."""
+    intervals_asked: Final = 100
+    """Maximum number of intervals between points that are looked into where their ends do not tell their verdict, …"""
+    parts_asked: Final = (0.1, 0.5, 0.9)
+    """… at these parts of them."""
     undecided_in_a_row: Final = 2
     """Points of a kind are left undecided after the code of `mbstab eig` fails to decide this many in a row."""
 
@@ -45,10 +49,6 @@ class Tolerances:
     """An eigenvalue has a side if its distance from the axis is this many times its bound."""
     part_of_margin: Final = 0.8
     """Errors of the data are proven bounds: they are compared with this part of that distance."""
-    points_with_conditions: Final = 3
-    """If at so many of the points condition numbers do not place all eigenvalues, all are placed by their vectors."""
-    bounds_apart: Final = 16.0
-    """First-order bounds hold if eigenvalues are apart by this many times the largest bound times their number."""
     parallel_vectors: Final = 1e12
     """Vectors whose inverse has a larger norm are useless."""
     slow_eigenvalue: Final = 1e-7

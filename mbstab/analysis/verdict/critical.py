@@ -86,7 +86,7 @@ def critical_zero(
         return None
     # A force that holds a motion acts against its own; a drift goes where it goes.
     sides = [(-sign if by_energy else sign, k) for k, sign in powers]
-    away, k = max(sides)
+    away, k = max(sides, key=lambda side: (side[0], -side[1]))
     neutral = bool(separated.neutral.count)
     what = "force" if by_energy else "speed of the drift"
     grows = f"along the critical direction the {what} grows with {_POWERS.get(k, f'the power {k}')} of the distance"
@@ -271,12 +271,11 @@ def _family(
     name = names[int(np.argmax(change))]
     off = max(float(np.max(np.abs(force))) for force, _ in path.sides(flat))
     both = all(flat)
+    goes, ways = ("goes through", "both ways") if both else ("begins with", "one way")
     return Critical(
         ASYMPTOTIC_UP_TO if decays else STABLE_UP_TO,
-        "as far as checked: a family of motions of the same kind "
-        f"{'goes through' if both else 'begins with'} this one, along {name} (followed by {path.z[0]:.2g} "
-        f"of the size of the scene {'both ways' if both else 'one way'}; "
-        f"{off:.0e} N or N*m are left of the forces), "
+        f"as far as checked: a family of motions of the same kind {goes} this one, along {name} "
+        f"(followed by {path.z[0]:.2g} of the size of the scene {ways}; {off:.0e} N or N*m are left of the forces), "
         + ("" if both else "a force brings motions on the other side back, ")
         + ("and all other disturbances decay" if decays else "and the energy has a strict minimum across it"),
         "numerical",

@@ -211,7 +211,9 @@ class Work:
         try:
             with many_bits():
                 kind = self._asked(element) if element.analytic else "other"
-                return "drag" if kind == "other" and self._resists(element) else kind
+                if kind != "other" or not self._resists(element):
+                    return kind
+                return "drag" if self._drag.works(element.path) else "potential"
         except NO_VALUE:
             return "other"
 
