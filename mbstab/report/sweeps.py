@@ -51,7 +51,7 @@ def sweep_text(result: Sweep, model: Model, sensitivity: bool = False) -> str:
     if result.start is not None:
         lines.append(f"equilibria followed from {result.parameter} = {number(result.start / factor)}")
     if result.moved:
-        lines += wrap_lines(f"not from the first value: {result.moved}")
+        lines += wrap_lines(f"not from the file's own value, or nearest to it: {result.moved}")
     lines += ["", *_path(result, label, factor)]
     for n, path in enumerate(result.beyond, 2):
         assert path.start is not None

@@ -317,7 +317,7 @@ class Tolerances:
     """Steps of Newton's method, each of which adds some 12 digits to coefficients of fields that are no fractions."""
     steps_of_decimals: Final = 60
     """Steps of that for decimals; each adds about as many digits as the file has."""
-    roundings_within_digits: Final = 4.0
+    roundings_within_digits: Final = 16.0
     """What elements change by the rounding of decimals, in relative errors of these."""
     roundings_felt: Final = 16.0
     """Decimals matter to fields if what they change is more than that by so many roundings."""

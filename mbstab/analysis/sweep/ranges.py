@@ -128,12 +128,13 @@ class Ranges:
         return found
 
     def _change(self, one: Range, other: Range, branches: Complex) -> list[Critical]:
-        """Return the change between two points, of which one is unstable, halving the interval."""
-        while other.low - one.low > TOLERANCES.meeting_rounding * self.tracker.width:
-            (middle,) = self._said(np.array([0.5 * (one.low + other.low)]))
-            if middle is None or middle.unstable is None:
-                break
-            one, other = (middle, other) if middle.unstable == one.unstable else (one, middle)
+        """Return the change between two points, of which one is unstable, dividing the interval."""
+        width = np.inf
+        while TOLERANCES.meeting_rounding * self.tracker.width < other.low - one.low < width:
+            width = other.low - one.low
+            inside = self._said(one.low + np.array(TOLERANCES.parts_asked) * width)
+            decided = [one, *(x for x in inside if x is not None and x.unstable is not None), other]
+            one, other = next((x, y) for x, y in pairwise(decided) if x.unstable != y.unstable)
         counts = max(one.counts[0], 0), max(other.counts[0], 0)
         return self.tracker.changed(one.low, other.low, counts, branches)
 

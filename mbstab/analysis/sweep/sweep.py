@@ -107,7 +107,7 @@ class Sweep(Answer):
     start : float or None
         The value from which equilibria were followed, if a file asks to find them.
     moved : str
-        Why they were not followed from the first value.
+        Why they were not followed from the file's own value, or the one of the range that is nearest to it.
     beyond : tuple of Sweep
         Sweeps along the paths to which the equilibria lead through folds and branch points: each from one of these to
         the next or to an end of the range, at those values that lie in between.
@@ -247,7 +247,7 @@ def sweep(
     x = values[order]
     paths: list[Solutions | None] = [None]
     if model.reference.find is not None:
-        main = follow_path(model, parameter, float(x[0]), float(x[-1]), float(values[0]), wanted=len(x))
+        main = follow_path(model, parameter, float(x[0]), float(x[-1]), wanted=len(x))
         paths = [main, *main.beyond]
     grids = [x, *(x[path.covers({parameter: x})] for path in paths[1:] if path is not None)]
     # What happens between the last point and a fold shows at a point near the fold.
