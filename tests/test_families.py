@@ -351,3 +351,7 @@ def test_an_integral_of_a_constant_beside_an_oscillation_grows_like_t():
     assert mechanism.sweep("k", [-1.0, -0.5, 0.5, 1.0]).verdicts == [UNSTABLE] * 2 + [STABLE_UP_TO] * 2
     # Here z grows like t, and w like its square.
     assert mbstab.loads(text.replace("RATE", "p.x**2")).eig().verdict == UNDECIDED
+    # Nothing that has an energy is left of this one.
+    held = "bodies: {p: {type: planar, mass: 1, inertia: 1}}\njoints: {hold: {type: fixed, between: [p, ground]}}"
+    found = mbstab.loads(f"mbstab: 1\n{held}\nstates: {{z: {{rate: 0}}, w: {{rate: z}}}}\n").eig()
+    assert found.reasons[0].startswith("every motion nearby is of the same kind: it differs in the state w and")

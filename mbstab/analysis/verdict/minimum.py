@@ -220,10 +220,10 @@ class SecondVariation:
         return at_given_momenta(beside(at.still(columns), self.following), columns.T[:0], ranks)
 
     def definite(self) -> int:
-        """Return 1 if H is positive definite, −1 if negative definite, both beyond rounding, and 0 otherwise."""
+        """Return 1 if H is positive definite, −1 if negative definite, beyond rounding; 0 if neither, or on nothing."""
         if self.linear.system.sparse:
             return self._definite_in_large()
-        return sign_of(self.on(self.basis))
+        return sign_of(self.on(self.basis)) if self.basis.size else 0
 
     def on(self, W: Array) -> Array:
         """Return the numbers of positive, negative and doubtful directions of the form on the span of columns."""
