@@ -415,12 +415,19 @@ class Case:
 
     @cached_property
     def _following(self) -> list[Matrix]:
-        """Disturbances of states that only follow the others, if they are proven to decay by themselves, as columns."""
+        """Disturbances of states that only follow the others, if proven to decay but for symmetries, as columns."""
         states, r = self.proof.system.following, self.proof.reduced
         if not states or self._moves or self.grounds.linear.massless is not None:
             return []
         places = [r.free.index(i) for i in states]
-        if ball_polynomials.right_roots(ball_polynomials.characteristic(r.S[np.ix_(places, places)])) != 0:
+        left = Quotient(r.S[np.ix_(places, places)])
+        for _, symmetry, x in self._divided[1]:
+            if symmetry and all(x[i].is_zero() for i in range(len(x)) if i not in places):
+                left.divide(np.array([x[i] for i in places], dtype=object))
+        if (
+            ball_polynomials.right_roots(ball_polynomials.characteristic(left.kept[np.ix_(left.alive, left.alive)]))
+            != 0
+        ):
             return []
         return list(ball_matrices.matrix(np.eye(len(r.S), dtype=int)[places].tolist()))
 
