@@ -896,7 +896,7 @@ reference: {coordinates: {b: {x: 0, y: 0, theta: 0}, f: 0, g: 0}}
     [
         ("(b.x - f)/0.1", "stable"),
         ("(b.x**3 - f)/0.1", "stable"),
-        ("b.x", "marginally stable"),
+        ("b.x", "stable up to symmetry"),
         ("(b.x + f)/0.1", "unstable"),
         ("b.x - 5*g", "stable"),
     ],

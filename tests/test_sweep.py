@@ -1011,8 +1011,7 @@ reference:
     path = tmp_path / "model.yaml"
     path.write_text(text, encoding="utf-8")
     printed = run(path, "--param", "w", "--from", 0.5, "--to", 1.6, "--points", 12, "--plot", "none").stdout
-    assert "0.5 to 0.9: stable\n" in printed
-    assert "1.1 to 1.6: marginally stable\n" in printed
+    assert "  0.5 to 1: stable\n  at 1: stable up to symmetry\n  1 to 1.6: marginally stable\n" in printed
     assert "does not change" not in printed
 
 

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 import mbstab
-from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, MARGINAL, STABLE_UP_TO, UNDECIDED, UNSTABLE
+from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, MARGINAL, STABLE_UP_TO, UNSTABLE
 from mbstab.cli.main import main
 from mbstab.model.literals import rounded_literals, with_literals
 
@@ -38,9 +38,9 @@ forces:
   k:
     type: expression
     on:
-      p.x: p.x*(1 - %s*p.x**2 - %s*p.y**2) - rate(p.x)
-      p.y: p.y*(1 - %s*p.x**2 - %s*p.y**2) - rate(p.y)
-reference: {find: equilibrium, guess: {p: {x: 1.7, y: 0.1}}}
+      p.x: p.x*(1 - %s*(p.x**2 + p.y**2)) - rate(p.x)
+      p.y: p.y*(1 - %s*(p.x**2 + p.y**2)) - rate(p.y)
+reference: {find: equilibrium, guess: {p: {x: 1.7, y: 0}}}
 """
 BEARING = """
 mbstab: 1
@@ -67,7 +67,8 @@ def written(text, *numbers):
         ("top", ("0.12345", "0.12346"), MARGINAL, STABLE_UP_TO, "a.psi"),
         ("shift", ("0.3333", "0.33333"), UNSTABLE, ASYMPTOTIC_UP_TO, "translation along x"),
         ("shift", ("0.3333333333333333", "0.33333"), ASYMPTOTIC, ASYMPTOTIC_UP_TO, "translation along x"),
-        ("hat", ("0.3333", "0.33333"), UNDECIDED, ASYMPTOTIC_UP_TO, "rotation in the plane"),
+        ("hat", ("0.3333", "0.33333"), ASYMPTOTIC, ASYMPTOTIC_UP_TO, "rotation in the plane"),
+        ("hat", ("0.33333", "0.3333"), UNSTABLE, ASYMPTOTIC_UP_TO, "rotation in the plane"),
     ],
 )
 def test_the_verdict_is_that_of_the_decimals_and_a_line_tells_that_of_the_symmetric_scene(
@@ -128,3 +129,9 @@ reference: {coordinates: {a: {x: 0.123456, y: 0}}}
     moved = with_literals(model, {"0.7071": "0.70712", "1000.25": "1000.2"})
     assert rounded_literals(moved) == pytest.approx({"1000.2": 1e-1, "1.234e-3": 1e-6, "0.70712": 1e-5})
     assert moved.reference is model.reference
+
+
+def test_settings_are_not_rounded():
+    top = mbstab.loads(written(TOP, "A", "B").replace("mbstab: 1", "mbstab: 1\nparameters: {A: 1, B: 1}"))
+    assert top.eig(A=0.12341, B=0.1234).if_symmetric is None
+    assert mbstab.loads(written(TOP, "0.12341", "0.1234")).eig().if_symmetric is not None

@@ -11,7 +11,7 @@ from mbstab.errors import Location
 from mbstab.mechanics.catalogue import Kind
 from mbstab.model.expressions import Binary, Call, Expression, Name, Negative, Node, Number
 from mbstab.model.functions import CALLED
-from mbstab.model.schema import Model, Parameter, constant
+from mbstab.model.schema import Given, Model, Parameter, constant
 
 LEAST_DIGITS = 4
 """Numbers with a point and so many digits count as rounded: 0.7071 does, 0.5 and 9.81 do not."""
@@ -23,7 +23,7 @@ PHYSICAL = ("parameters", "gravity", "ground", "bodies", "entries", "measures")
 def rounded_literals(model: Model) -> dict[str, float]:
     """Return the decimals of the equations of a model that count as rounded, with the unit of their last digit.
 
-    What is equal in the file stays equal: each text counts once. Exponents and points of tables are left out.
+    What is equal in the file stays equal: each text counts once. Exponents, points of tables and settings are left out.
     """
     found = dict[str, float]()
     for name in PHYSICAL:
@@ -90,7 +90,7 @@ def _mapped(x: Any, change: Callable[[Expression], Expression]) -> Any:
     if isinstance(x, (tuple, list)):
         items = [_mapped(y, change) for y in x]
         return type(x)(items) if any(a is not b for a, b in zip(items, x, strict=True)) else x
-    if is_dataclass(x) and not isinstance(x, (Kind, Location, type)):
+    if is_dataclass(x) and not isinstance(x, (Kind, Location, Given, type)):
         parts = {y.name: _mapped(getattr(x, y.name), change) for y in fields(x)}
         changed = {name: y for name, y in parts.items() if y is not getattr(x, name)}
         return replace(x, **changed) if changed else x

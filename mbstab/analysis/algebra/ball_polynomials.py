@@ -10,6 +10,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.ball_matrices import determinant
 from mbstab.analysis.algebra.balls import Matrix
+from mbstab.analysis.algebra.matching import together
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.model.balls import Ball, Exact, ball, real, zero_inside
 
@@ -138,9 +139,10 @@ def root_discs(p: Sequence[Ball]) -> list[tuple[Any, Ball, int]]:
                 spread = spread * (z - other)
         size = n * abs(value([acb(x) for x in p], z) / spread)
         radii.append(size if size.is_finite() else arb("+inf"))
-    groups = _groups(points, radii)
+    discs = list(zip(points, radii, strict=True))
+    near = [[not abs(z - y) > r + t for y, t in discs] for z, r in discs]
     found = []
-    for group in groups:
+    for group in together(near):
         if len(group) == 1:
             found.append((points[group[0]], radii[group[0]].abs_upper(), 1))
             continue
@@ -156,18 +158,6 @@ def _middle(z: Any) -> Any:
     from flint import acb
 
     return acb(z.real.mid(), z.imag.mid())
-
-
-def _groups(points: list[Any], radii: list[Ball]) -> list[list[int]]:
-    """Return groups of discs that are not proven to be disjoint."""
-    groups: list[list[int]] = []
-    for k in range(len(points)):
-        touching = [
-            group for group in groups if any(not abs(points[k] - points[j]) > radii[k] + radii[j] for j in group)
-        ]
-        groups = [group for group in groups if group not in touching]
-        groups.append(sorted([k, *(j for group in touching for j in group)]))
-    return groups
 
 
 def _approximations(p: list[Any]) -> list[Any]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.algebra.tolerances import EPS
-from mbstab.analysis.bounds.discs import Group
+from mbstab.analysis.bounds.discs import Disc, Group, meeting
 from mbstab.analysis.bounds.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 
@@ -101,3 +101,21 @@ def united(groups: list[Group], pairs: list[tuple[int, int]], mirror: list[int])
     for g, members in enumerate(groups):
         together.setdefault(root(g), []).extend(members)
     return list(together.values())
+
+
+def covering(discs: Sequence[Disc]) -> list[Disc]:
+    """Return disjoint discs, each around discs that overlap; those of radius inf stay as they are."""
+    found = list(discs)
+    while pairs := meeting([d.centre for d in found], [d.radius for d in found]):
+        each = list(range(len(found)))
+        found = [_around([found[i] for i in members]) for members in united([[i] for i in each], pairs, each)]
+    return found
+
+
+def _around(discs: list[Disc]) -> Disc:
+    if len(discs) == 1:
+        return discs[0]
+    centres, radii = np.array([d.centre for d in discs]), np.array([d.radius for d in discs])
+    middle = complex(*(0.5 * (np.min(x - radii) + np.max(x + radii)) for x in (centres.real, centres.imag)))
+    radius = float(np.max(np.abs(centres - middle) + radii)) * (1.0 + 4.0 * EPS)
+    return Disc(middle, radius, tuple(i for d in discs for i in d.members))

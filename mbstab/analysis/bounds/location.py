@@ -26,8 +26,6 @@ larger ones, are refined (`mbstab.analysis.algebra.refinement`); the result coun
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
@@ -36,7 +34,7 @@ from mbstab.analysis.bounds.backward_errors import BackwardErrors
 from mbstab.analysis.bounds.clusters import Clusters
 from mbstab.analysis.bounds.discs import Disc, Group, Placed, relative
 from mbstab.analysis.bounds.eigenpairs import eigenpairs
-from mbstab.analysis.bounds.grouping import dependent, partners
+from mbstab.analysis.bounds.grouping import covering, dependent, partners
 from mbstab.analysis.bounds.tolerances import TOLERANCES
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
@@ -187,29 +185,6 @@ def _of_others(judge: _Eigenvectors, values: Complex, vectors: Complex) -> Place
                 bounds[i] = off + rounding + EPS * abs(values[i])
         elif off <= own.bounds[j] + TOLERANCES.other_method_distance * found.misfit(j, complex(values[i]), pairs, i):
             bounds[i] = (off + float(own.bounds[j])) * (1.0 + 4.0 * EPS)
-    discs = _covering([Disc(complex(values[i]), float(bounds[i]), (i,)) for i in range(count) if i not in neutral])
+    discs = covering([Disc(complex(values[i]), float(bounds[i]), (i,)) for i in range(count) if i not in neutral])
     condition = relative(bounds / EPS, values)
     return Placed(values + 0.0, discs, bounds, condition, judge.backward(values, pairs), x, tuple(neutral))
-
-
-def _covering(discs: list[Disc]) -> list[Disc]:
-    """Return disjoint discs, each around a group of discs that overlapped."""
-    left = sorted(discs, key=lambda d: d.radius)
-    done: list[Disc] = []
-    while left:
-        disc = left.pop()
-        met = [d for d in done if abs(d.centre - disc.centre) <= d.radius + disc.radius < math.inf]
-        if not met:
-            done.append(disc)
-            continue
-        other = met[0]
-        done.remove(other)
-        apart = abs(other.centre - disc.centre)
-        members = other.members + disc.members
-        if apart + disc.radius <= other.radius:
-            left.append(Disc(other.centre, other.radius, members))
-            continue
-        radius = 0.5 * (apart + other.radius + disc.radius)
-        centre = other.centre + (disc.centre - other.centre) * ((radius - other.radius) / apart)
-        left.append(Disc(centre, radius * (1.0 + 4.0 * EPS), members))
-    return done

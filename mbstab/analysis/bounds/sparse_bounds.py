@@ -21,7 +21,7 @@ from mbstab.analysis.algebra.sparse import in_parts
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.bounds.discs import Disc, Group, Placed, bounds_in, meeting, relative
-from mbstab.analysis.bounds.grouping import row_scaled_inverse, united
+from mbstab.analysis.bounds.grouping import covering, row_scaled_inverse, united
 from mbstab.analysis.bounds.tolerances import TOLERANCES
 from mbstab.analysis.linear.linearize import Linearization, StateSpace
 from mbstab.analysis.linear.sparse_pencil import Block, Pairs, Residuals, SparsePencil, blocks_of
@@ -408,11 +408,8 @@ class _Discs:
         values[members] = centre + w
         if not real:
             values[[partner[i] for i in members]] = values[members].conj()
-        discs = []
-        for part in _covering_groups(w, reach):
-            middle = complex(np.mean(w[part]))
-            radius = float(np.max(np.abs(w[part] - middle) + reach[part]))
-            discs.append(Disc(complex(centre) + middle, radius, tuple(members[i] for i in part)))
+        places = zip((centre + w).tolist(), reach.tolist(), members, strict=True)
+        discs = covering([Disc(complex(place), radius, (i,)) for place, radius, i in places])
         # Even near to defective: no eigenvalue is farther from the middle than the norm.
         whole = float(np.linalg.norm(found.D, 2) + np.linalg.norm(error, 2)) + 4.0 * EPS * abs(centre)
         if not all(d.radius < whole for d in discs):
@@ -462,13 +459,6 @@ def _lost(values: Any, groups: list[Group], known: dict[Key, list[Disc]]) -> lis
             distance[group] = np.inf
             found.append((group[0], int(np.argmin(distance))))
     return found
-
-
-def _covering_groups(values: Complex, radii: Array) -> list[Any]:
-    """Return groups of overlapping discs, as arrays of numbers."""
-    singles = [[i] for i in range(len(values))]
-    groups = united(singles, meeting(values, radii), list(range(len(values))))
-    return [np.array(sorted(g)) for g in groups]
 
 
 def _in_order(first: Complex, then: Complex) -> Any:

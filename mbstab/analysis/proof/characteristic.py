@@ -20,6 +20,7 @@ import numpy as np
 from mbstab.analysis.algebra import ball_matrices, ball_polynomials
 from mbstab.analysis.algebra.balls import Matrix, NotProvable
 from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
+from mbstab.analysis.algebra.matching import reached, together
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.enclosures import Reference
@@ -374,8 +375,10 @@ class Quotient:
         kept, zeros = self.kept, list[str]()
         factors: list[Factor] = []
         uneven: list[Factor] = []
-        reach = _reach(kept, self.alive)
-        for component in _components(reach, self.alive):
+        places = np.array(self.alive, dtype=int)
+        acts = [[not x.is_zero() for x in row] for row in kept[np.ix_(places, places)]]
+        reach = {i: frozenset(places[row].tolist()) for i, row in zip(self.alive, reached(acts), strict=True)}
+        for component in (places[members].tolist() for members in together(acts)):
             block, states = kept[np.ix_(component, component)], frozenset(component)
             if len(block) == 1 and block[0, 0].is_zero():
                 zeros.append(names[component[0]])
@@ -440,30 +443,6 @@ def null_combinations(A: Matrix) -> tuple[Matrix, float]:
             if other != i and not T[other, j].is_zero():
                 T[other] = T[other] - T[other, j] * T[i]
         pivots.append((i, j))
-
-
-def _reach(S: Matrix, alive: list[int]) -> dict[int, frozenset[int]]:
-    """Return which states each state depends on, directly or through others; itself as well."""
-    following = {i: [j for j in alive if j != i and not S[i][j].is_zero()] for i in alive}
-    reach: dict[int, frozenset[int]] = {}
-    for i in alive:
-        seen, stack = {i}, [i]
-        while stack:
-            for j in following[stack.pop()]:
-                if j not in seen:
-                    seen.add(j)
-                    stack.append(j)
-        reach[i] = frozenset(seen)
-    return reach
-
-
-def _components(reach: Mapping[int, frozenset[int]], alive: list[int]) -> list[list[int]]:
-    """Return the strongly connected components of the graph of entries that are not exact zeros."""
-    found: list[list[int]] = []
-    for i in alive:
-        if not any(i in component for component in found):
-            found.append([j for j in alive if j in reach[i] and i in reach[j]])
-    return found
 
 
 def _two_kinds(block: Matrix) -> tuple[list[int], list[int]] | None:

@@ -20,6 +20,7 @@ import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices, ball_polynomials
 from mbstab.analysis.algebra.balls import Matrix, NotProvable
+from mbstab.analysis.algebra.matching import together
 from mbstab.analysis.proof.characteristic import (
     Enclosure,
     Factor,
@@ -320,7 +321,9 @@ class Case:
         spectrum, _ = self.left
         found = [Disc(0j, 0.0, 1, "open", name) for name in spectrum.zeros]
         even = [factor for factor in spectrum.factors if factor.even]
-        for group in _joined(even, spectrum):
+        acting = [[not spectrum.apart(one, other) for other in even] for one in even]
+        for members in together(acting):
+            group = [even[k] for k in members]
             whole = ball_polynomials.product(*(factor.p for factor in group))
             count = 2 * (len(whole) - 1)
             inside = ball_polynomials.all_negative_and_simple(whole)
@@ -412,12 +415,19 @@ class Case:
 
     @cached_property
     def _following(self) -> list[Matrix]:
-        """Disturbances of states that only follow the others, if they are proven to decay by themselves, as columns."""
+        """Disturbances of states that only follow the others, if proven to decay but for symmetries, as columns."""
         states, r = self.proof.system.following, self.proof.reduced
         if not states or self._moves or self.grounds.linear.massless is not None:
             return []
         places = [r.free.index(i) for i in states]
-        if ball_polynomials.right_roots(ball_polynomials.characteristic(r.S[np.ix_(places, places)])) != 0:
+        left = Quotient(r.S[np.ix_(places, places)])
+        for _, symmetry, x in self._divided[1]:
+            if symmetry and all(x[i].is_zero() for i in range(len(x)) if i not in places):
+                left.divide(np.array([x[i] for i in places], dtype=object))
+        if (
+            ball_polynomials.right_roots(ball_polynomials.characteristic(left.kept[np.ix_(left.alive, left.alive)]))
+            != 0
+        ):
             return []
         return list(ball_matrices.matrix(np.eye(len(r.S), dtype=int)[places].tolist()))
 
@@ -501,16 +511,6 @@ def _size(x: Matrix) -> Ball:
 def _alone(kernel: Matrix, j: int) -> bool:
     """Whether only one row has an entry in a column."""
     return sum(not c[j].is_zero() for c in kernel) == 1
-
-
-def _joined(even: list[Factor], spectrum: Spectrum) -> list[list[Factor]]:
-    """Return factors in groups that do not act on each other."""
-    groups: list[list[Factor]] = []
-    for factor in even:
-        near = [group for group in groups if any(not spectrum.apart(factor, other) for other in group)]
-        groups = [group for group in groups if group not in near]
-        groups.append([*(x for group in near for x in group), factor])
-    return groups
 
 
 def _rough(factor: Factor, isolated: bool) -> list[Disc]:

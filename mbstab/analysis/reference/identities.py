@@ -305,7 +305,7 @@ class Identities:
         Those that are equal on the rows count once; their number is that of all.
         """
         found = self._unchanged(max(TOLERANCES.proposed_change, TOLERANCES.roundings_within_digits * closeness))
-        simple = self._simple(found)
+        simple = self._simple(found, TOLERANCES.simple_field[0])
         return np.hstack([simple, np.asarray(self._further(simple, found), dtype=float)]), found.shape[1]
 
     def _at(self, own: Cluster, state: State, f: Doubles) -> At:
@@ -315,10 +315,18 @@ class Identities:
     def space(self) -> Array:
         """The fields that leave each element unchanged, as columns of balls, shape (basis.size, number)."""
         found = self._proposed
-        if not found.shape[1]:
-            return found
-        simple = self._simple(found)
-        others = self._further(simple, found)
+        best, tried = found[:, :0], -1
+        for closeness in TOLERANCES.simple_field:
+            simple = self._simple(found, closeness)
+            # What only looks simple to doubles is not unchanged, and hides the field beside it.
+            if simple.shape[1] == tried or best.shape[1] == found.shape[1]:
+                break
+            kept, tried = self._held(simple, self._further(simple, found)), simple.shape[1]
+            best = kept if kept.shape[1] > best.shape[1] else best
+        return best
+
+    def _held(self, simple: Array, others: Array) -> Array:
+        """Return those combinations of proposed fields, some of them simple, that leave each element unchanged."""
         with many_bits():
             exact = in_balls(np.hstack([simple.astype(int).astype(object), others]))
             rough = [k for k, c in enumerate(others.T, simple.shape[1]) if any(isinstance(x, float) for x in c)]
@@ -402,8 +410,8 @@ class Identities:
         space[free] = widened(space[free], off * self.scale[free][:, None] * most)
         return space
 
-    def _simple(self, space: Array) -> Array:
-        """Return independent fields of a space that are motions of everything with the ground, or of single bodies."""
+    def _simple(self, space: Array, closeness: float) -> Array:
+        """Return independent fields near a space that move everything with the ground, or single bodies."""
         bodies, columns = [b for b in self.basis.blocks if b.body is not None], []
         if bodies:
             columns = [[b.start + k for b in bodies] for k in range(bodies[0].ground)]
@@ -414,7 +422,7 @@ class Identities:
             x = np.zeros(self.basis.size)
             x[places] = 1.0
             unit = x / self.scale / np.linalg.norm(x / self.scale)
-            if np.linalg.norm(unit - Q @ (Q.T @ unit)) < TOLERANCES.simple_field:
+            if np.linalg.norm(unit - Q @ (Q.T @ unit)) < closeness:
                 known = room[:, : len(found)]
                 left = unit - known @ (known.T @ unit)
                 if np.linalg.norm(left) > TOLERANCES.independent_fields:

@@ -317,7 +317,7 @@ class Tolerances:
     """Steps of Newton's method, each of which adds some 12 digits to coefficients of fields that are no fractions."""
     steps_of_decimals: Final = 60
     """Steps of that for decimals; each adds about as many digits as the file has."""
-    roundings_within_digits: Final = 4.0
+    roundings_within_digits: Final = 16.0
     """What elements change by the rounding of decimals, in relative errors of these."""
     roundings_felt: Final = 16.0
     """Decimals matter to fields if what they change is more than that by so many roundings."""
@@ -338,8 +338,8 @@ class Tolerances:
     of fields from those that leave elements unchanged; much more than the square of the last step."""
     bits_of_motion: Final = 36
     """Bits to which the rates of a steady motion are known."""
-    simple_field: Final = 1e-9
-    """Distance of a field with entries 0 and 1 from the space that doubles propose."""
+    simple_field: Final = (1e-7, 1e-10)
+    """Distances of a field with entries 0 and 1 from the space that doubles propose; the second if one hides others."""
     bits_of_coefficients: Final = 120
     """Coefficients of fields are equal, or zero, to so many bits."""
     rounds_of_identities: Final = 12

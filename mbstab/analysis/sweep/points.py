@@ -70,13 +70,14 @@ class Points(Deflated):
             return field.shift[None], 0.0 * field.shift[None]
         return field.field(self.q), (field.slope(self.q) @ self.u[..., None])[..., 0]
 
-    def stiffness_on_ground(self) -> tuple[Array, Array]:
-        """Return K in the frame of the ground, and the sizes of the terms by which it differs from that here."""
-        assert self.steady is not None
+    def on_ground(self) -> tuple[Array, Array, Array]:
+        """Return R and K in the frame of the ground, and the sizes of the terms by which K differs from that here."""
+        if self.steady is None:
+            return self.R, self.K, 0.0 * self.K
         first, second = map(self.scaled, self.steady.frame(self.q))
         R = self.R - 2.0 * self.M @ first
         terms = np.abs(R) @ np.abs(first) + np.abs(self.M) @ np.abs(second)
-        return self.K - R @ first - self.M @ second, terms
+        return R, self.K - R @ first - self.M @ second, terms
 
     def at(self, index: Any) -> Points:
         """Return some of the points."""
@@ -97,13 +98,8 @@ ARRAYS = frozenset(x.name for x in fields(Points)) - {"system", "steady", "data"
 
 def seen_from(points: Points, step: Generator, rate: Array) -> Points:
     """Return points in a frame that rotates faster by a rate."""
-    R, K, turn = points.R, points.K, rate
-    if points.steady is not None:
-        first, second = map(points.scaled, points.steady.frame(points.q))
-        R = R - 2.0 * points.M @ first
-        K = K - R @ first - points.M @ second
-        turn = rate + points.steady.rate
-    spins = step.spins * rate[:, None]
+    R, K, _ = points.on_ground()
+    turn, spins = rate if points.steady is None else rate + points.steady.rate, step.spins * rate[:, None]
     generator = Generator(step.system, step.axis, step.point, turn, np.zeros(3), spins)  # type: ignore[arg-type]
     first, second = map(points.scaled, generator.frame(points.q))
     K = K + R @ first + points.M @ second

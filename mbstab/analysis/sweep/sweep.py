@@ -37,6 +37,7 @@ from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
 from mbstab.analysis.sweep.detail import Detail, detailed
 from mbstab.analysis.sweep.jobs import run, stored
+from mbstab.analysis.sweep.ranges import Range, Ranges
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import AXIS, LEFT, OPEN, RIGHT, WORDS
@@ -137,6 +138,8 @@ class Sweep(Answer):
         asked for.
     located : ndarray of int, shape (points, 4)
         Numbers of eigenvalues that are not neutral by their place, in the order of `PLACES`.
+    ranges : tuple of Range
+        The verdicts between critical values and at special points, ascending.
     """
 
     parameter: str
@@ -162,6 +165,7 @@ class Sweep(Answer):
     turning: bool = False
     detail: Detail | None = None
     located: Index = field(default_factory=lambda: np.zeros((0, len(PLACES)), dtype=int))
+    ranges: tuple[Range, ...] = ()
 
     @property
     def whirls(self) -> tuple[str, ...]:
@@ -279,7 +283,8 @@ def _answer(
         critical += [tracker.branch_point(value, branches) for value in others]
         # The fold from which a further path starts is reported with the path that leads to it.
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
-    critical += tracker.untold(words, critical)
+    ranges = Ranges(tracker, words)
+    critical += ranges.untold(critical, branches)
     critical.sort(key=lambda c: c.value)
     warnings = (*tracker.warnings, *idle(model, [parameter], None if path is None else {parameter: path.start}))
     # What is said of the speeds and the moments of one point holds for the others.
@@ -298,6 +303,7 @@ def _answer(
         warnings, reference=reference, outputs=outputs, units=units,
         turning=_turns(evaluator), detail=detailed(tracker, branches) if asked[1] else None,
         located=np.stack([np.sum(raw.sides == side, axis=1) for side in (RIGHT, LEFT, AXIS, OPEN)], axis=1),
+        ranges=ranges.told(critical),
     )  # fmt: skip
 
 

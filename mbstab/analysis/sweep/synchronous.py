@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebder, chebpts2, chebvander
 
 from mbstab.analysis.algebra.arrays import Complex, Flags
 from mbstab.analysis.response.frequency import scales
@@ -92,8 +93,8 @@ class _Piece:
 
     def at(self, t: Complex | Array, order: int = 0) -> Complex:
         """Return the interpolated matrices, shape (points, rows, columns), or a derivative by t."""
-        own = np.polynomial.chebyshev.chebder(self.coefficients, order) if order else self.coefficients
-        return np.tensordot(np.polynomial.chebyshev.chebvander(t, len(own) - 1), own, 1)
+        own = chebder(self.coefficients, order) if order else self.coefficients
+        return np.tensordot(chebvander(t, len(own) - 1), own, 1)
 
 
 class Synchronous:
@@ -241,11 +242,11 @@ def _pieces(sample: Callable[[float], Complex], start: float, stop: float, whole
     """Yield pieces of a range, of a `whole` one, on which polynomials agree with a function at further points."""
     piece, before = None, np.inf
     for degree in TOLERANCES.degrees_over_spin:
-        t = _chebyshev(degree)
+        t = chebpts2(degree + 1)
         values = np.array([sample(x) for x in _places(start, stop, t)])
-        inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(t, degree))
+        inverse = np.linalg.inv(chebvander(t, degree))
         piece = _Piece(start, stop, np.tensordot(inverse, values, 1), 0.0)
-        further = _chebyshev(2 * degree)[1::2]
+        further = chebpts2(2 * degree + 1)[1::2]  # the others are those above
         exact = np.array([sample(x) for x in _places(start, stop, further)])
         off = float(np.max(np.abs(piece.at(further) - exact)))
         least = max(TOLERANCES.rounding_of_interpolation * float(np.max(np.abs(values))), off)
@@ -263,11 +264,6 @@ def _pieces(sample: Callable[[float], Complex], start: float, stop: float, whole
         return
     yield from _pieces(sample, start, middle, whole)
     yield from _pieces(sample, middle, stop, whole)
-
-
-def _chebyshev(degree: int) -> Array:
-    """Return the extrema of a Chebyshev polynomial, ascending; those of twice the degree are these and others."""
-    return -np.cos(np.pi * np.arange(degree + 1) / degree)
 
 
 def _places(start: float, stop: float, t: Array) -> list[float]:

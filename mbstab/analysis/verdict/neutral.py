@@ -291,8 +291,7 @@ class Structure:
             # Of equal ones the first: rounding names nothing.
             weights = [-round(float(abs(x @ differential)), 9) for _, x in left]
             taken.append(left.pop(weights.index(min(weights)))[0])
-        if self.linear.system.sparse:
-            taken.sort(key=names.index)  # for many equal ones any basis is as good
+        taken.sort(key=names.index)  # of equal ones any basis is as good
         return L, replace(choice, momenta=integrals, energy=moves) if len(L) else choice, taken
 
     def _tumbles(self) -> bool:
