@@ -92,7 +92,7 @@ def joined(down: Run, up: Run) -> Run:
     return Run(
         [*down.points[: first - 1 if first else None : -1], *up.points],
         [*down.ends, *up.ends],
-        [*down.crossings, *(x for x in up.crossings if x not in down.crossings)],  # both may begin at one
+        [*down.crossings, *up.crossings],
         {**down.refused, **up.refused},
     )
 
