@@ -25,7 +25,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.identities import Identities
-from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls, steady_state
+from mbstab.analysis.proof.motion import BallGenerator, steady_state
 from mbstab.model import balls
 from mbstab.model.balls import Ball, ball, real, zero_inside
 from mbstab.model.schema import Model
@@ -258,7 +258,7 @@ class Proof(Reference):
         """Return the same in a frame that also rotates at a rate, by a turn that does not move the reference."""
         own = self.state.field
         spins = own.spins + rate * step.spins
-        field = generator_in_balls(self.system, step.axis, step.point, own.rate + rate, own.velocity, spins)
+        field = replace(own, axis=step.axis, point=step.point, rate=own.rate + rate, spins=spins)
         seen = steady_state(field, self.state.q)
         other = copy(self)
         vars(other).pop("reduced", None)

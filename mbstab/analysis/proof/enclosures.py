@@ -18,7 +18,7 @@ from mbstab.analysis.algebra.balls import Hopeless, Matrix, NotProvable, ball_sy
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.proof.balance import Equations, forces
 from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
-from mbstab.analysis.proof.motion import BallGenerator, Rough, State, generator_in_balls, steady_state
+from mbstab.analysis.proof.motion import BallGenerator, Rough, State, steady_state
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
@@ -229,32 +229,31 @@ class Reference:
                 velocity = speed * ball_matrices.matrix([*steady.direction, 0])[:3]
             for i in self._spinning():
                 spins[i] = unknown.pop(0)
-            return generator_in_balls(self.system, axis, point, rate, velocity, spins)
+            return Generator(self.system, axis, point, rate, velocity, spins)
         if generator is not None and generator.turns:
             return self._turning(q, generator)
         if generator is None:
             raise NotProvable("no frame is known in which the motion stands still")
         for i, name in enumerate(names):
             spins[i] = ball(scene.rates.get(name, 0))
-        return generator_in_balls(self.system, axis, zero, rate, velocity, spins)
+        return Generator(self.system, axis, zero, rate, velocity, spins)
 
     def _turning(self, q: Matrix, generator: Generator) -> BallGenerator:
         """Return the turn whose field, with spins of its own, gives the rates of the file, scaled by the largest."""
         names, scene, motion = self.system.names, self.system.scene, self.rough.motion
-        zero, known = [ball(0)] * 3, [*generator.axis.tolist(), *generator.point.tolist()]
+        zero, known = ball_matrices.zeros(3), [*generator.axis.tolist(), *generator.point.tolist()]
         if not all(x == round(x, 6) for x in known) or generator.velocity.any():
             raise NotProvable(
                 f"the motion ({generator}) is known in double precision only; declare it with reference.steady"
             )
-        axis, point = ([ball(Fraction(str(x))) for x in part] for part in (known[:3], known[3:]))
-        still, spinning = [ball(0)] * self.system.n_q, set(self._spinning())
-        Y = generator_in_balls(self.system, axis, point, ball(1), zero, still).field(q)
+        axis, point = (ball_matrices.matrix([Fraction(str(x)) for x in part]) for part in (known[:3], known[3:]))
+        still, spinning = ball_matrices.zeros(len(q)), set(self._spinning())
+        turn = Generator(self.system, axis, point, ball(1), zero, still)
+        Y = turn.field(q)
         rates = {i: ball(scene.rates[name]) for i, name in enumerate(names) if name in scene.rates}
         if not spinning <= set(rates):
-            own = generator_in_balls(
-                self.system, axis, zero, ball(0), zero, [rates.get(i, x) for i, x in enumerate(still)]
-            )
-            rates = dict(enumerate(self._with_rates(q, own).spins))
+            spins = ball_matrices.matrix([rates.get(i, 0) for i in range(len(q))])
+            rates = dict(enumerate(self._with_rates(q, replace(turn, rate=ball(0), spins=spins)).spins))
         given = [i for i in rates if i not in spinning and not zero_inside(Y[i])]
         if not given:
             raise NotProvable(
@@ -262,8 +261,8 @@ class Reference:
             )
         k = max(given, key=lambda i: abs(float(motion.u[i])) / motion.sizes[i])
         rate = rates[k] / Y[k]
-        spins = [rates[i] - rate * Y[i] if i in spinning else x for i, x in enumerate(still)]
-        field = generator_in_balls(self.system, axis, point, rate, zero, spins)
+        spins = ball_matrices.matrix([rates[i] - rate * Y[i] if i in spinning else 0 for i in range(len(q))])
+        field = replace(turn, rate=rate, spins=spins)
         u = field.field(q)
         self._vanish(
             [u[i] - x for i, x in rates.items() if i not in spinning],
@@ -389,7 +388,7 @@ class Reference:
             self.rows, missing, labels, field_.spins, rough, lambda u: self.dynamics(q, u)[3:], "the rates"
         )
         self.driven |= set(driven)
-        return generator_in_balls(self.system, field_.axis, field_.point, field_.rate, field_.velocity, spins)
+        return replace(field_, spins=spins)
 
     def _multipliers(self, q: Matrix, u: Matrix, a: Matrix) -> Matrix:
         """Return ν from as many equations of motion as there are rows; the others are checked."""

@@ -9,9 +9,10 @@ import numpy as np
 from mbstab.analysis.algebra import ball_matrices
 from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.proof.enclosures import Reference
-from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls
+from mbstab.analysis.proof.motion import BallGenerator
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import ROTATIONS, Basis, Field, columns_of
+from mbstab.analysis.reference.steady import Generator
 from mbstab.model.balls import Ball, ball, ball_arithmetic
 from mbstab.model.jets import Jet, jet_arithmetic
 
@@ -41,7 +42,7 @@ def ground_turn(group: Field, reference: Reference) -> BallGenerator:
     size = ball_arithmetic().sqrt(ball_matrices.times(turn, turn))
     axis = turn / size
     point = np.cross(axis, velocity) / size
-    return generator_in_balls(system, axis, point, ball(1), zero, ball_matrices.zeros(system.n_q))
+    return Generator(system, axis, point, ball(1), zero, ball_matrices.zeros(system.n_q))
 
 
 def short(x: float) -> Ball:

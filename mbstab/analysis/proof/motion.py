@@ -11,26 +11,11 @@ from mbstab.analysis.algebra import ball_matrices
 from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.motion import Motion
-from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import System
 from mbstab.model.balls import Ball
 
 BallGenerator = Any
-"""`mbstab.analysis.reference.steady.Generator` whose arrays hold balls."""
-
-
-def generator_in_balls(
-    system: System,
-    axis: Any,
-    point: Any,
-    rate: Ball,
-    velocity: Any,
-    spins: Any,
-) -> BallGenerator:
-    """Return the generator of a steady motion in balls."""
-    vectors = (np.array([*x], dtype=object) for x in (axis, point, velocity, spins))
-    axis, point, velocity, spins = vectors
-    return Generator(system, axis, point, rate, velocity, spins)
+"""`mbstab.analysis.reference.steady.Generator` whose rate is a ball and whose arrays hold balls."""
 
 
 class State(NamedTuple):
