@@ -1,8 +1,8 @@
 """Derivatives of eigenvalues as differences with many digits."""
 
 from mpmath import mp
+from mpmath_numbers import mpmath_arithmetic
 
-from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.parameters import evaluate_parameters
 
 

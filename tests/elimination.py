@@ -15,10 +15,10 @@ import mpmath
 import numpy as np
 import scipy.linalg
 from mpmath import mp
+from mpmath_numbers import mpmath_arithmetic
 
 import mbstab.analysis.reference.requested
 from mbstab.compiler.system import System
-from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.values import evaluate
 
 DIFFERENCE_DIGITS = 240

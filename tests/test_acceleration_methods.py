@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from elimination import solve, zeros
 from mpmath import mp
+from mpmath_numbers import mpmath_arithmetic
 from sampling import sample
 from truth import distance, exact_eigenvalues
 
@@ -16,7 +17,6 @@ from mbstab.analysis.linear import acceleration_methods
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, solver
 from mbstab.compiler.system import System
 from mbstab.errors import NumericalError, UsageError
-from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.library import installed_models
 from mbstab.model.values import evaluate
 

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 import sympy
 from mpmath import mp
+from mpmath_numbers import mpmath_arithmetic
 
 import mbstab
 from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.refining import Stalled
 from mbstab.analysis.algebra.slopes import Slopes
-from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic, symbol_arithmetic
+from mbstab.model.arithmetic import FLOAT, array_arithmetic, symbol_arithmetic
 from mbstab.model.duals import Dual, dual_arithmetic
 from mbstab.model.expressions import ExpressionError, parse
 from mbstab.model.functions import FUNCTIONS

@@ -475,7 +475,7 @@ reference: {find: equilibrium}
 @pytest.mark.few(1)
 @pytest.mark.parametrize("first", [0.0, -1.0])
 def test_a_sweep_names_the_integral_that_has_no_value_at_a_gain_of_zero(first):
-    result = mbstab.loads(INTEGRAL).sweep("I", np.linspace(first, 3.0, 13))
+    result = mbstab.loads(INTEGRAL.replace("I: 2", f"I: {first}")).sweep("I", np.linspace(first, 3.0, 13))
     assert [(c.kind, c.value) for c in result.critical] == [("loss of equilibrium", pytest.approx(0.0, abs=1e-9))]
     i = int(np.argmin(np.abs(result.values)))
     assert result.problems[i] == "no solution at I = 0 on this path: a_integral grows beyond all bounds there"

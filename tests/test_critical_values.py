@@ -514,3 +514,70 @@ def test_pairs_that_exchange_stability_between_two_points_are_found(low, high, p
     assert [abs(result.branches[0, c.branches[0]]) for c in result.critical] == pytest.approx(
         [math.sqrt(8.0 - low), math.sqrt(4.0 + low)]
     )
+
+
+# --- ranges: points at which the spectrum is special speak for themselves only ---------------------------------------
+
+RAIL = """
+mbstab: 1
+parameters: {{p: 0.3}}
+bodies: {{b: {{type: planar_point, mass: 1}}}}
+constraints: {{r: {{holonomic: b.y}}}}
+forces: {{f: {{type: expression, on: {{b.x: "-rate(b.x) - ({force})"}}}}}}
+reference: {{find: equilibrium, guess: {{b: {{x: {guess}}}}}}}
+"""
+
+
+def said(result):
+    """Return the ranges of a sweep and of the paths that it leads to: ends rounded, verdict, unstable eigenvalues."""
+    return [
+        [(round(x.low, 6) + 0.0, round(x.high, 6) + 0.0, WORDS[x.word], x.counts) for x in path.ranges]
+        for path in (result, *result.beyond)
+    ]
+
+
+@pytest.mark.parametrize("down", [False, True])
+@pytest.mark.parametrize(
+    ("force", "guess", "ends", "ranges"),
+    [
+        ("b.x**2 - p", 1, (0, 1, 11), {(0.0, 1.0, "asymptotically stable", (0,)), (0.0, 0.0, "unstable", (0,))}),
+        ("b.x**2 - p**2*(1 - p)", -1, (-1, 1, 21), {(0.0, 1.0, "asymptotically stable", (0,)),
+         (0.0, 1.0, "unstable", (1,)), (-1.0, 0.0, "unstable", (1,)), (-1.0, 0.0, "asymptotically stable", (0,)),
+         (0.0, 0.0, "unstable", (0,)), (1.0, 1.0, "unstable", (0,))}),
+        ("(b.x - p)*(b.x**2 - p)", 1, (-1, 0.5, 16), {(-1.0, 0.0, "asymptotically stable", (0,)),
+         (0.0, 0.0, "asymptotically stable", (0,)), (0.0, 0.5, "unstable", (1,)),
+         (0.0, 0.5, "asymptotically stable", (0,))}),
+    ],
+)  # fmt: skip
+def test_a_fold_or_crossing_on_a_point_says_nothing_of_the_interval_beside_it(force, guess, ends, ranges, down):
+    grid = np.linspace(*ends)
+    result = loads(RAIL.format(force=force, guess=guess)).sweep("p", grid[::-1] if down else grid)
+    assert {x for path in said(result) for x in path} == ranges
+    assert "unresolved" not in [c.kind for path in (result, *result.beyond) for c in path.critical]
+
+
+def test_a_point_with_more_symmetry_than_the_others_says_nothing_of_the_interval_beside_it():
+    """Gyroscopic terms hold the mass from p = √6 − 2 on; at p = 0.5 its stiffness vanishes, beyond it is positive."""
+    text = """
+mbstab: 1
+parameters: {p: 0.3}
+bodies: {b: {type: planar_point, mass: 1}}
+forces:
+  f: {type: expression, on: {b.x: "p*rate(b.y) - b.x*(p - 0.5)", b.y: "-p*rate(b.x) - b.y*(p - 0.5)"}}
+reference: {coordinates: {b: {x: 0, y: 0}}}
+"""
+    (found,) = said(loads(text).sweep("p", np.linspace(-1.0, 1.0, 21)))
+    place = round(math.sqrt(6.0) - 2.0, 6)
+    assert found == [
+        (-1.0, place, "unstable", (2,)), (place, 0.5, "marginally stable", (0,)),
+        (0.5, 0.5, "stable up to symmetry", (0,)), (0.5, 1.0, "stable", (0,)),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("damping", ["0", "0.3"])
+@pytest.mark.parametrize("stiffness", ["p", "p**3"])
+@pytest.mark.parametrize(("low", "high", "points"), [(-1.0, 1.0, 21), (1.0, -1.0, 21), (-1.0, 1.0, 20), (0.7, -1.3, 9)])
+def test_two_equal_motions_diverge_together(low, high, points, stiffness, damping):
+    found = oscillators(2 * [(stiffness, damping)]).sweep("p", np.linspace(low, high, points)).critical
+    assert [(c.kind, c.unstable) for c in found] == [("divergence", (2, 0))]
+    assert abs(found[0].value) < 1e-4

@@ -546,8 +546,9 @@ def test_what_turns_in_fixed_coordinates_is_undecided_if_frozen_and_says_by_how_
 def test_no_example_is_frozen_in_time(name):
     assert not answer(name).frozen
     variation = mechanism(name).linearize().variation
-    # Forces of springs of 8e5 N/m, and of tyres, round where the steady motion that was solved for is turned on.
-    assert variation == 0.0 or (name in {"car_turn", "flyball_governor"} and variation < 1e-15)
+    # Forces of springs of 8e5 N/m, and of tyres, round where the steady motion that was solved for is turned on: by
+    # 2e-15 of the coefficients, where the rate that was solved for has its last digit up or down.
+    assert variation == 0.0 or (name in {"car_turn", "flyball_governor"} and variation < 1e-14)
     if name not in {*IN_TURNING_FRAMES, "car_turn", "flyball_governor"} or mechanism(name).motion().at_rest:
         # In its own coordinates it stands still: frozen and steady are the same, but frozen numbers are no verdict.
         frozen = mechanism(name).eig(frozen=True)

@@ -1011,3 +1011,24 @@ def test_what_a_very_stiff_spring_leaves_undetermined_is_no_equilibrium(stiffnes
     else:
         with pytest.raises(MbstabError, match=r"stiffness of forces\.flex .* leaves no digits"):
             model.equilibria(1)
+
+
+POWERS = [
+    ("-k*p.x**3", 0.0), ("-k*p.x**7", 0.0), ("-k*(p.x - 0.7)**2", 0.7), ("-k*(p.x - 0.7)**3*(1 + p.x**2)", 0.7),
+    ("-k*(exp(p.x) - 1)**3", 0.0), ("-k*p.x*abs(p.x)", 0.0), ("-k*p.x*abs(p.x)**1.5", 0.0), ("-k*sin(p.x)**9", 0.0),
+]  # fmt: skip
+
+
+@pytest.mark.table
+@pytest.mark.parametrize(("force", "place"), POWERS)
+def test_a_force_that_is_flat_where_it_vanishes_is_an_equilibrium(force, place):
+    text = f"""
+mbstab: 1
+parameters: {{k: 100}}
+bodies: {{p: {{type: planar_point, mass: 1}}}}
+constraints: {{rail: {{holonomic: p.y}}}}
+forces: {{f: {{type: expression, on: {{p.x: "{force}"}}}}}}
+reference: {{find: equilibrium, guess: {{p: {{x: 0.3, y: 0}}}}}}
+"""
+    for stiffness in (1e-9, 100.0, 1e9):
+        assert mbstab.loads(text).at(k=stiffness).motion().q[0] == pytest.approx(place, abs=1e-15)

@@ -8,13 +8,13 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
+from mpmath_numbers import mpmath_arithmetic
 
 from mbstab.compiler.tape import Tape
 from mbstab.model.arithmetic import (
     CONSTANTS,
     FLOAT,
     array_arithmetic,
-    mpmath_arithmetic,
     symbol_arithmetic,
 )
 from mbstab.model.expressions import MAX_CHAIN, MAX_DEPTH, MAX_LENGTH, ExpressionError, Number, parse

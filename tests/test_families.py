@@ -1,10 +1,13 @@
 """Families of steady motions that nothing explains but that are there: a shaft that turns at any speed."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import mbstab
-from mbstab.analysis.verdict.rule import ASYMPTOTIC_UP_TO, UNDECIDED, UNSTABLE
+from mbstab.analysis.verdict.rule import ASYMPTOTIC_UP_TO, STABLE_UP_TO, UNDECIDED, UNSTABLE
 
 ROTOR = """
 mbstab: 1
@@ -215,3 +218,140 @@ def test_a_state_that_time_changes_is_named_without_empty_brackets():
     found = mbstab.loads(f"mbstab: 1\n{rail}\n{late}\nreference: {{coordinates: {{p: {{x: 0, y: 0}}}}}}\n").eig()
     assert found.verdict == UNDECIDED
     assert "through states.z (smooth_start(t - 5)):" in found.reasons[0]
+
+
+# --- floppy chains: rests of another shape -------------------------------------------------------------------------
+
+
+def floppy(count, planar, weak="0"):
+    """Return points on springs of their free length, with friction on the ground, and perhaps a weak force."""
+    places, names = [(0, 0), (1, 0), (1, 1), (2, 1)], "abcd"[:count]
+    letters = "xy" if planar else "xyz"
+    kind, third = ("planar_point", "") if planar else ("point", ", z: 0")
+    bodies = ", ".join(f"{x}: {{type: {kind}, mass: {1 + k / 4}}}" for k, x in enumerate(names))
+    springs = "".join(
+        f"  {x}{y}: {{type: spring, between: [{x}, {y}], stiffness: 10, length: 1, damping: 0.5}}\n"
+        for x, y in pairwise(names)
+    )
+    drag = ", ".join(f'{x}.{q}: "-rate({x}.{q})"' for x in names for q in letters)
+    given = ", ".join(f"{x}: {{x: {q[0]}, y: {q[1]}{third}}}" for x, q in zip(names, places, strict=False))
+    return f"""
+mbstab: 1
+bodies: {{{bodies}}}
+forces:
+{springs}  drag: {{type: expression, on: {{{drag}}}}}
+  weak: {{type: expression, on: {{"distance(a, c)": "{weak}"}}}}
+reference: {{coordinates: {{{given}}}}}
+"""
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("planar", [True, False])
+@pytest.mark.parametrize("count", [3, 4])
+def test_chains_of_springs_may_rest_in_any_shape(count, planar):
+    found = mbstab.loads(floppy(count, planar)).eig()
+    assert found.verdict == ASYMPTOTIC_UP_TO
+    # Lengths and speeds decay; places do not.
+    assert found.counts.neutral == (2 if planar else 3) * count - (count - 1)
+
+
+@pytest.mark.parametrize(
+    ("weak", "allowed"),
+    [
+        ("-1e-12*(distance(a, c) - sqrt(2))**3", {ASYMPTOTIC_UP_TO, UNDECIDED}),
+        ("1e-12*(distance(a, c) - sqrt(2))**3", {UNSTABLE, UNDECIDED}),
+        ("1e-12*(distance(a, c) - sqrt(2))**7", {UNSTABLE, UNDECIDED}),
+    ],
+)
+def test_a_weak_force_along_the_shape_leaves_no_family(weak, allowed):
+    found = mbstab.loads(floppy(3, True, weak)).eig()
+    assert found.verdict in allowed
+    assert not any("same kind" in x for x in found.modulo.family)
+
+
+# --- what goes on along symmetries beside an energy that has a minimum -----------------------------------------------
+
+ON_RAILS = """
+mbstab: 1
+bodies: {{{bodies}}}
+constraints: {{{rails}{row}}}
+forces: {{f: {{type: expression, on: {{{forces}}}}}}}
+"""
+
+
+def on_rails(row="", **forces):
+    """Return points of mass 1 that move along x, with forces."""
+    bodies = ", ".join(f"{name}: {{type: planar_point, mass: 1}}" for name in forces)
+    rails = ", ".join(f"r{name}: {{holonomic: {name}.y}}" for name in forces)
+    row = f", c: {{nonholonomic: {row}}}" if row else ""
+    written = ", ".join(f"{name}.x: {law}" for name, law in forces.items())
+    return mbstab.loads(ON_RAILS.format(bodies=bodies, rails=rails, row=row, forces=written))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_steady_motions_beside_an_energy_are_named(seed):
+    """With forces -g(x) w and g(x) v of no power, v = 0 and k x = -g(x) w is a motion for every small speed w."""
+    rng = np.random.default_rng(seed)
+    k, c, a, b, d = rng.uniform(0.5, 2.0, 5).round(3) * np.array([1, seed % 2, 1, 1, 1])
+    g = f"({a} + {b}*p.x + {d}*p.x**2)"
+    mechanism = on_rails(p=f"-{g}*rate(q.x) - {k}*p.x - {c}*rate(p.x)", q=f"{g}*rate(p.x)")
+    for found in (mechanism.eig(), mechanism.eig_precise(30)):
+        assert (found.verdict, found.counts.neutral) == (STABLE_UP_TO, 2)
+        assert "the speed of q.x" in found.reasons[0]
+        assert found.reasons[0].endswith("goes on growing like t")
+        assert found.spectrum.chains.drifting == (("q.x", 1),)
+    assert "may go on growing, at most like t" in " ".join(str(mechanism.certify()).split())
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("damped", [0, 1])
+def test_oscillations_that_drive_a_symmetry_are_told(seed, damped):
+    """The place z' = h(x) y' grows by the same area in each period; with damping it ends somewhere."""
+    rng = np.random.default_rng(seed)
+    k, a, b = rng.uniform(0.5, 2.0, 3).round(3)
+    forces = {"x": f"-{k}*x.x - {damped}*rate(x.x)", "y": f"-{k}*y.x - {damped}*rate(y.x)", "z": "0"}
+    told = on_rails(f"rate(z.x) - ({a}*x.x + {b}*x.x**2)*rate(y.x)", **forces).eig().reasons[0]
+
+    def slope(t, s):
+        x, y, _, v, w = s
+        h, dh = a * x + b * x**2, a + 2.0 * b * x
+        return [v, w, h * w, -k * x - damped * v, (-k * y - damped * w - h * dh * v * w) / (1.0 + h**2)]
+
+    times = np.array([200.0, 400.0])
+    z = solve_ivp(slope, (0, 400), [0.01, 0, 0, 0, 0.01], rtol=1e-10, atol=1e-14, t_eval=times).y[2]
+    grows = abs(z[1] / z[0] - 2.0) < 0.1
+    assert grows == (not damped)
+    assert ("may go on growing, at most like t" in told) == grows
+    assert ("slightly" in told) != grows
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_states_that_follow_a_symmetry_of_their_own(seed):
+    """Integrals w of states z that decay, and of a mass that does not; driven by a square, they go on."""
+    rng = np.random.default_rng(seed)
+    k, a, b, c, d = rng.uniform(0.5, 2.0, 5).round(3)
+    for square, drifts in ((0, False), (1, True)):
+        states = f"z: {{rate: -{a}*z + {b}*p.x}}, w: {{rate: {c}*z + {d}*rate(p.x) + {square}*p.x**2}}"
+        rail = "bodies: {p: {type: planar_point, mass: 1}}\nconstraints: {rail: {holonomic: p.y}}"
+        text = f"mbstab: 1\nparameters: {{k: {k}}}\n{rail}\nstates: {{{states}}}\n"
+        mechanism = mbstab.loads(f"{text}forces: {{f: {{type: expression, on: {{p.x: -k*p.x}}}}}}\n")
+        found = mechanism.eig()
+        assert (found.verdict, found.modulo.names) == (STABLE_UP_TO, ("state w",))
+        assert ("slightly" in found.reasons[0]) != drifts
+        assert mechanism.certify().verdict == STABLE_UP_TO
+        assert mechanism.sweep("k", [0.5, 1.0, 2.0]).verdicts == [STABLE_UP_TO] * 3
+
+
+def test_an_integral_of_a_constant_beside_an_oscillation_grows_like_t():
+    rail = "bodies: {p: {type: planar_point, mass: 1}}\nconstraints: {rail: {holonomic: p.y}}"
+    text = f"mbstab: 1\nparameters: {{k: 1}}\n{rail}\nstates: {{z: {{rate: RATE}}, w: {{rate: z}}}}\n"
+    text += "forces: {f: {type: expression, on: {p.x: -k*p.x}}}\n"
+    mechanism = mbstab.loads(text.replace("RATE", "0"))
+    assert mechanism.eig().reasons[0].endswith("goes on growing like t")
+    assert mechanism.sweep("k", [-1.0, -0.5, 0.5, 1.0]).verdicts == [UNSTABLE] * 2 + [STABLE_UP_TO] * 2
+    # Here z grows like t, and w like its square.
+    assert mbstab.loads(text.replace("RATE", "p.x**2")).eig().verdict == UNDECIDED
+    # Nothing that has an energy is left of this one.
+    held = "bodies: {p: {type: planar, mass: 1, inertia: 1}}\njoints: {hold: {type: fixed, between: [p, ground]}}"
+    found = mbstab.loads(f"mbstab: 1\n{held}\nstates: {{z: {{rate: 0}}, w: {{rate: z}}}}\n").eig()
+    assert found.reasons[0].startswith("every motion nearby is of the same kind: it differs in the state w and")

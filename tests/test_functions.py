@@ -10,6 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
+from mpmath_numbers import mpmath_arithmetic
 from scipy.integrate import solve_ivp
 
 import mbstab
@@ -18,7 +19,7 @@ from mbstab.cli.commands.schema import section_text
 from mbstab.compiler.tape import Tape
 from mbstab.compiler.trace import Trace
 from mbstab.errors import MbstabError, ModelFileError
-from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic, symbol_arithmetic
+from mbstab.model.arithmetic import FLOAT, array_arithmetic, symbol_arithmetic
 from mbstab.model.expressions import parse
 from mbstab.model.functions import CALLED, FUNCTIONS, NATIVE
 from mbstab.model.jets import Jet, jet_arithmetic
@@ -104,7 +105,7 @@ def test_a_slope_is_the_derivative(name):
 def test_balls_contain_the_value(name):
     import flint
 
-    from mbstab.analysis.algebra.balls import ball, ball_arithmetic, digits, real
+    from mbstab.model.balls import ball, ball_arithmetic, digits, real
 
     with digits(30):
         value = real(getattr(ball_arithmetic(), name)(*map(ball, PLACES[name])))

@@ -12,6 +12,7 @@ import mpmath
 import numpy as np
 import pytest
 from element_tables import HOLONOMIC, NONHOLONOMIC, POWER, STEP, Body, turn, unit
+from mpmath_numbers import mpmath_arithmetic
 
 import mbstab
 from mbstab.compiler.derive import parameter_sizes
@@ -19,7 +20,7 @@ from mbstab.compiler.kernels import load
 from mbstab.compiler.user import user_kernel
 from mbstab.mechanics.catalogue import COORDINATES
 from mbstab.mechanics.elements import ELEMENTS
-from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic
+from mbstab.model.arithmetic import FLOAT, array_arithmetic
 from mbstab.model.expressions import parse
 from mbstab.model.functions import FUNCTIONS
 

@@ -40,10 +40,9 @@ ONLY_IN = {
     "markdown_it": {"cli/handbook/site.py"},
     "numba": {"compiler/machine"},
     "scipy": {"analysis", "report/export.py", "report/animation/solids.py", "report/pictures/stability_chart.py"},
-    "mpmath": {"model/arithmetic.py", "analysis/algebra/digits.py", "analysis/compare/methods.py"}
-    | {f"analysis/reference/{x}.py" for x in ("element_comparison", "sharpening", "symmetries")}
-    | {f"analysis/spectrum/{x}.py" for x in ("holding_force", "precise", "precise_motion")},
-    "flint": {f"analysis/algebra/{x}.py" for x in ("balls", "ball_arrays", "ball_matrices", "ball_polynomials")}
+    "mpmath": set(),
+    "flint": {"model/balls.py", "analysis/algebra/digits.py", "analysis/spectrum/holding_force.py"}
+    | {f"analysis/algebra/ball_{x}.py" for x in ("arrays", "matrices", "polynomials")}
     | {"analysis/reference/identities.py", "analysis/proof/krawczyk.py", "analysis/proof/characteristic.py"},
 }
 FILES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent.name != "kernels")

@@ -17,12 +17,12 @@ from element_tables import ENERGY
 from test_reader import RICH
 
 import mbstab
-from mbstab.analysis.algebra import balls
 from mbstab.analysis.reference.reactions import reactions
 from mbstab.analysis.reference.rotation import orientation, rate_matrix
 from mbstab.compiler.system import System
 from mbstab.mechanics.catalogue import GROUND
 from mbstab.mechanics.elements import ELEMENTS, KINDS, kernel_name
+from mbstab.model import balls
 from mbstab.model.library import installed_models
 from mbstab.model.values import evaluate
 

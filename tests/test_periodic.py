@@ -22,7 +22,7 @@ from mbstab.analysis.linear.linearize import linearize, state_space
 from mbstab.analysis.spectrum import floquet
 from mbstab.analysis.spectrum.floquet import monodromy
 from mbstab.analysis.verdict.multipliers import enclosed, placed
-from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED
+from mbstab.analysis.verdict.rule import ASYMPTOTIC, STRENGTH, UNDECIDED
 from mbstab.cli import main
 from mbstab.compiler.system import System
 from mbstab.errors import ConstraintError, ModelFileError, NumericalError, UsageError
@@ -814,6 +814,17 @@ def test_a_motion_through_a_singular_configuration_is_refused():
 def test_a_motion_that_rounding_carries_away_is_refused():
     with pytest.raises(NumericalError, match=r"disturbances grow by a factor \d\.\de\+\d+ in \d\.\d+ s"):
         of(mbstab.load(MODELS["wheeled_inverted_pendulum"]), 4.0)
+
+
+def test_growth_on_the_way_is_not_called_instability():
+    """The multiplier of z' = -z (0.1 + 50 cos t) is exp(-0.2 pi), although z grows by exp(50) before."""
+    rail = "bodies: {b: {type: planar_point, mass: 1}}\nconstraints: {r: {holonomic: b.y}}\n"
+    spring = "forces: {s: {type: expression, on: {b.x: -b.x - rate(b.x)}}}\n"
+    states = 'states: {z: {rate: "-z*(0.1 + 50*cos(t))"}}\nreference: {period: 2*pi}\n'
+    with pytest.raises(NumericalError, match="whether or not they come back by its end") as caught:
+        mbstab.loads(f"mbstab: 1\n{rail}{spring}{states}").eig()
+    assert "unstable" not in str(caught.value)
+    assert mbstab.loads(f"mbstab: 1\n{rail}{spring}{states.replace('50*', '5*')}").eig().verdict == ASYMPTOTIC
 
 
 def test_a_scene_that_cannot_move_has_no_multipliers():

@@ -386,6 +386,18 @@ def test_a_high_frequency_does_not_compress_the_low_ones():
     assert height[1] - height[0] > 0.05
 
 
+def test_a_chain_of_branches_that_meet_has_a_colour_for_each_pair_and_numbers():
+    """Branches 2 and 3 are conjugate at two points, 1 and 2, and 3 and 4, at ten: without numbers all were black."""
+    x = np.arange(15.0)
+    real = np.full((15, 4), -1.0) * [1.0, 2.0, 3.0, 4.0] * (1.0 + 0j)
+    real[:2, 1:3] = np.array([-2.5 + 0.2j, -2.5 - 0.2j])
+    real[5:] = np.array([-1.5 + 3j, -1.5 - 3j, -3.5 + 1j, -3.5 - 1j])
+    ink = SweepCurves(made(x, real), Axis("p")).ink
+    assert ink[0] == ink[1] != ink[2] == ink[3]
+    figure = stability_map(made(x, real), "p", "")
+    assert [sorted(text.get_text() for text in axes.texts)[:1] for axes in figure.axes] == [["1"], ["1"]]
+
+
 def test_branches_have_their_names_or_numbers_in_their_colours():
     x = np.linspace(0.0, 2.0, 41)
     branches = np.column_stack([sign * 1j * (k + x) - 0.1 for k in (3.0, 9.0, 9.0) for sign in (1, -1)])

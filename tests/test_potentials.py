@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from mpmath import mp
+from mpmath_numbers import mpmath_arithmetic
 
 import mbstab
 from mbstab.compiler.system import System
 from mbstab.errors import ModelFileError
-from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.values import evaluate
 
 PLANAR = """\

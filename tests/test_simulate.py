@@ -1031,6 +1031,7 @@ def test_outputs_of_the_file_stand_in_every_answer_about_a_motion(tmp_path):
     assert result.exit_code == 0
     # Nothing divides by the rod's x at rest.
     assert "outputs.gone has no value at t = 0 s" in result.stderr
+    assert re.search(r"^output +unit +at first +at last +least +largest$", result.stdout, flags=re.M)
     assert "height (m)" in table.read_text(encoding="utf-8").partition("\n")[0]
     assert (tmp_path / "a-height.png").exists()
     rest = CliRunner().invoke(main, ["equilibrium", str(path), "--format", "json"])

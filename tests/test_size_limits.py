@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 import pytest
-from chains import free_bodies
+from chains import free_bodies, straight_chain
 from click.testing import CliRunner
 
 import mbstab
@@ -44,6 +44,14 @@ def test_a_thousand_free_bodies_are_refused_at_once_with_the_estimate(crowd, que
         question(crowd)
     assert time.process_time() - started < 5.0
     assert "\nhint: " in str(info.value)
+
+
+@pytest.mark.parametrize(("question", "links", "said"), [("eig_precise", 60, "2 min"), ("certify", 125, "79 s")])
+def test_many_digits_and_proofs_that_take_minutes_are_refused(question, links, said):
+    chain = mbstab.loads(straight_chain(links))
+    assert chain.eig().verdict == "stable"
+    with pytest.raises(UsageError, match=rf"{3 * links} coordinates: .* {said} of work"):
+        QUESTIONS[question](chain)
 
 
 def test_force_goes_on(monkeypatch):

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from mpmath_numbers import mpmath_arithmetic
 
 import mbstab
 from mbstab.analysis.verdict.constancy import _period, _shape, affine_drives, period_doubt, time_doubt, time_uses
@@ -12,7 +13,7 @@ from mbstab.analysis.verdict.exact_sums import Structure
 from mbstab.analysis.verdict.smoothness import kinks
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError
-from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic
+from mbstab.model.arithmetic import FLOAT, array_arithmetic
 from mbstab.model.expressions import parse
 from mbstab.model.parameters import bound
 from mbstab.model.values import evaluate
@@ -189,7 +190,7 @@ def test_other_number_systems_agree(nu):
 def test_balls_and_intervals():
     import flint
 
-    from mbstab.analysis.algebra.balls import ball_arithmetic, digits
+    from mbstab.model.balls import ball_arithmetic, digits
 
     model = mbstab.load("models/kapitza.yaml").model
     with digits(30):

@@ -3,6 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
+from mpmath_numbers import mpmath_arithmetic
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
@@ -10,7 +11,6 @@ import mbstab
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.compiler.kernels import planar_magic_aligning_moment, planar_magic_tyre
 from mbstab.errors import ModelFileError, NumericalError
-from mbstab.model.arithmetic import mpmath_arithmetic
 
 CAR = """\
 mbstab: 1

@@ -6,12 +6,12 @@ from fractions import Fraction
 
 import mpmath
 import pytest
+from mpmath_numbers import mpmath_arithmetic
 
 import mbstab
 from mbstab.compiler.system import System
 from mbstab.errors import ModelFileError, UsageError
 from mbstab.mechanics.elements import KINDS
-from mbstab.model.arithmetic import mpmath_arithmetic
 from mbstab.model.expressions import ExpressionError, parse
 from mbstab.model.functions import FUNCTIONS
 from mbstab.model.parameters import bound

@@ -208,7 +208,7 @@ class Mechanism(Ports):
             If the digits cannot be reached.
         """
         digits = whole("digits", digits)
-        model = self._afforded("modes", parameters)
+        model = self._afforded("digits", parameters)
         from mbstab.analysis.spectrum.precise import precise_eigenvalues
 
         return precise_eigenvalues(model, digits, frozen, progress, self._digits(parameters))
@@ -248,7 +248,7 @@ class Mechanism(Ports):
             If a parameter is unknown.
         """
         digits = whole("digits", digits)
-        model = self._afforded("modes", parameters)
+        model = self._afforded("proof", parameters)
         from mbstab.analysis.proof.certify import certify
 
         return certify(model, digits, progress)

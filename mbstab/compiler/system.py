@@ -560,7 +560,7 @@ class System:
         """Return the results of all elements, one after the other; refuse infinite ones if they are asked for."""
         f = FLOAT if points else self.scene.arithmetic
         # Exact number systems must not be mixed with floats.
-        zero = f.number("0") if f.name == "ball" else 0.0
+        zero = f.number("0") if f.name in ("ball", "digits") else 0.0
         q, u = padded(q, zero), padded(u, zero)
         a = padded(a, zero) if a is not None else None
         nu = padded(nu, zero) if nu is not None else None

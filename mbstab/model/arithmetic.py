@@ -7,10 +7,9 @@ arrays, symbols and any other number type that has these functions.
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -146,60 +145,3 @@ def symbol_arithmetic() -> Arithmetic:
     functions |= {name: folded(formula) for name, formula in formulas.items()}
     f = Arithmetic("symbol", sympy.Rational, {"pi": sympy.pi, "deg": sympy.pi / 180}, functions)
     return f
-
-
-def mpmath_arithmetic() -> Arithmetic:
-    """Return the arithmetic of mpmath numbers, at the precision set in ``mpmath.mp``."""
-    from mpmath import mp
-
-    def real(function: Callable[..., Any]) -> Callable[..., Any]:
-        def checked(*arguments: Any) -> Any:
-            value = function(*arguments)
-            if isinstance(value, mp.mpc):
-                raise ValueError("math domain error")
-            return value
-
-        return checked
-
-    def power(base: Any, exponent: Any) -> Any:
-        if base != 0 and abs(exponent * mp.log(abs(base))) > MAX_DIGITS:
-            raise OverflowError("the power is out of range")
-        return mp.power(base, exponent)
-
-    def abs_slope(x: Any) -> Any:
-        if x == 0:
-            raise ValueError(KINK)
-        return mp.sign(x)
-
-    def held(x: Any) -> Any:
-        return mp.mpf(0) if x <= 0 else mp.mpf(1) if x >= 1 else x
-
-    def inside(x: Any) -> Any:
-        if not 0 <= x <= 1:
-            raise ValueError("outside of a table")
-        return mp.mpf(0)
-
-    functions = {name: real(getattr(mp, name)) for name in NATIVE if hasattr(mp, name)}
-    return Arithmetic(
-        "mpmath",
-        mp.mpf,
-        {"pi": mp.pi, "deg": mp.degree},  # digits come when they are used
-        functions
-        | {
-            "abs": mp.fabs,
-            "signum": mp.sign,
-            "abs_slope": abs_slope,
-            "held": held,
-            "inside": inside,
-            "power": real(power),
-        },
-    )
-
-
-@contextlib.contextmanager
-def more_digits(f: Arithmetic, number: int) -> Iterator[Arithmetic]:
-    """Give the arithmetic of mpmath numbers with this many digits, or with so many more than one that is in use has."""
-    from mpmath import mp
-
-    with mp.workdps((mp.dps if f.name == "mpmath" else 0) + number):
-        yield mpmath_arithmetic()

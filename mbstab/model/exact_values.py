@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from typing import Any
 
 from mbstab.mechanics.catalogue import Number
-from mbstab.model.arithmetic import Arithmetic, more_digits
+from mbstab.model.arithmetic import Arithmetic
+from mbstab.model.balls import ball_arithmetic, digits, digits_in_use, zero_inside
 from mbstab.model.expressions import ExpressionError
 from mbstab.model.rationals import Meaning, meaning
 from mbstab.model.schema import Model, Quantity
 from mbstab.model.units import exact_factor
 
 MORE_DIGITS = 100
-"""Digits beyond those of the arithmetic."""
-
-ROUNDING = 1e-50
-"""What is left of a number below this fraction of it is rounding of these digits: the number is zero."""
+"""Digits beyond those of the arithmetic; a number of which none is left is zero."""
 
 UNKNOWN = (ExpressionError, ArithmeticError, ValueError, TypeError, KeyError)
 """Errors of numbers that are not exactly known."""
@@ -37,29 +35,29 @@ def with_more_digits(
     parameters : mapping
         Values of all parameters (SI).
     f : Arithmetic
-        Their number system: floats, or numbers of mpmath.
+        Their number system: floats, or numbers with many digits.
     """
-    if f.name not in ("float", "mpmath"):
+    if f.name not in ("float", "digits"):
         return None
-    known = _meanings(model, parameters, f)
-    with more_digits(f, MORE_DIGITS) as exact:
+    known, exact = _meanings(model, parameters, f), ball_arithmetic()
+    with digits(MORE_DIGITS + (digits_in_use() if f.name == "digits" else 0)):
         try:
             found = quantity.evaluate({name: _value(name, known, exact) for name in quantity.names()}, exact)
         except UNKNOWN:
             return None
-        zero = abs(found) <= ROUNDING * abs(value)
-    return f.number("0") if zero else float(found) if f.name == "float" else +found
+        zero = zero_inside(found)
+    return f.number("0") if zero else float(found) if f.name == "float" else found
 
 
 def exact_parameters(
-    errors: Mapping[str, float], model: Model, parameters: Mapping[str, float], f: Arithmetic
+    unsure: Iterable[str], model: Model, parameters: Mapping[str, float], f: Arithmetic
 ) -> dict[str, float]:
     """Return the values (SI) of parameters by the decimals of the file, of those for which they are known.
 
     Parameters
     ----------
-    errors : mapping
-        Their names, and error bounds of their values.
+    unsure : iterable of str
+        Their names.
     model : Model
     parameters : mapping
         Values of all parameters, floats.
@@ -67,13 +65,13 @@ def exact_parameters(
         Their number system.
     """
     known, found = _meanings(model, parameters, f), dict[str, float]()
-    with more_digits(f, MORE_DIGITS) as exact:
-        for name, error in errors.items():
+    with digits(MORE_DIGITS):
+        for name in unsure:
             try:
-                value = _value(name, known, exact)
+                value = _value(name, known, ball_arithmetic())
             except UNKNOWN:
                 continue
-            found[name] = 0.0 if abs(value) <= ROUNDING * error else float(value)
+            found[name] = 0.0 if zero_inside(value) else float(value)
     return found
 
 

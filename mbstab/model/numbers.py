@@ -23,9 +23,11 @@ def require_finite(value: Number) -> Number:
 
 
 def is_finite(value: Number) -> bool:
-    """Whether a number, or each of an array, is finite; numbers other than floats always are."""
+    """Whether a number, or each of an array, is finite; symbols always are."""
     if isinstance(value, float):
         return math.isfinite(value)
+    if hasattr(value, "rad"):
+        return bool(value.is_finite())
     if hasattr(value, "shape"):
         import numpy as np
 

@@ -232,25 +232,32 @@ def _check_names(model: Model, expression: Expression) -> None:
 
 
 def given_value(model: Model, name: str, arithmetic: Arithmetic) -> Number:
-    """Return the value in SI that a question gives a parameter.
+    """Return the value in SI that a question gives a parameter; raises as `given_values`, and of an interval."""
+    given = model.parameters[name].given
+    if given is not None and len(given.ends) > 1:
+        message = f"{name}={given.setting}: this is an interval"
+        raise UsageError(f"{message}\nhint: intervals need mbstab eig --certify")
+    return given_values(model, name, arithmetic)[0]
+
+
+def given_values(model: Model, name: str, arithmetic: Arithmetic) -> list[Number]:
+    """Return the value in SI that a question gives a parameter, or both ends of its interval.
 
     Raises
     ------
     UsageError
-        If it has no finite value, or is an interval.
+        If one is not finite.
     """
     given = model.parameters[name].given
     assert given is not None
-    if len(given.ends) > 1:
-        message = f"{name}={given.setting}: this is an interval"
-        raise UsageError(f"{message}\nhint: intervals need mbstab eig --certify")
-    ((expression, unit),) = given.ends
-    with _refused(name, given.setting):
-        if unit is not None:
-            factor = parse_unit(unit)[0] if unit else 1.0
-            return require_finite(expression.evaluate({}, arithmetic) * _factor(unit, factor, arithmetic))
+
+    def value(expression: Expression, unit: str | None) -> Number:
         values = evaluate_parameters(of_file(model), {}, arithmetic) if expression.names() else {}
-        return require_finite(expression.evaluate(values, arithmetic))
+        found = expression.evaluate(values, arithmetic)
+        return require_finite(found * _factor(unit, parse_unit(unit)[0], arithmetic) if unit else found)
+
+    with _refused(name, given.setting):
+        return [value(*end) for end in given.ends]
 
 
 def of_file(model: Model) -> Model:

@@ -231,20 +231,20 @@ class QuantityReader:
         return {name: units.moving(x.removesuffix("/s")) for name in names if (x := self.unit_of(name))}
 
     def doubt_sums(self, expression: Expression, node: Scalar, path: str) -> None:
-        """Note a warning about a length to which an angle is added without a factor."""
+        """Note a warning about terms of unlike units, such as a length to which an angle is added without a factor."""
         moving = self._moving_in(expression)
-        if len(moving) > 1:
-            position = units.length_beside_angle(expression, {**moving, **self.names.units})
-            if position is not None:
-                document = self.nodes.document
-                place = document.locate(node, position)
-                if any(told.startswith(f"{place}: ") for told in document.doubts):
-                    return  # in another repetition of the same text
-                document.doubts.append(
-                    f"{place}: {path}: units of the terms differ by a length, as those of a length and an angle\n"
-                    "hint: write the radius that makes a length of an angle, such as r*body.theta, or 1*body.theta "
-                    "where it is 1 m"
-                )
+        found = units.unlike_terms(expression, {**moving, **self.names.units}) if moving else None
+        if found is not None:
+            document = self.nodes.document
+            place = document.locate(node, found[0])
+            if any(told.startswith(f"{place}: ") for told in document.doubts):
+                return  # in another repetition of the same text
+            one, other = (units.show(x) if x != units.NONE else "rad or 1" for x in found[1:])
+            document.doubts.append(
+                f"{place}: {path}: the terms of a sum have the units {one} and {other}\n"
+                "hint: write the factor between them: the radius that makes a length of an angle, as in r*body.theta, "
+                "or the number that is meant, such as 1*body.theta"
+            )
 
     def unit_of(self, name: str) -> str:
         """Return the unit of a coordinate, a state or a measure; of others an empty text."""

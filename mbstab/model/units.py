@@ -231,12 +231,12 @@ def as_name(text: str, at: int = 0) -> str:
 
 
 def exact_factor(text: str, arithmetic: Arithmetic) -> Any:
-    """Return the factor to SI of a unit that `parse_unit` accepts, in a number system: a millimetre is 1/1000.
+    """Return the factor to SI of a unit of `parse_unit`, or of none, in a number system: a millimetre is 1/1000.
 
     The float in `UNITS` is only the nearest double; its shortest decimals are the exact factor.
     """
     above, below = arithmetic.number("1"), arithmetic.number("1")
-    for name, power, _ in factors(text):
+    for name, power, _ in factors(text) if text else ():
         if name == "deg":
             factor = arithmetic.constants["deg"]
         elif name == "rpm":
@@ -379,18 +379,22 @@ def _infer(node: Node, names: Mapping[str, Known]) -> Known:
             return times(_plain(left), _plain(right), 1 if node.operator == "*" else -1)
 
 
-def length_beside_angle(expression: Expression, names: Mapping[str, Known]) -> int | None:
-    """Return the position of a sum of a length and an angle that move, or of their rates; None if there is none.
+def unlike_terms(expression: Expression, names: Mapping[str, Known]) -> tuple[int, Dimension, Dimension] | None:
+    """Return the position of a sum whose terms hardly fit, and their dimensions; None if there is none.
 
-    With a factor, if only a bare number, either may be meant in the unit of the other.
+    A length and an angle that move, or their rates; or one term that moves and one whose units are declared. With a
+    factor, if only a bare number, either may be meant in the unit of the other.
     """
     for node in expression.walk():
         if isinstance(node, Binary) and node.operator in "+-":
-            one, other = _infer(node.left, names), _infer(node.right, names)
-            if not isinstance(one, str) and not isinstance(other, str):
-                ratio = times(_plain(one), _plain(other), -1)
-                if UNITS["m"][1] in (ratio, times(NONE, ratio, -1)):
-                    return node.position
+            pair = _infer(node.left, names), _infer(node.right, names)
+            one, other = map(_plain, pair)
+            if any(isinstance(x, str) for x in pair) or one == other:
+                continue
+            ratio = times(one, other, -1)
+            both = all(isinstance(x, Moving) for x in pair)
+            if not both or UNITS["m"][1] in (ratio, times(NONE, ratio, -1)):
+                return node.position, one, other
     return None
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from mbstab.analysis.proof.certify import Certificate
 from mbstab.analysis.verdict.spectrum import Modulo
 from mbstab.model.schema import Model
-from mbstab.report.eigenvalue_data import spectrum_data
+from mbstab.report.eigenvalue_data import spectrum_data, symmetric_data
 from mbstab.report.export import attributes
 from mbstab.report.tables import decimals, table, wrap_lines
 
@@ -36,10 +36,10 @@ def certificate_data(result: Certificate, model: Model) -> dict[str, Any]:
     ``conditions``, ``statement``, ``modulo``, ``in_place``, ``reason``, ``evidence``, ``warnings`` (as those of
     ``mbstab eig``), ``eigenvalues`` (``real`` and ``imag`` in 1/s, each with
     ``midpoint`` and ``radius`` as decimal strings, ``count``, ``kind``, ``why``), ``assumed``,
-    ``reasons``, ``notes``, ``digits``, ``spectrum`` (see
-    `mbstab.report.eigenvalue_data.spectrum_data`), ``parameter``, ``followed`` (which equilibrium an interval
-    is for) and ``parts`` of an interval (``low`` and ``high`` in SI as fractions, ``verdict``, ``modulo``,
-    ``reason``, ``at_low`` and ``at_high``: enclosures of the coordinates that were solved for).
+    ``reasons``, ``notes``, ``digits``, ``spectrum`` (see `mbstab.report.eigenvalue_data.spectrum_data`),
+    ``if_symmetric`` (as that of ``mbstab eig``), ``parameter``, ``followed`` (which equilibrium an interval is for)
+    and ``parts`` of an interval (``low`` and ``high`` in SI as fractions, ``verdict``, ``modulo``, ``reason``,
+    ``at_low`` and ``at_high``: enclosures of the coordinates that were solved for).
     """
     return {
         **attributes(result, "verdict status proven conditions statement"),
@@ -57,6 +57,7 @@ def certificate_data(result: Certificate, model: Model) -> dict[str, Any]:
         ],
         **attributes(result, "assumed reasons notes"),
         "spectrum": spectrum_data(result.spectrum),
+        "if_symmetric": symmetric_data(result.if_symmetric),
         **attributes(result, "digits parameter followed"),
         "parts": [
             {
@@ -98,6 +99,8 @@ def certificate_text(result: Certificate, model: Model) -> str:
         lines += _wrapped(reason, "  ")
     for sentence in () if result.spectrum is None else result.spectrum.sentences():
         lines += _wrapped(sentence, "")
+    if result.if_symmetric is not None:
+        lines += _wrapped(str(result.if_symmetric), "")
     zeros = [e for e in result.eigenvalues if e.kind == "zero"]
     on_axis = list(dict.fromkeys(e.why for e in result.eigenvalues if e.kind in ("imaginary", "carried")))
     if zeros or on_axis or result.notes or result.warnings:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.spectrum.mode_energy import EnergyBalance, EnergyShare
     from mbstab.analysis.spectrum.precise import PreciseResult
     from mbstab.analysis.spectrum.results import EigenResult
-    from mbstab.analysis.verdict.rule import Verdict
+    from mbstab.analysis.verdict.rule import IfSymmetric, Verdict
     from mbstab.analysis.verdict.spectrum import Spectrum
 
 
@@ -101,7 +101,8 @@ def verdict_data(judged: Verdict) -> dict[str, Any]:
     ``family``: what distinguishes motions of the same kind, such as the speed), ``in_place`` (whether disturbed
     motions also stay near the reference itself; null: not claimed), ``reason`` (its grounds, in one text),
     ``reasons`` (the same, sentence by sentence), ``evidence`` (its weakest fact: ``structural``, ``enclosed`` or
-    ``numerical``), ``spectrum`` (see `spectrum_data`).
+    ``numerical``), ``spectrum`` (see `spectrum_data`), ``if_symmetric`` (``about``, the further symmetries of a scene
+    within the digits of the file, and its ``verdict``; null: none is found).
     """
     return {
         "verdict": judged.word,
@@ -111,7 +112,13 @@ def verdict_data(judged: Verdict) -> dict[str, Any]:
         "reasons": judged.reasons,
         "evidence": judged.evidence,
         "spectrum": spectrum_data(judged.spectrum),
+        "if_symmetric": symmetric_data(judged.if_symmetric),
     }
+
+
+def symmetric_data(found: IfSymmetric | None) -> dict[str, Any] | None:
+    """Return the verdict of a scene with more symmetries as part of a JSON object, None where there is none."""
+    return None if found is None else attributes(found, "about verdict")
 
 
 def spectrum_data(spectrum: Spectrum | None) -> dict[str, Any] | None:

@@ -32,10 +32,11 @@ def eigen_text(result: EigenResult, model: Model, shapes: bool = False) -> str:
     lines.append(fill(result, shown) if shown else "no finite eigenvalues: the motion is fully prescribed\n")
     bodies = list(dict.fromkeys(name for e, _ in shown for name in e.participation))
     told = [e for e, _ in shown if e.motions]
+    several = len(bodies) > 1 and any(len(e.motions) > 1 for e in told)
+    if not shapes and (several or any(e.whirl for e in told)):
+        lines += wrap_lines("Motion of each mode, relative to the largest and to the size of the scene:")
+        lines.append(modes_table(told))
     if len(bodies) > 1:
-        if not shapes and any(len(e.motions) > 1 for e in told):
-            lines += wrap_lines("Motion of each mode, relative to the largest and to the size of the scene:")
-            lines.append(modes_table(told))
         lines.append("Share of the kinetic energy of each mode:")
         lines.append(_participation(shown, bodies))
     lines += _without_shape(shown)
@@ -52,6 +53,8 @@ def verdict_lines(judged: Verdict) -> list[str]:
         lines += wrap_lines(reason, "  ", "  ")
     for sentence in () if judged.spectrum is None else judged.spectrum.sentences():
         lines += wrap_lines(sentence, "", "  ")
+    if judged.if_symmetric is not None:
+        lines += wrap_lines(str(judged.if_symmetric), "", "  ")
     return lines
 
 

@@ -38,7 +38,7 @@ def equilibrium_text(found: Sequence[Equilibrium], model: Model) -> str:
             f"what balances ({item.unbalanced[0]:.1e} N, {item.unbalanced[1]:.1e} N*m)"
         )
         apart = f", apart from {', '.join(item.symmetries)}" if item.symmetries else ""
-        text = f"isolated{apart}" if item.isolated else f"not isolated: {'; '.join(item.open)}{apart}"
+        text = f"isolated{apart}" if item.isolated else f"not isolated to first order: {'; '.join(item.open)}{apart}"
         lines += [*wrap_lines(text, "", "  "), ""]
         if item.timed:
             lines.insert(-1, f"at t = {item.motion.time:g} s: forces or drives depend on time")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
-from mbstab.model.schema import Model
+from mbstab.model.schema import Model, is_state
 from mbstab.report import width
 from mbstab.report.tables import table, wrap_lines
 
@@ -70,9 +70,15 @@ def linearize_text(answer: Linearization | ControlModel, model: Model, form: str
 
 def _linear_summary(linear: Linearization) -> list[str]:
     """Return the sizes of the linearized equations, and the frame in which they are constant."""
-    n_n = len(linear.J) - linear.n_h
-    rows = f"{counted(linear.n_h, 'holonomic row')}, {counted(n_n, 'nonholonomic row')}"
-    text = f"{counted(len(linear.M), 'coordinate')}, {rows}, {counted(linear.n_f, 'state')} after deflation"
+    states = sum(map(is_state, linear.names))
+    n_n = len(linear.J) - linear.n_h - states
+    parts = [
+        counted(len(linear.M) - states, "coordinate"),
+        *([counted(states, "first-order state") + " with a row each"] if states else []),
+        counted(linear.n_h, "holonomic row"), counted(n_n, "nonholonomic row"),
+        f"{counted(linear.n_f, 'state')} after deflation",
+    ]  # fmt: skip
+    text = ", ".join(parts)
     lines = wrap_lines(text)
     if linear.generator is not None and linear.generator.turns:
         lines += wrap_lines(f"in the frame of the steady motion: {linear.generator}", "", "  ")

@@ -151,13 +151,16 @@ def simulation_text(sim: Simulation, model: Model, full: bool = False) -> str:
         rows.append([name, unit, *values])
     rows = rows if full else rows[:MOST]
     hidden = len(sim.names) - len(rows)
-    for (name, unit), y in zip(sim.output_names, sim.outputs.T, strict=True):
-        size = float(np.max(np.abs(y)))
-        rows.append([name, unit, *(_shown(x, size) for x in (y[0], y[-1], y.min(), y.max())), ""])
-    heads = ["coordinate", "unit", "at first", "at last", "least", "largest", "last rate\n(unit/s)"]
-    lines = [table(heads, rows, left=(0, 1))]
+    heads = ["unit", "at first", "at last", "least", "largest"]
+    lines = [table(["coordinate", *heads, "last rate\n(unit/s)"], rows, left=(0, 1))]
     if hidden:
         lines += [f"{hidden} more coordinates; --full shows all", ""]
+    rows = []
+    for (name, unit), y in zip(sim.output_names, sim.outputs.T, strict=True):
+        size = float(np.max(np.abs(y)))
+        rows.append([name, unit, *(_shown(x, size) for x in (y[0], y[-1], y.min(), y.max()))])
+    if rows:
+        lines.append(table(["output", *heads], rows, left=(0, 1)))
     what = f"{sim.method}{f' ({sim.solver})' if sim.solver else ''}"
     steps = counted(sim.steps, "step") + (f", {sim.rejected} rejected" if sim.rejected else "")
     control = f"fixed step {sim.step:g} s" if sim.step is not None else f"tolerance {sim.tol:g}"

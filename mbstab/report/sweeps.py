@@ -6,13 +6,12 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
-from itertools import groupby, pairwise
-from typing import TYPE_CHECKING, Any, TypeVar
+from itertools import groupby
+from typing import TYPE_CHECKING, TypeVar
 
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE, WORDS
 from mbstab.errors import counted
 from mbstab.model.schema import Model
-from mbstab.records import dataclass
 from mbstab.report.export import unit_factors
 from mbstab.report.sensitivity import critical_text
 from mbstab.report.tables import decimals, number, table, wrap_lines
@@ -20,6 +19,7 @@ from mbstab.report.tables import decimals, number, table, wrap_lines
 if TYPE_CHECKING:
     from mbstab.analysis.sweep.chart import Chart
     from mbstab.analysis.sweep.critical import Critical
+    from mbstab.analysis.sweep.ranges import Range
     from mbstab.analysis.sweep.sweep import Sweep
     from mbstab.compiler.system import Array
 
@@ -51,7 +51,7 @@ def sweep_text(result: Sweep, model: Model, sensitivity: bool = False) -> str:
     if result.start is not None:
         lines.append(f"equilibria followed from {result.parameter} = {number(result.start / factor)}")
     if result.moved:
-        lines += wrap_lines(f"not from the first value: {result.moved}")
+        lines += wrap_lines(f"not from the file's own value, or nearest to it: {result.moved}")
     lines += ["", *_path(result, label, factor)]
     for n, path in enumerate(result.beyond, 2):
         assert path.start is not None
@@ -197,15 +197,13 @@ def _rounded(value: float, result: Sweep) -> float:
 
 def _ranges(result: Sweep, factor: float) -> list[str]:
     """Return the verdicts between the critical values, one line for each range of the same word."""
-    begin = [] if result.start is None else [result.start]
-    ends = [float(end([*result.values, *begin], default=0.0)) for end in (min, max)]
-    lines, runs = [], _in_order(result, _verdict_runs(result, *ends))
+    lines, runs = [], _in_order(result, result.ranges)
     for run in runs:
-        low, high = ((x if x in ends else _rounded(x, result)) / factor for x in (run.low, run.high))
-        many = f" ({', '.join(map(str, sorted(run.counts)))})" if run.word == UNSTABLE and any(run.counts) else ""
+        low, high = (_rounded(x, result) / factor for x in (run.low, run.high))
+        word, many = WORDS[run.word], f" ({', '.join(map(str, run.counts))})"
         first, last = (number(x, 6) for x in _in_order(result, (low, high)))
         place = f"{first} to {last}" if high > low else f"at {first}"
-        lines.append(f"  {place}: {run.word}{many or _located(result, run)}")
+        lines.append(f"  {place}: {word}{many if word == UNSTABLE and any(run.counts) else _located(result, run)}")
     if any(run.high > run.low for run in runs):
         points = counted(len(result.values) - len(result.problems), "point")
         lines += wrap_lines(f"(as {points} show: what is narrower than their distance may be missed)")
@@ -220,75 +218,16 @@ def _open_hint(along: Mapping[str, tuple[Array, float]]) -> list[str]:
     return wrap_lines(f"hint: mbstab eig with {' '.join(middle)} says what is open there", hyphens=False)
 
 
-def _located(result: Sweep, run: _Run) -> str:
+def _located(result: Sweep, run: Range) -> str:
     """Return where eigenvalues lie in an undecided range, in words."""
     inside = (result.values >= run.low) & (result.values <= run.high) & (result.words == WORDS.index(UNDECIDED))
-    if run.word != UNDECIDED or not len(found := result.located[inside]):
+    if WORDS[run.word] != UNDECIDED or not len(found := result.located[inside]):
         return ""
     least, most = found.min(axis=0).tolist(), found.max(axis=0).tolist()
     numbers = [f"{low} to {high}" if high > low else str(low) for low, high in zip(least, most, strict=True)]
     words = "right", "left", "on the axis", "of unknown side"
     parts = [f"{n} {word}" for n, word in zip(numbers, words, strict=True) if n != "0" or word == "right"]
     return f" ({', '.join(parts)})"
-
-
-def _verdict_runs(result: Sweep, first: float, last: float) -> list[_Run]:
-    """Return the ranges of the same verdict between the ends and the critical values."""
-    order = result.values.argsort()
-    x, words, counts = result.values[order], result.words[order], result.unstable[order]
-    missing = {len(x) - 1 - i if len(x) > 1 and order[0] else i for i in result.problems}
-    critical = sorted(result.critical, key=lambda c: c.value)
-    width = max([abs(float(p)) for p in x] + [abs(c.value) for c in critical], default=0.0)
-    # A point on a critical value belongs to neither side.
-    at = {i for i, p in enumerate(x) if any(abs(p - c.value) <= 1e-9 * width for c in critical)}
-    runs: list[_Run] = []
-    for n, (a, b) in enumerate(pairwise([first, *(c.value for c in critical), last])):
-        inside = [i for i, p in enumerate(x) if a <= p <= b and i not in at and not (n and p == a)]
-        found = _runs(inside, a, b, x, words, counts, missing)
-        runs += found if inside or b <= a else _between(critical, n, a, b)
-    runs += [_Run(float(x[i]), float(x[i]), WORDS[int(words[i])], {int(counts[i])}) for i in at - missing]
-    return sorted(runs, key=lambda run: run.low + run.high)
-
-
-def _between(critical: Sequence[Critical], n: int, a: float, b: float) -> list[_Run]:
-    """Return the range before critical value number n where no point lies, if its neighbours agree on its verdict."""
-    before, after = critical[n - 1 : n] if n else (), critical[n : n + 1]
-    words = {word for word in (*(c.verdicts[1] for c in before), *(c.verdicts[0] for c in after)) if word}
-    if len(words) != 1:
-        return []
-    return [_Run(a, b, words.pop(), {after[0].unstable[0] if after else before[0].unstable[1]})]
-
-
-@dataclass
-class _Run:
-    """A range of the same verdict, with the numbers of unstable eigenvalues in it."""
-
-    low: float
-    high: float
-    word: str
-    counts: set[int]
-
-
-def _runs(inside: list[int], a: float, b: float, x: Array, words: Any, counts: Any, missing: set[int]) -> list[_Run]:
-    """Return the ranges of points between two critical values or ends; they reach these unless answers are missing."""
-    runs: list[_Run] = []
-    whole = True
-    for i in inside:
-        value, word = float(x[i]), WORDS[int(words[i])]
-        if i in missing:
-            whole = False
-            continue
-        # Unstable without an eigenvalue right of the axis: a multiple one on it, at this value only.
-        same = bool(runs) and runs[-1].word == word and (0 in runs[-1].counts) == (counts[i] == 0)
-        if same and whole:
-            runs[-1].high = value
-            runs[-1].counts.add(int(counts[i]))
-        else:
-            runs.append(_Run(a if whole and not runs else value, value, word, {int(counts[i])}))
-        whole = True
-    if runs and whole:
-        runs[-1].high = b
-    return runs
 
 
 def chart_text(result: Chart, model: Model) -> str:

@@ -73,7 +73,7 @@ class Balls(Doubles):
 
     @cached_property
     def f(self) -> Arithmetic:  # noqa: D102
-        from mbstab.analysis.algebra.balls import ball_arithmetic
+        from mbstab.model.balls import ball_arithmetic
 
         arb, _ = _types()
         known, kept = ball_arithmetic(), dict[int, tuple[Any, tuple[Any, Any]]]()

@@ -1,4 +1,4 @@
-"""Matrices of balls: lists of rows, elimination with pivots that are proven to be nonzero."""
+"""Matrices of balls: products that keep structural zeros, elimination with pivots that are proven to be nonzero."""
 
 from __future__ import annotations
 
@@ -6,75 +6,55 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Any
 
-from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, real, zero_inside
+import numpy as np
+
+from mbstab.analysis.algebra.balls import Matrix, NotProvable
+from mbstab.analysis.algebra.deflation import Dense
 from mbstab.analysis.algebra.tolerances import TOLERANCES
+from mbstab.model.balls import Ball, ball, real, zero_inside
 
 
-def matrix(rows: Any) -> Matrix:
-    """Return an array as rows of balls.
+def matrix(x: Any) -> Matrix:
+    """Return a vector or a matrix as an array of balls.
 
     Raises
     ------
     NotProvable
         If an entry has no finite enclosure.
     """
-    found = [[ball(x) for x in row] for row in rows]
-    if not all(x.is_finite() for row in found for x in row):
+    found = np.asarray(np.frompyfunc(ball, 1, 1)(np.asarray(x, dtype=object)), dtype=object)
+    if not all(y.is_finite() for y in found.flat):
         raise NotProvable("the equations of motion have no finite enclosure")
     return found
 
 
-def vector(entries: Any) -> list[Ball]:
-    """Return an array as balls; raises as `matrix`."""
-    return matrix([entries])[0]
+def zeros(*shape: int) -> Matrix:
+    """Return an array of exact zeros."""
+    return np.full(shape, ball(0), dtype=object)
 
 
-def zeros(rows: int, columns: int) -> Matrix:
-    """Return a matrix of exact zeros."""
-    return [[ball(0)] * columns for _ in range(rows)]
+def times(*factors: Matrix) -> Any:
+    """Return a product of matrices and vectors; exact zeros are skipped."""
+    return reduce(_product, factors)
 
 
-def transposed(A: Matrix, columns: int | None = None) -> Matrix:
-    """Return Aᵀ; `columns` is the number of columns of A where it has no rows."""
-    return [list(column) for column in zip(*A, strict=True)] if A else [[] for _ in range(columns or 0)]
-
-
-def times(A: Matrix, B: Matrix) -> Matrix:
-    """Return A B."""
-    width = len(B[0]) if B else 0
-    sparse = [[(j, x) for j, x in enumerate(row) if not x.is_zero()] for row in B]
-    result = zeros(len(A), width)
-    for i, row in enumerate(A):
+def _product(A: Matrix, B: Matrix) -> Any:
+    rows = B if B.ndim > 1 else B[:, None]
+    filled = [[(j, x) for j, x in enumerate(row) if not x.is_zero()] for row in rows.tolist()]
+    result = [[ball(0)] * rows.shape[1] for _ in range(len(A) if A.ndim > 1 else 1)]
+    for own, row in zip(result, A.tolist() if A.ndim > 1 else [A.tolist()], strict=True):
         for k, x in enumerate(row):
             if not x.is_zero():
-                for j, y in sparse[k]:
-                    result[i][j] = result[i][j] + x * y
-    return result
+                for j, y in filled[k]:
+                    own[j] = own[j] + x * y
+    return np.array(result, dtype=object).reshape(A.shape[:-1] + B.shape[1:])[()]
 
 
-def apply(A: Matrix, x: Sequence[Ball]) -> list[Ball]:
-    """Return A x."""
-    return [row[0] for row in times(A, [[value] for value in x])] if x else [ball(0)] * len(A)
-
-
-def plus(*matrices: Matrix) -> Matrix:
-    """Return the sum of matrices."""
-    return [
-        [sum(entries[1:], entries[0]) for entries in zip(*rows, strict=True)] for rows in zip(*matrices, strict=True)
-    ]
-
-
-class _Balls:
-    """Matrices of balls as `mbstab.analysis.algebra.deflation.Algebra`."""
+class _Balls(Dense):
+    """Arrays of balls."""
 
     def times(self, *factors: Matrix) -> Matrix:
-        return reduce(times, factors)
-
-    def plus(self, *terms: Matrix) -> Matrix:
-        return plus(*terms)
-
-    def transposed(self, A: Matrix) -> Matrix:
-        return transposed(A)
+        return times(*factors)  # type: ignore[no-any-return]
 
 
 BALLS = _Balls()
@@ -100,8 +80,7 @@ def eliminate(
     NotProvable
         If there are fewer pivots that are proven to be nonzero.
     """
-    T = [row[:] for row in A]
-    m = len(T)
+    T, m = A.tolist(), len(A)
     r, c = row_scale or [1.0] * m, scale or [1.0] * columns
     rows, free = set(range(m)), set(range(columns))
     pivots: list[tuple[int, int]] = []
@@ -133,7 +112,7 @@ def eliminate(
                 for k, x in filled:
                     row[k] = row[k] - factor * x
                 row[j] = ball(0)
-    return pivots, T
+    return pivots, np.array(T, dtype=object).reshape(A.shape)
 
 
 def null_space(pivots: Sequence[tuple[int, int]], T: Matrix, columns: int) -> tuple[list[int], Matrix]:
@@ -142,19 +121,19 @@ def null_space(pivots: Sequence[tuple[int, int]], T: Matrix, columns: int) -> tu
     free = [j for j in range(columns) if j not in bound]
     N = zeros(columns, len(free))
     for k, j in enumerate(free):
-        N[j][k] = ball(1)
+        N[j, k] = ball(1)
         for i, column in pivots:
-            N[column][k] = -T[i][j]
+            N[column, k] = -T[i, j]
     return free, N
 
 
 def solve(A: Matrix, B: Matrix) -> Matrix:
     """Return A⁻¹ B; proves that A is regular or raises `NotProvable`."""
     n = len(A)
-    pivots, T = eliminate([a + b for a, b in zip(A, B, strict=True)], n, n)
-    result: Matrix = [[] for _ in range(n)]
+    pivots, T = eliminate(np.hstack([A, B]), n, n)
+    result = zeros(*B.shape)
     for i, j in pivots:
-        result[j] = T[i][n:]
+        result[j] = T[i, n:]
     return result
 
 
@@ -162,17 +141,20 @@ def determinant(A: Matrix) -> Ball:
     """Return the determinant."""
     from flint import arb_mat
 
-    return arb_mat([[real(x) for x in row] for row in A]).det()
+    return arb_mat([list(map(real, row)) for row in A]).det()
 
 
-def positive(A: Matrix) -> bool:
-    """Return whether a symmetric matrix is proven positive definite: all pivots of its elimination are positive."""
-    T = [row[:] for row in A]
+def positive(A: Matrix, semi: bool = False) -> bool:
+    """Return whether a symmetric matrix is proven positive definite; `semi`: semidefinite, with exact zero pivots."""
+    T = A.copy()
     for k, row in enumerate(T):
+        if semi and row[k].is_zero():
+            if not all(x.is_zero() for x in row[k:]):
+                return False
+            continue
         if not row[k] > 0:
             return False
-        for i in range(k + 1, len(T)):
-            if not T[i][k].is_zero():
-                factor = T[i][k] / row[k]
-                T[i] = [x - factor * y for x, y in zip(T[i], row, strict=True)]
+        for other in T[k + 1 :]:
+            if not other[k].is_zero():
+                other[:] = other - other[k] / row[k] * row
     return True

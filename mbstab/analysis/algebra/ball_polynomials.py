@@ -6,9 +6,13 @@ import itertools
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from mbstab.analysis.algebra.ball_matrices import determinant
-from mbstab.analysis.algebra.balls import Ball, Exact, Matrix, ball, real, zero_inside
+from mbstab.analysis.algebra.balls import Matrix
+from mbstab.analysis.algebra.matching import together
 from mbstab.analysis.algebra.tolerances import TOLERANCES
+from mbstab.model.balls import Ball, Exact, ball, real, zero_inside
 
 
 def characteristic(A: Matrix) -> list[Ball]:
@@ -16,20 +20,20 @@ def characteristic(A: Matrix) -> list[Ball]:
     from flint import arb_mat, fmpq_mat
 
     n = len(A)
-    if all(isinstance(x, Exact) for row in A for x in row):
+    if all(isinstance(x, Exact) for x in A.flat):
         exact = fmpq_mat([[x.v for x in row] for row in A]).charpoly()
         return [Exact(exact[i]) for i in range(n + 1)]
     if n <= TOLERANCES.determinant_summed_size:
         sums = [ball(0)] * (n + 1)
         for size in range(n + 1):
             for chosen in itertools.combinations(range(n), size):
-                sums[size] = sums[size] + _expanded([[A[i][j] for j in chosen] for i in chosen])
+                sums[size] = sums[size] + _expanded(A[np.ix_(chosen, chosen)].tolist())
         return [sums[n - i] * (-1) ** (n - i) for i in range(n + 1)]
     p = arb_mat([[real(x) for x in row] for row in A]).charpoly()
     return [p[i] for i in range(n + 1)]
 
 
-def _expanded(A: Matrix) -> Ball:
+def _expanded(A: list[list[Ball]]) -> Ball:
     """Return a determinant as the sum of its nonzero products."""
     if not A:
         return ball(1)
@@ -42,14 +46,16 @@ def _expanded(A: Matrix) -> Ball:
     return total
 
 
-def product(p: Sequence[Ball], q: Sequence[Ball]) -> list[Ball]:
+def product(*factors: Sequence[Ball]) -> list[Ball]:
     """Return the coefficients of a product of polynomials."""
-    result = [ball(0)] * (len(p) + len(q) - 1)
-    for i, x in enumerate(p):
-        for j, y in enumerate(q):
-            if not x.is_zero() and not y.is_zero():
-                result[i + j] = result[i + j] + x * y
-    return result
+    whole = [ball(1)]
+    for p in factors:
+        before, whole = whole, [ball(0)] * (len(whole) + len(p) - 1)
+        for i, x in enumerate(before):
+            for j, y in enumerate(p):
+                if not x.is_zero() and not y.is_zero():
+                    whole[i + j] = whole[i + j] + x * y
+    return whole
 
 
 def value(p: Sequence[Any], z: Any) -> Any:
@@ -109,7 +115,7 @@ def resultant(p: Sequence[Ball], q: Sequence[Ball]) -> Ball:
     n, m = len(p) - 1, len(q) - 1
     rows = [[ball(0)] * k + list(reversed(p)) + [ball(0)] * (m - 1 - k) for k in range(m)]
     rows += [[ball(0)] * k + list(reversed(q)) + [ball(0)] * (n - 1 - k) for k in range(n)]
-    return determinant(rows)
+    return determinant(np.array(rows, dtype=object))
 
 
 def root_discs(p: Sequence[Ball]) -> list[tuple[Any, Ball, int]]:
@@ -133,34 +139,29 @@ def root_discs(p: Sequence[Ball]) -> list[tuple[Any, Ball, int]]:
                 spread = spread * (z - other)
         size = n * abs(value([acb(x) for x in p], z) / spread)
         radii.append(size if size.is_finite() else arb("+inf"))
-    groups = _groups(points, radii)
+    discs = list(zip(points, radii, strict=True))
+    near = [[not abs(z - y) > r + t for y, t in discs] for z, r in discs]
     found = []
-    for group in groups:
+    for group in together(near):
         if len(group) == 1:
             found.append((points[group[0]], radii[group[0]].abs_upper(), 1))
             continue
         centre = sum((points[k] for k in group), acb(0)) / len(group)
-        centre = acb(centre.real.mid(), centre.imag.mid())
+        centre = _middle(centre)
         reach = [(abs(points[k] - centre) + radii[k]).abs_upper() for k in group]
         found.append((centre, max(reach, key=float), len(group)))
     return found
 
 
-def _groups(points: list[Any], radii: list[Ball]) -> list[list[int]]:
-    """Return groups of discs that are not proven to be disjoint."""
-    groups: list[list[int]] = []
-    for k in range(len(points)):
-        touching = [
-            group for group in groups if any(not abs(points[k] - points[j]) > radii[k] + radii[j] for j in group)
-        ]
-        groups = [group for group in groups if group not in touching]
-        groups.append(sorted([k, *(j for group in touching for j in group)]))
-    return groups
+def _middle(z: Any) -> Any:
+    """Return the midpoint of a complex ball."""
+    from flint import acb
+
+    return acb(z.real.mid(), z.imag.mid())
 
 
 def _approximations(p: list[Any]) -> list[Any]:
     """Return approximate roots, all distinct, to the digits in use (Aberth's iteration)."""
-    import numpy as np
     from flint import acb, ctx
 
     n = len(p) - 1
@@ -172,20 +173,23 @@ def _approximations(p: list[Any]) -> list[Any]:
     points = [acb(float(x.real), float(x.imag)) * acb(1, 1e-9 * (k + 1)) for k, x in enumerate(rough)]
     slope = [k * x for k, x in enumerate(p)][1:]
     tiny = 2.0 ** (-ctx.prec)
-    for _ in range(60):
+    # A step to a double root gains one bit.
+    for _ in range(60 + ctx.prec):
         largest = 0.0
         for k, z in enumerate(points):
             at, by = value(p, z), value(slope, z)
-            if at == 0 or not by.is_finite():
+            others = [other for j, other in enumerate(points) if j != k]
+            if any(z == other for other in others):
+                # As far as digits tell double roots apart.
+                z = z + acb(0, (1 + abs(z)) * 2.0 ** (-ctx.prec // 2))
+            elif at == 0 or not by.is_finite():
                 continue
-            near = sum((1 / (z - other) for j, other in enumerate(points) if j != k), acb(0))
-            step = at / (by - at * near)
-            if not step.is_finite():
-                z = z * (1 + acb(0, 1e-6)) + 1e-12
             else:
-                z = z - step
+                near = sum((1 / (z - other) for other in others), acb(0))
+                step = at / _middle(by - at * near)
                 largest = max(largest, float(abs(step).mid()) / max(float(abs(z).mid()), 1e-300))
-            points[k] = acb(z.real.mid(), z.imag.mid())
+                z = z - step if step.is_finite() else z * (1 + acb(0, 1e-6)) + 1e-12
+            points[k] = _middle(z)
         if largest < tiny * 1e6:
             break
     small = 2.0 ** (-0.7 * ctx.prec)

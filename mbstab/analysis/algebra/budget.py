@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from mbstab.analysis.algebra.tolerances import TOLERANCES
 from mbstab.errors import UsageError
 from mbstab.records import dataclass
 
-Task = Literal["motion", "modes", "spectrum", "run"]
+Task = Literal["motion", "modes", "spectrum", "digits", "proof", "run"]
 """``motion``: the reference and the matrices there; ``modes``: also the eigenvalues and their verdict; ``spectrum``:
-the same with sparse matrices; ``run``: a run of a simulation."""
+the same with sparse matrices; ``digits``, ``proof``: with many digits, in balls; ``run``: a run of a simulation."""
 
-_NUMBERS: dict[Task, float] = {"motion": 45.0, "modes": 80.0, "spectrum": 0.0, "run": 100.0}
-"""Numbers in memory for each entry of a matrix with the number of coordinates as size; measured."""
-_SPECTRUM: dict[Task, float] = {"motion": 0.0, "modes": 0.0, "spectrum": 14.0, "run": 0.0}
-"""Additional numbers for each entry of a matrix with the number of eigenvalues as size; measured."""
-_COORDINATES: dict[Task, float] = {"motion": 10e-9, "modes": 15e-9, "spectrum": 0.0, "run": 50e-9}
-"""Time per cube of the number of coordinates (s); measured."""
-_EIGENVALUES: dict[Task, float] = {"motion": 0.0, "modes": 9e-9, "spectrum": 2e-9, "run": 0.0}
-"""Additional time per cube of the number of eigenvalues (s); measured."""
+
+class _Measured(NamedTuple):
+    """What a task costs for each entry of matrices, and for each cube of their sizes, as measured."""
+
+    numbers: float
+    """Numbers in memory for each entry of a matrix with the number of coordinates as size."""
+    of_spectrum: float
+    """Additional ones for each entry of a matrix with the number of eigenvalues as size."""
+    coordinates: float
+    """Time per cube of the number of coordinates (s)."""
+    eigenvalues: float
+    """Additional time per cube of the number of eigenvalues (s)."""
+    longer: bool = True
+    """Whether it may take longer than other questions."""
+
+
+_MEASURED: dict[Task, _Measured] = {
+    "motion": _Measured(45.0, 0.0, 10e-9, 0.0, longer=False),
+    "modes": _Measured(80.0, 0.0, 15e-9, 9e-9, longer=False),
+    "spectrum": _Measured(0.0, 14.0, 0.0, 2e-9),
+    "digits": _Measured(80.0, 40.0, 15e-9, 56e-6),
+    "proof": _Measured(80.0, 40.0, 15e-9, 5e-6),
+    "run": _Measured(100.0, 0.0, 50e-9, 0.0, longer=False),
+}
 
 
 @dataclass(frozen=True)
@@ -45,15 +61,11 @@ class Cost:
     @classmethod
     def of(cls, task: Task, n_q: int, n_c: int) -> Cost:
         """Return the cost of a task for numbers of coordinates and of constraint rows, taken as independent."""
-        n_f = 2.0 * max(0, n_q - n_c)
-        time = _COORDINATES[task] * float(n_q) ** 3 + _EIGENVALUES[task] * n_f**3
-        memory = 8.0 * (_NUMBERS[task] * float(n_q) ** 2 + _SPECTRUM[task] * n_f**2)
-        return cls(
-            n_q,
-            memory,
-            time,
-            TOLERANCES.estimated_time_of_spectrum if task == "spectrum" else TOLERANCES.estimated_time,
-        )
+        own, n_f = _MEASURED[task], 2.0 * max(0, n_q - n_c)
+        time = own.coordinates * float(n_q) ** 3 + own.eigenvalues * n_f**3
+        memory = 8.0 * (own.numbers * float(n_q) ** 2 + own.of_spectrum * n_f**2)
+        most = TOLERANCES.estimated_time_of_spectrum if own.longer else TOLERANCES.estimated_time
+        return cls(n_q, memory, time, most)
 
     @property
     def affordable(self) -> bool:

@@ -29,20 +29,20 @@ class Algebra(Protocol):
         """Return Aᵀ."""
 
 
-class _Dense:
+class Dense:
     """NumPy arrays of floats."""
 
-    def times(self, *factors: Array) -> Array:
+    def times(self, *factors: Array) -> Array:  # noqa: D102
         return reduce(np.matmul, factors)
 
-    def plus(self, *terms: Array) -> Array:
+    def plus(self, *terms: Array) -> Array:  # noqa: D102
         return reduce(np.add, terms)
 
-    def transposed(self, A: Array) -> Array:
+    def transposed(self, A: Array) -> Array:  # noqa: D102
         return np.swapaxes(A, -1, -2)
 
 
-DENSE = _Dense()
+DENSE = Dense()
 
 
 def in_frame(

@@ -1,4 +1,4 @@
-"""Pairing of the values of two lists with minimal distances."""
+"""Pairing of the values of two lists with minimal distances, and sets of values that belong together."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mbstab.analysis.algebra.arrays import Flags
 from mbstab.compiler.system import Array
 
 if TYPE_CHECKING:
@@ -67,3 +68,19 @@ def matched(found: Any, expected: Any) -> Array:
     columns = assigned(distance)
     result[columns] = distance[np.arange(len(found)), columns]
     return result
+
+
+def reached(joined: Flags | list[list[bool]]) -> Flags:
+    """Return what each of some things is joined to, directly or through others; itself as well, shape (n, n)."""
+    n = len(joined)
+    reach: Flags = np.array(joined, dtype=bool).reshape(n, n) | np.eye(n, dtype=bool)
+    for _ in range(n.bit_length()):
+        reach = reach @ reach
+    return reach
+
+
+def together(joined: Flags | list[list[bool]]) -> list[list[int]]:
+    """Return the members of each set of things that are joined both ways, directly or through others."""
+    reach = reached(joined)
+    both = reach & reach.T
+    return [np.flatnonzero(row).tolist() for i, row in enumerate(both) if int(np.argmax(row)) == i]

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from mbstab.compiler.system import Array
 
 Matrix = npt.NDArray[Any]
-"""An array of objects: mpmath numbers, or numbers with slopes."""
+"""An array of objects: numbers with many digits, or with slopes."""
 
 
 class Stalled(Exception):

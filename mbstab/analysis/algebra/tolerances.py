@@ -97,27 +97,19 @@ class Tolerances:
     """Entries of orthonormal bases below this are rounding errors of zero."""
     slope_rounding: Final = 1e-9
     """Derivatives of the reference are accepted if their corrections stop shrinking below this fraction of them."""
-    cluster_widths: Final = (1e-7, 1e-4, 1e-2)
-    """Eigenvalues closer than this fraction of the norm are computed together; tried in this order."""
 
     # Identities
-    bits_of_identities: Final = 220
+    bits_of_identities: Final = 320
     """Bits of balls in which identities are tested at random states."""
     bits_of_combinations: Final = 40
     """Bits to which combinations of fields must be known: data that are rounded decimals have 50."""
     bits_of_zero: Final = 100
     """Bits to which a motion is known whose equations are proven."""
-    digits_of_rounded: Final = 15
-    """A decimal with so many digits was rounded when it was written."""
 
     sines_kept: Final = 500
     """Sines and cosines of so many angles are kept."""
 
     # Balls
-    ball_digits_beyond: Final = 15
-    """Guard digits, in addition to the requested ones."""
-    ball_width_interval: Final = 1e-12
-    """Balls wider than this, relative to their midpoint, are intervals, not numbers with a rounding error."""
     sparse_pivot: Final = 0.1
     """A pivot may be smaller than the largest by this factor if it causes less fill-in."""
     determinant_summed_size: Final = 6

@@ -19,7 +19,6 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
-from mpmath import mp
 
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.subspaces import subspaces
@@ -37,6 +36,8 @@ from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.neutral import Structure
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, NumericalError, UsageError
+from mbstab.model import balls
+from mbstab.model.balls import decimal, plane, real
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import Answer, dataclass
@@ -253,16 +254,16 @@ class _Ruler:
         self.digits = truth.working_digits
         self.exact = truth.values()
         self.rate = state_space(linear).rate
-        with mp.workdps(self.digits):
-            pairs = [mp.mpc(0, sign * mp.mpf(shift)) for shift in truth.shifts for sign in (1, -1)]
-            self.neutral = [mp.zero] * (truth.neutral - len(pairs)) + pairs
+        with balls.digits(self.digits):
+            pairs = _pairs(truth.shifts)
+            self.neutral = [plane(0)] * (truth.neutral - len(pairs)) + pairs
         rounded = rounded_eigenvalues(linear, truth.digits)
         self.rounded: list[Any] = [None] * len(self.exact)
         if rounded is not None:
             columns, _ = self._columns(rounded)
             for x, column in zip(rounded, columns, strict=True):
                 if 0 <= column < len(self.exact):
-                    self.rounded[column] = x if self.exact[column] else mp.zero  # a zero is compared with zero
+                    self.rounded[column] = plane(0) if self.exact[column] == 0 else x  # a zero is compared with zero
         self.rounding = self._relative(self.rounded, self.exact)
 
     def _columns(self, found: Sequence[Any]) -> tuple[list[int], float]:
@@ -270,9 +271,9 @@ class _Ruler:
         true = [*self.exact, *self.neutral]
         size = max(len(found), len(true))
         cost = np.zeros((size, size))
-        with mp.workdps(self.digits):
-            moduli = [abs(s) or mp.mpf(self.rate) for s in true[: len(self.exact)]]
-            moduli += [mp.mpf(self.rate)] * len(self.neutral)
+        with balls.digits(self.digits):
+            moduli = [real(self.rate) if s == 0 else abs(s) for s in true[: len(self.exact)]]
+            moduli += [real(self.rate)] * len(self.neutral)
             for i, x in enumerate(found):
                 # All that match none cost the same, at any distance.
                 cost[i, : len(true)] = [
@@ -288,10 +289,10 @@ class _Ruler:
 
     def _relative(self, found: Sequence[Any], goals: Sequence[Any]) -> Array:
         """Return |found − goal| relative to the truth, or to a typical rate if that is 0; nan where one is missing."""
-        with mp.workdps(self.digits):
+        with balls.digits(self.digits):
             return np.array(
                 [
-                    math.nan if x is None or goal is None else float(abs(x - goal) / (abs(s) or self.rate))
+                    math.nan if x is None or goal is None else float(abs(x - goal) / (self.rate if s == 0 else abs(s)))
                     for x, goal, s in zip(found, goals, self.exact, strict=True)
                 ]
             )
@@ -302,21 +303,21 @@ class _Ruler:
         Parameters
         ----------
         method : str
-        found : sequence of complex or mpc
+        found : sequence of complex or ``flint.acb``
             All finite eigenvalues (1/s) but those of drift.
-        bounds : sequence of float or mpf
+        bounds : sequence of float or ``flint.arb``
             Bounds of their errors (1/s).
         rounded : bool
             Whether the method starts from the matrices in double precision.
         """
-        found = [mp.mpmathify(x) for x in found]
+        found = list(map(plane, found))
         columns, zeros = self._columns(found)
         values: list[Any] = [None] * len(self.exact)
         claimed = np.full(len(self.exact), math.nan)
         for x, bound, column in zip(found, bounds, columns, strict=True):
             if 0 <= column < len(self.exact):
                 values[column] = x
-                claimed[column] = float(bound / (abs(self.exact[column]) or self.rate))
+                claimed[column] = float(bound / (self.rate if self.exact[column] == 0 else abs(self.exact[column])))
         errors = self._relative(values, self.exact)
         return Outcome(
             method, np.array([complex(math.nan, math.nan) if x is None else complex(x) for x in values]), errors,
@@ -329,6 +330,11 @@ class _Ruler:
         """Return the outcome of a method that failed."""
         nothing = np.full(len(self.exact), math.nan)
         return Outcome(method, nothing + 0j, nothing, nothing, nothing, failure=text)
+
+
+def _pairs(shifts: Sequence[str]) -> list[Any]:
+    """Return ±iω of frequencies."""
+    return [plane(0, sign * real(decimal(shift))) for shift in shifts for sign in (1, -1)]
 
 
 # --- costs ----------------------------------------------------------------------------------------------------------
@@ -404,13 +410,13 @@ def _with_digits(model: Model, digits: int, ruler: _Ruler) -> Outcome:
         result = _prepared(run)
     except MbstabError as error:
         return ruler.failure(method, str(error))
-    with mp.workdps(ruler.digits):
-        found = [mp.mpc(e.real, e.imag) for e in result.eigenvalues]
-        found += [mp.mpc(0, sign * mp.mpf(shift)) for shift in result.shifts for sign in (1, -1)]
-        found += [mp.zero] * (result.counts.found - len(found))
-        half = mp.mpf(10) ** (1 - digits) / 2
+    with balls.digits(ruler.digits):
+        found = [plane(real(decimal(e.real)), real(decimal(e.imag))) for e in result.eigenvalues]
+        found += _pairs(result.shifts)
+        found += [plane(0)] * (result.counts.found - len(found))
+        half = real(10) ** (1 - digits) / 2
         bounds = [e.error_bound + half * abs(e.value) for e in result.eigenvalues]
-        bounds += [mp.nan] * (len(found) - len(bounds))
+        bounds += [math.nan] * (len(found) - len(bounds))
     return ruler.outcome(
         method, found, bounds, False, verdict=result.verdict, seconds=_medians({method: run})[method], memory=_peak(run)
     )

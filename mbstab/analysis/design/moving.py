@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.matching import together
 from mbstab.analysis.design.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 
@@ -48,16 +49,9 @@ class Moving:
 
     def _groups(self) -> list[list[int]]:
         equal = TOLERANCES.equal * self._size
-        left = np.flatnonzero(self.values.imag >= -equal).tolist()
-        groups = list[list[int]]()
-        while left:
-            group = [left.pop(0)]
-            for i in group:
-                near = [j for j in left if abs(self.values[j] - self.values[i]) <= equal]
-                group += near
-                left = [j for j in left if j not in near]
-            groups.append(group)
-        return groups
+        upper = np.flatnonzero(self.values.imag >= -equal)
+        near = np.abs(self.values[upper][:, None] - self.values[upper]) <= equal
+        return [upper[group].tolist() for group in together(near)]
 
     def nearest(self, group: Sequence[int]) -> list[int]:
         """Return a group of equal eigenvalues with those next to it, if these are near enough to meet it."""

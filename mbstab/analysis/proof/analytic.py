@@ -11,11 +11,13 @@ from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
-from mbstab.analysis.algebra.balls import Ball as BallType
-from mbstab.analysis.algebra.balls import NotProvable, at_part, ball, ball_arithmetic, parameters
+from mbstab.analysis.algebra.balls import NotProvable
+from mbstab.model.balls import Ball as BallType
+from mbstab.model.balls import at_part, ball, ball_arithmetic
 from mbstab.model.dependencies import expressions_in
 from mbstab.model.expressions import OPERATIONS, Binary, Call, Expression, Name, Negative, Node, Number, Rate
 from mbstab.model.functions import CALLED, PIECED, Break
+from mbstab.model.parameters import evaluate_parameters
 from mbstab.model.schema import Model
 
 Known = BallType | None
@@ -35,7 +37,7 @@ def require_analytic(model: Model, overrides: Mapping[str, BallType]) -> None:
     wide = {name for name, x in overrides.items() if at_part(x, HALF) is not x}
     if not wide:
         return
-    values = parameters(model, overrides)
+    values = evaluate_parameters(model, overrides, ball_arithmetic())
     for name, parameter in model.parameters.items():
         if name not in overrides and parameter.given is None and wide & set(parameter.expression.names()):
             wide.add(name)

@@ -10,11 +10,12 @@ import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices
 from mbstab.analysis.algebra.augmented import least_multipliers
-from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball
+from mbstab.analysis.algebra.balls import Matrix, NotProvable
 from mbstab.analysis.algebra.deflation import in_frame
 from mbstab.analysis.proof.krawczyk import independent_rows
 from mbstab.analysis.proof.motion import BallGenerator, Rough, State, steady_state
 from mbstab.compiler.system import Array, System
+from mbstab.model.balls import Ball, ball
 
 
 class Known(Protocol):
@@ -27,25 +28,22 @@ class Known(Protocol):
     time: Ball
     left_out: list[int]
 
-    def generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> BallGenerator:
+    def generator(self, q: Matrix, c: Sequence[Ball] | None = None) -> BallGenerator:
         """Return the field of the steady motion for coefficients that are not given."""
 
     def free_rates(self) -> list[float]:
         """Return these coefficients in double precision."""
 
-    def dynamics(
-        self, q: Sequence[Ball], u: Sequence[Ball]
-    ) -> tuple[Matrix, list[Ball], list[Ball], list[Ball], Matrix]:
+    def dynamics(self, q: Matrix, u: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix]:
         """Return M, F0, E, V and J of the chosen rows."""
 
-    def all_multipliers(self, nu: Sequence[Ball]) -> list[Ball]:
+    def all_multipliers(self, nu: Matrix) -> Matrix:
         """Return the multipliers of all rows."""
 
 
-def forces(M: Matrix, a: Sequence[Ball], F0: Sequence[Ball], J: Matrix, nu: Sequence[Ball]) -> list[Ball]:
+def forces(M: Matrix, a: Matrix, F0: Matrix, J: Matrix, nu: Matrix) -> Matrix:
     """Return M a + F0 + Jᵀν."""
-    through = ball_matrices.apply(ball_matrices.transposed(J, len(F0)), nu)
-    return [sum(terms, ball(0)) for terms in zip(ball_matrices.apply(M, a), F0, through, strict=True)]
+    return ball_matrices.times(M, a) + F0 + ball_matrices.times(J.T, nu)  # type: ignore[no-any-return]
 
 
 class Equations:
@@ -57,18 +55,19 @@ class Equations:
     Parameters
     ----------
     known : Known
-    q : list of ball
+    q : array of balls
         Coordinates; only those that are given are used.
     hold : bool
         Whether all of them are given.
     """
 
-    def __init__(self, known: Known, q: list[Ball], hold: bool) -> None:
+    def __init__(self, known: Known, q: Matrix, hold: bool) -> None:
         self.known, self.system, self.q = known, known.system, q
         scene, names = known.system.scene, known.system.names
         self.open = [i for i, name in enumerate(names) if not hold and name not in scene.coordinates]
         self.free = known.free_rates()
-        self.given = {i: ball(scene.rates[name]) for i, name in enumerate(names) if name in scene.rates}
+        self.given = [i for i, name in enumerate(names) if name in scene.rates]
+        self.rates = ball_matrices.matrix([scene.rates[names[i]] for i in self.given])
         self.moving = scene.steady is not None or bool(scene.model.states)  # which must come to rest
 
     @cached_property
@@ -81,10 +80,9 @@ class Equations:
         force = (motion.dynamics.F0 + motion.dynamics.M @ motion.a) * motion.spaces.scale
         return -least_multipliers(motion.dynamics.J[self.known.rows] * motion.spaces.scale, force)
 
-    def start(self) -> list[Ball]:
+    def start(self) -> Matrix:
         """Return the unknowns as found in double precision."""
-        found = [*self.free, *(float(x) for x in self.multipliers)]
-        return [*(self.q[i] for i in self.open), *(ball(x) for x in found)]
+        return ball_matrices.matrix([*self.q[self.open], *self.free, *self.multipliers.tolist()])
 
     def unknowns(self) -> list[str]:
         """Return the names of the unknowns."""
@@ -94,76 +92,52 @@ class Equations:
             *(f"multiplier of row {i}" for i in self.known.rows),
         ]
 
-    def _split(self, x: Sequence[Ball]) -> tuple[list[Ball], list[Ball], list[Ball]]:
-        """Return coordinates, coefficients and multipliers."""
-        moved, n, k = self.q[:], len(self.open), len(self.free)
-        for i, value in zip(self.open, x, strict=False):
-            moved[i] = value
-        return moved, list(x[n : n + k]), list(x[n + k :])
-
-    def state(self, x: Sequence[Ball]) -> State:
+    def state(self, x: Matrix) -> State:
         """Return the motion for given unknowns."""
-        q, c, nu = self._split(x)
-        return steady_state(self.known.generator(q, c), q, nu)
+        q, n, k = self.q.copy(), len(self.open), len(self.free)
+        q[self.open] = x[:n]
+        return steady_state(self.known.generator(q, x[n : n + k].tolist()), q, x[n + k :])
 
-    def residual(self, x: Sequence[Ball]) -> list[Ball]:
+    def residual(self, x: Matrix) -> Matrix:
         """Return the residuals of forces, positions, speeds and given rates, in this order."""
         at = self.state(x)
         M, F0, E, V, J = self.known.dynamics(at.q, at.u)
-        left = [*forces(M, at.a, F0, J, at.nu), *E[: self.known.r_h]]
-        if self.moving:
-            left += [*V, *(at.u[i] - rate for i, rate in self.given.items())]
-        return left
+        parts = [forces(M, at.a, F0, J, at.nu), E[: self.known.r_h]]
+        return np.concatenate([*parts, V, at.u[self.given] - self.rates] if self.moving else parts)
 
-    def jacobian(self, x: Sequence[Ball]) -> Matrix:
+    def jacobian(self, x: Matrix) -> Matrix:
         """Return the derivative of the residual."""
         at, system = self.state(x), self.system
         M, _, _, _, J = self.known.dynamics(at.q, at.u)
         full = self.known.all_multipliers(at.nu)
         K, R = (ball_matrices.matrix(x) for x in system.linearize(at.q, at.u, at.a, full, self.known.time)[:2])
-        J_moving, V_q = (J, self._speeds_by_coordinates(at)) if self.moving else ([], [])
-        _, stiffness, turned = in_frame(M, R, K, J_moving, V_q, at.slope, at.second, ball_matrices.BALLS)
-        columns, growths = self._by_coefficients(at)
-        by_c = [
-            [x + y for x, y in zip(ball_matrices.apply(R, X), ball_matrices.apply(M, A), strict=True)]
-            for X, A in zip(columns, growths, strict=True)
-        ]
-        n_c, r = len(columns), len(self.known.rows)
-        blank = [ball(0)] * r
-        result = [
-            [*(stiffness[i][j] for j in self.open), *(by_c[k][i] for k in range(n_c)), *(J[k][i] for k in range(r))]
-            for i in range(system.n_q)
-        ]
-        result += [[*(J[k][j] for j in self.open), *([ball(0)] * n_c), *blank] for k in range(self.known.r_h)]
+        rows, r_h = self.known.rows, self.known.r_h
+        V_q = J[:0]
         if self.moving:
-            by_rate = [ball_matrices.apply(J, X) for X in columns]
-            result += [
-                [*(turned[k][j] for j in self.open), *(by_rate[c][k] for c in range(n_c)), *blank] for k in range(r)
-            ]
-            result += [
-                [*(at.slope[i][j] for j in self.open), *(columns[c][i] for c in range(n_c)), *blank] for i in self.given
-            ]
-        return result
-
-    def _speeds_by_coordinates(self, at: State) -> Matrix:
-        full = ball_matrices.matrix(self.system.linearize_rows(at.q, at.u, at.a, self.known.time)[0])
-        return [full[i] for i in self.known.rows]
+            V_q = ball_matrices.matrix(system.linearize_rows(at.q, at.u, at.a, self.known.time)[0])[rows]
+        _, stiffness, turned = in_frame(M, R, K, J[: len(V_q)], V_q, at.slope, at.second, ball_matrices.BALLS)
+        columns, growths = self._by_coefficients(at)
+        by_c = ball_matrices.times(R, columns) + ball_matrices.times(M, growths)
+        zeros, n_c, r = ball_matrices.zeros, columns.shape[1], len(rows)
+        blocks = [[stiffness[:, self.open], by_c, J.T], [J[:r_h, self.open], zeros(r_h, n_c), zeros(r_h, r)]]
+        if self.moving:
+            blocks += [[turned[:, self.open], ball_matrices.times(J, columns), zeros(r, r)]]
+            given = self.given
+            blocks += [[at.slope[np.ix_(given, self.open)], columns[given], zeros(len(given), r)]]
+        return np.vstack([np.hstack(row) for row in blocks])
 
     def _by_coefficients(self, at: State) -> tuple[Matrix, Matrix]:
-        """Return the derivatives of X and of DX X by the free coefficients: X is linear in them."""
-        columns, growths = [], []
-        none = steady_state(self.known.generator(at.q, [ball(0)] * len(self.free)), at.q)
-        for k in range(len(self.free)):
-            unit = [ball(float(j == k)) for j in range(len(self.free))]
-            one = steady_state(self.known.generator(at.q, unit), at.q)
-            X = [x - y for x, y in zip(one.u, none.u, strict=True)]
-            D = [[x - y for x, y in zip(*rows, strict=True)] for rows in zip(one.slope, none.slope, strict=True)]
-            through, own = ball_matrices.apply(at.slope, X), ball_matrices.apply(D, at.u)
-            columns.append(X)
-            growths.append([x + y for x, y in zip(through, own, strict=True)])
-        return columns, growths
+        """Return the derivatives of X and of DX X by the free coefficients, as columns: X is linear in them."""
+        k, times = len(self.free), ball_matrices.times
+        trials = ([ball(float(j == i)) for j in range(k)] for i in range(-1, k))
+        none, *units = (steady_state(self.known.generator(at.q, c), at.q) for c in trials)
+        columns, growths = ball_matrices.zeros(k, len(at.q)), ball_matrices.zeros(k, len(at.q))
+        for i, one in enumerate(units):
+            columns[i] = one.u - none.u
+            growths[i] = times(at.slope, columns[i]) + times(one.slope - none.slope, at.u)
+        return columns.T, growths.T
 
-    def independent(self, start: Sequence[Ball], what: str) -> list[int]:
+    def independent(self, start: Matrix, what: str) -> list[int]:
         """Return the numbers of equations that determine the unknowns.
 
         Raises
@@ -172,7 +146,7 @@ class Equations:
             If there are fewer than unknowns.
         """
         nu, n = self.multipliers, len(start)
-        G = np.array([[float(x.mid()) for x in row] for row in self.jacobian([x.mid() for x in start])])
+        G = self.jacobian(np.array([x.mid() for x in start], dtype=object)).astype(float)
         sizes = self.known.rough.motion.sizes[self.open]
         loads = 1e-300 + np.max(np.abs(nu), initial=1.0) + 0.0 * nu
         weights = np.array([*sizes, *([1.0] * len(self.free)), *loads])

@@ -1,6 +1,6 @@
 """Eigenvalues with proven radii, and verdicts that are theorems.
 
-The kernels run on balls (`mbstab.analysis.algebra.balls`), the constraints are eliminated by pivots that
+The kernels run on balls (`mbstab.model.balls`), the constraints are eliminated by pivots that
 are proven to be nonzero, and the resulting ẏ = S y contains the linearized equations
 for all values of the parameters in their balls. Then
 
@@ -31,18 +31,21 @@ What is not proven is part of the statement: "proven …, provided that …".
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
-from mbstab.analysis.algebra import balls
-from mbstab.analysis.algebra.balls import Ball, Hopeless, NotProvable, ball
+from mbstab.analysis.algebra.balls import Hopeless, NotProvable, ends
 from mbstab.analysis.proof.characteristic import Enclosure, Proof
 from mbstab.analysis.proof.intervals import OPEN, Part, Walk, common, in_words
 from mbstab.analysis.proof.proven_facts import best
 from mbstab.analysis.proof.tolerances import TOLERANCES
-from mbstab.analysis.verdict.rule import ASYMPTOTIC, MARGINAL, NONLINEAR, UNDECIDED, UNSTABLE, Verdict
+from mbstab.analysis.spectrum.eigenvalues import if_symmetric
+from mbstab.analysis.verdict.rule import ASYMPTOTIC, MARGINAL, NONLINEAR, UNDECIDED, UNSTABLE, IfSymmetric, Verdict
 from mbstab.analysis.verdict.spectrum import Modulo, Spectrum
 from mbstab.errors import UsageError, counted
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball
 from mbstab.model.schema import Model
+from mbstab.model.units import exact_factor
 from mbstab.records import Answer, dataclass
 
 
@@ -121,6 +124,11 @@ class Certificate(Answer):
         return self.judged.warnings if self.judged is not None else ()
 
     @property
+    def if_symmetric(self) -> IfSymmetric | None:
+        """The verdict, not proven, of a scene within the digits of the file that has more symmetries."""
+        return self.judged.if_symmetric if self.judged is not None else None
+
+    @property
     def status(self) -> str:
         """Return ``proven``, ``conditional`` (a verdict that rests on `conditions`) or ``not provable``."""
         return "not provable" if self.verdict == "not provable" else "conditional" if self.conditions else "proven"
@@ -190,7 +198,8 @@ def _at(model: Model, digits: int) -> tuple[Certificate, bool]:
         )
     except NotProvable as error:
         return _refused(error, digits), not isinstance(error, Hopeless)
-    judged, conditions = case.verdict, (*proof.conditions, *case.conditions)
+    judged = replace(case.verdict, if_symmetric=if_symmetric(proof.identities.grounds))
+    conditions = (*proof.conditions, *case.conditions)
     assumed = (*proof.assumed, *case.conditions)
     if judged.word == UNDECIDED:
         reasons = tuple(dict.fromkeys(judged.reasons))
@@ -240,12 +249,12 @@ NEUTRAL = ("zero", "carried")
 
 def _over(model: Model, name: str, digits: int, progress: Callable[[float], object]) -> Certificate:
     """Return what is proven for all values of a parameter in an interval, by bisection."""
-    first, last = balls.ends(model, name)
+    first, last = ends(model, name)
     low, high = balls.fraction_beyond(first, False), balls.fraction_beyond(last, True)
     walk = Walk(model, name, (low, high), progress)
     verdicts = {part.verdict for part in walk.parts}
     words = {part.words for part in walk.parts}
-    factor = balls.exact_factor(model.parameters[name].unit)
+    factor = exact_factor(model.parameters[name].unit, balls.ball_arithmetic())
     unit = model.parameters[name].unit
     text = f"{name} in [{_decimal(ball(low) / factor)}, {_decimal(ball(high) / factor)}] {unit}".rstrip()
     followed = ""

@@ -17,14 +17,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
-from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, real, zero_inside
+from mbstab.analysis.algebra import ball_matrices, ball_polynomials
+from mbstab.analysis.algebra.balls import Matrix, NotProvable
 from mbstab.analysis.algebra.deflation import in_frame, on_speeds, restricted
+from mbstab.analysis.algebra.matching import reached, together
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.enclosures import Reference
 from mbstab.analysis.proof.identities import Identities
 from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls, steady_state
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball, real, zero_inside
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
 
@@ -184,35 +187,34 @@ class Proof(Reference):
         )
         M, _, _, _, J = self.dynamics(s.q, s.u)
         C, D = J[: self.r_h], J[self.r_h :]
-        D_q = [D_q[i - self.system.n_h] for i in self.rows[self.r_h :]]
+        D_q = D_q[[i - self.system.n_h for i in self.rows[self.r_h :]]]
         R, K, D_q = in_frame(M, R, K, D, D_q, s.slope, s.second, ball_matrices.BALLS)
         scale = self.rough.motion.spaces.scale.tolist()
         row_scale = [float(self.rough.motion.spaces.row_scale[i]) for i in self.rows]
         scale_h, scale_n = row_scale[: self.r_h], row_scale[self.r_h :]
         # The balance of forces on what carries no mass is a row as well: on positions, or on speeds if it is damped.
         for direction, damped in self._light(M, R, C, D, scale_h):
-            balance, rates = (ball_matrices.apply(ball_matrices.transposed(x), direction) for x in (K, R))
-            (D if damped else C).append(rates if damped else balance)
-            (scale_n if damped else scale_h).append(_row_scale(rates if damped else balance, scale))
-            D_q += [balance] if damped else []
+            balance, rates = ball_matrices.times(direction, K), ball_matrices.times(direction, R)
+            row = rates if damped else balance
+            (scale_n if damped else scale_h).append(_row_scale(row, scale))
+            C, D = (C, np.vstack([D, row])) if damped else (np.vstack([C, row]), D)
+            D_q = np.vstack([D_q, balance]) if damped else D_q
         pivots, T = ball_matrices.eliminate(C, len(C), n, scale_h, scale)
         free, N = ball_matrices.null_space(pivots, T, n)
         m = len(free)
         W, W_q = ball_matrices.times(D, N), ball_matrices.times(D_q, N)
-        pivots, T = ball_matrices.eliminate(
-            [a + b for a, b in zip(W, W_q, strict=True)], len(D), m, scale_n, [scale[j] for j in free]
-        )
+        pivots, T = ball_matrices.eliminate(np.hstack([W, W_q]), len(D), m, scale_n, [scale[j] for j in free])
         moving, Z = ball_matrices.null_space(pivots, T, m)
         P = ball_matrices.zeros(m, m)
         for i, j in pivots:
-            P[j] = [-x for x in T[i][m:]]
-        M_N, R_N, K_N = restricted(M, R, K, N, ball_matrices.BALLS) if m else ([], [], [])
+            P[j] = -T[i, m:]
+        M_N, R_N, K_N = restricted(M, R, K, N, ball_matrices.BALLS)
         S = _state_matrix(M_N, R_N, K_N, P, Z, len(moving))
         return Reduced(M, R, N, M_N, K_N, P, Z, S, free, moving)
 
     def _light(
         self, M: Matrix, R: Matrix, C: Matrix, D: Matrix, row_scale: Sequence[float]
-    ) -> list[tuple[list[Ball], bool]]:
+    ) -> list[tuple[Matrix, bool]]:
         """Return directions that holonomic rows C allow and that carry no mass, and whether a force there is damped.
 
         Raises
@@ -225,14 +227,11 @@ class Proof(Reference):
             return []
         scale, n = self.rough.motion.spaces.scale.tolist(), self.system.n_q
         pivots, T = ball_matrices.eliminate(C, len(C), n, list(row_scale), scale)
-        directions = ball_matrices.transposed(ball_matrices.null_space(pivots, T, n)[1])
+        directions = ball_matrices.null_space(pivots, T, n)[1].T
         found = []
         for d in directions:
-            if all(x.is_zero() for A in (M, ball_matrices.transposed(M), D) for x in ball_matrices.apply(A, d)):
-                damped = any(
-                    not x.is_zero() for A in (R, ball_matrices.transposed(R)) for x in ball_matrices.apply(A, d)
-                )
-                found.append((d, damped))
+            if all(x.is_zero() for A in (M, M.T, D) for x in ball_matrices.times(A, d)):
+                found.append((d, any(not x.is_zero() for A in (R, R.T) for x in ball_matrices.times(A, d))))
         known = (len(light.first_order), len(light.algebraic))
         counted = sum(damped for _, damped in found)
         if not self.rough.motion.at_rest or known != (counted, len(found) - counted):
@@ -242,29 +241,23 @@ class Proof(Reference):
             )
         return found
 
-    def column(self, direction: Sequence[Ball], rate: Sequence[Ball]) -> list[Ball]:
+    def column(self, direction: Matrix, rate: Matrix) -> Matrix:
         """Return an admissible disturbance (Δq, Δu) in the coordinates of S."""
         r = self.reduced
-        carried = ball_matrices.apply(self.state.slope, direction)
-        xi = [direction[i] for i in r.free]
-        return xi + [rate[r.free[k]] - carried[r.free[k]] for k in r.moving]
+        slide = rate - ball_matrices.times(self.state.slope, direction)
+        return np.concatenate([direction[r.free], slide[r.free][r.moving]])
 
-    def differential(self, direction: Sequence[Ball], rate: Sequence[Ball]) -> list[Ball]:
+    def differential(self, direction: Matrix, rate: Matrix) -> Matrix:
         """Return the differential of the momentum along a symmetry, as `neutral.Structure.differential`."""
-        r = self.reduced
-        turned = ball_matrices.apply(self.state.slope, direction)
-        carried = [x - y for x, y in zip(rate, turned, strict=True)]
-        (speeds,) = ball_matrices.times(ball_matrices.times([list(direction)], r.M), r.N)
-        (forces,) = ball_matrices.times(ball_matrices.times([list(direction)], r.R), r.N)
-        (frame,) = ball_matrices.times(ball_matrices.times([carried], r.M), r.N)
-        (through,) = ball_matrices.times([speeds], r.P)
-        (own,) = ball_matrices.times([speeds], r.Z) if r.moving else ([],)
-        return [x - y + z for x, y, z in zip(forces, frame, through, strict=True)] + own
+        r, times = self.reduced, ball_matrices.times
+        carried = rate - times(self.state.slope, direction)
+        speeds, forces, frame = times(direction, r.M, r.N), times(direction, r.R, r.N), times(carried, r.M, r.N)
+        return np.concatenate([forces - frame + times(speeds, r.P), times(speeds, r.Z)])
 
     def seen_from(self, step: BallGenerator, rate: Ball) -> Proof:
         """Return the same in a frame that also rotates at a rate, by a turn that does not move the reference."""
         own = self.state.field
-        spins = [x + rate * y for x, y in zip(own.spins, step.spins, strict=True)]
+        spins = own.spins + rate * step.spins
         field = generator_in_balls(self.system, step.axis, step.point, own.rate + rate, own.velocity, spins)
         seen = steady_state(field, self.state.q)
         other = copy(self)
@@ -283,23 +276,18 @@ class Proof(Reference):
         return f"{'' if i < len(free) else 'the rate of '}{self.system.names[j]}"
 
 
-def _row_scale(row: Sequence[Ball], scale: Sequence[float]) -> float:
+def _row_scale(row: Matrix, scale: Sequence[float]) -> float:
     """Return the reciprocal of the length of a row in scaled coordinates."""
-    length = float(np.linalg.norm([float(x.mid()) * s for x, s in zip(row, scale, strict=True)]))
+    length = float(np.linalg.norm(row.astype(float) * scale))
     return 1.0 / length if length else 1.0
 
 
 def _state_matrix(M: Matrix, R: Matrix, K: Matrix, P: Matrix, Z: Matrix, k: int) -> Matrix:
     """Return S of ẏ = S y for matrices from which the holonomic rows are eliminated."""
-    m = len(P)
-    S = ball_matrices.zeros(m + k, m + k)
-    for i in range(m):
-        S[i] = P[i] + Z[i]
+    S = np.vstack([np.hstack([P, Z]), ball_matrices.zeros(k, len(P) + k)])
     if k:
         M_z, K_z, R_z = on_speeds(M, R, K, Z, P, ball_matrices.BALLS)
-        solved = ball_matrices.solve(M_z, [a + b for a, b in zip(K_z, R_z, strict=True)])
-        for i in range(k):
-            S[m + i] = [-x for x in solved[i]]
+        S[len(P) :] = -ball_matrices.solve(M_z, np.hstack([K_z, R_z]))
     return S
 
 
@@ -318,11 +306,11 @@ class Quotient:
     """
 
     def __init__(self, S: Matrix) -> None:
-        self.kept, self.alive = [row[:] for row in S], list(range(len(S)))
+        self.kept, self.alive = S.copy(), list(range(len(S)))
         self._divided: list[tuple[int, dict[int, Ball]]] = []
         self._restricted: list[tuple[int, dict[int, Ball]]] = []
 
-    def seen(self, vector: Sequence[Ball]) -> dict[int, Ball]:
+    def seen(self, vector: Matrix) -> dict[int, Ball]:
         """Return a vector modulo the directions so far."""
         v = dict(enumerate(vector))
         for pivot, other in self._divided:
@@ -333,7 +321,7 @@ class Quotient:
                         v[i] = v.get(i, ball(0)) - part / other[pivot] * x
         return {i: x for i, x in v.items() if not x.is_zero()}
 
-    def divide(self, vector: Sequence[Ball]) -> bool:
+    def divide(self, vector: Matrix) -> bool:
         """Divide by a direction; return whether it is proven to be independent of the earlier ones."""
         v = self.seen(vector)
         if all(zero_inside(x) for x in v.values()):
@@ -349,7 +337,7 @@ class Quotient:
         self._divided.append((pivot, v))
         return True
 
-    def restrict(self, differential: Sequence[Ball]) -> bool:
+    def restrict(self, differential: Matrix) -> bool:
         """Restrict to a given value of a function that is constant along the directions; return as `divide`."""
         row = {i: differential[i] for i in (*self.alive, *(j for j, _ in self._restricted))}
         for pivot, other in self._restricted:
@@ -387,10 +375,12 @@ class Quotient:
         kept, zeros = self.kept, list[str]()
         factors: list[Factor] = []
         uneven: list[Factor] = []
-        reach = _reach(kept, self.alive)
-        for component in _components(reach, self.alive):
-            block, states = [[kept[i][j] for j in component] for i in component], frozenset(component)
-            if len(block) == 1 and block[0][0].is_zero():
+        places = np.array(self.alive, dtype=int)
+        acts = [[not x.is_zero() for x in row] for row in kept[np.ix_(places, places)]]
+        reach = {i: frozenset(places[row].tolist()) for i, row in zip(self.alive, reached(acts), strict=True)}
+        for component in (places[members].tolist() for members in together(acts)):
+            block, states = kept[np.ix_(component, component)], frozenset(component)
+            if len(block) == 1 and block[0, 0].is_zero():
                 zeros.append(names[component[0]])
                 continue
             sides = _two_kinds(block)
@@ -403,9 +393,8 @@ class Quotient:
                     uneven.append(Factor(p, False, "", states))
                 continue
             small, large = sorted(sides, key=len)
-            A = [[block[i][j] for j in large] for i in small]
-            zeros += [names[component[large[k]]] for k in _null_places(A, len(large))]
-            B = [[block[i][j] for j in small] for i in large]
+            A, B = block[np.ix_(small, large)], block[np.ix_(large, small)]
+            zeros += [names[component[large[k]]] for k in _null_places(A)]
             if len(block) <= ALGEBRA.determinant_summed_size:
                 even = ball_polynomials.characteristic(block)[len(large) - len(small) :: 2]
             else:
@@ -421,10 +410,9 @@ class Quotient:
         return Spectrum(zeros, [factor for factor in factors if len(factor.p) > 1], reach)
 
 
-def _null_places(A: Matrix, columns: int) -> list[int]:
+def _null_places(A: Matrix) -> list[int]:
     """Return the columns with the largest entries in the null vectors of a matrix with fewer rows than columns."""
-    middle = np.array([[float(x.mid()) for x in row] for row in A]).reshape(len(A), columns)
-    null = np.linalg.svd(middle)[2][len(A) :]
+    null = np.linalg.svd(A.astype(float))[2][len(A) :]
     return [int(np.argmax(np.abs(v))) for v in null]
 
 
@@ -432,63 +420,29 @@ def _merged(uneven: list[Factor], mirrored: str) -> list[Factor]:
     """Return factors that together have a symmetric spectrum as one even polynomial, and a zero if one is left over."""
     if not mirrored or not uneven:
         return uneven
-    whole = [ball(1)]
-    for factor in uneven:
-        whole = ball_polynomials.product(whole, factor.p)
+    whole = ball_polynomials.product(*(factor.p for factor in uneven))
     odd = len(whole) % 2 == 0
     states = frozenset(i for factor in uneven for i in factor.states)
     even = Factor(whole[1::2] if odd else whole[::2], True, mirrored, states)
     return [even, Factor([ball(0), ball(1)], False, "", states)] if odd else [even]
 
 
-def null_combinations(A: Matrix, width: int) -> tuple[Matrix, float]:
-    """Return combinations of `width` columns of A that vanish within their balls, as rows, and the largest radius."""
-    T, pivots = [row[:] for row in A], list[tuple[int, int]]()
+def null_combinations(A: Matrix) -> tuple[Matrix, float]:
+    """Return combinations of the columns of A that vanish within their balls, as rows, and the largest radius."""
+    T, pivots, (m, width) = A.copy(), list[tuple[int, int]](), A.shape
     while True:
-        rows = [i for i in range(len(T)) if i not in {x for x, _ in pivots}]
+        rows = [i for i in range(m) if i not in {x for x, _ in pivots}]
         free = [j for j in range(width) if j not in {y for _, y in pivots}]
-        sure = [(abs(float(T[i][j].mid())), i, j) for i in rows for j in free if not zero_inside(T[i][j])]
+        sure = [(abs(float(T[i, j])), i, j) for i in rows for j in free if not zero_inside(T[i, j])]
         if not sure:
-            break
+            slack = max((float(T[i, j].rad()) for i in rows for j in free), default=0.0)
+            return ball_matrices.null_space(pivots, T, width)[1].T, slack
         _, i, j = max(sure)
-        T[i] = [x / T[i][j] for x in T[i]]
-        for other in range(len(T)):
-            if other != i and not T[other][j].is_zero():
-                factor = T[other][j]
-                T[other] = [x - factor * y for x, y in zip(T[other], T[i], strict=True)]
+        T[i] = T[i] / T[i, j]
+        for other in range(m):
+            if other != i and not T[other, j].is_zero():
+                T[other] = T[other] - T[other, j] * T[i]
         pivots.append((i, j))
-    slack = max((float(T[i][j].rad()) for i in rows for j in free), default=0.0)
-    found = []
-    for j in free:
-        c = [ball(int(k == j)) for k in range(width)]
-        for i, column in pivots:
-            c[column] = -T[i][j]
-        found.append(c)
-    return found, slack
-
-
-def _reach(S: Matrix, alive: list[int]) -> dict[int, frozenset[int]]:
-    """Return which states each state depends on, directly or through others; itself as well."""
-    following = {i: [j for j in alive if j != i and not S[i][j].is_zero()] for i in alive}
-    reach: dict[int, frozenset[int]] = {}
-    for i in alive:
-        seen, stack = {i}, [i]
-        while stack:
-            for j in following[stack.pop()]:
-                if j not in seen:
-                    seen.add(j)
-                    stack.append(j)
-        reach[i] = frozenset(seen)
-    return reach
-
-
-def _components(reach: Mapping[int, frozenset[int]], alive: list[int]) -> list[list[int]]:
-    """Return the strongly connected components of the graph of entries that are not exact zeros."""
-    found: list[list[int]] = []
-    for i in alive:
-        if not any(i in component for component in found):
-            found.append([j for j in alive if j in reach[i] and i in reach[j]])
-    return found
 
 
 def _two_kinds(block: Matrix) -> tuple[list[int], list[int]] | None:

@@ -14,8 +14,10 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
-from mbstab.analysis.algebra.balls import Ball, NotProvable, ball, fraction_beyond, real, zero_inside
+import numpy as np
+
+from mbstab.analysis.algebra import ball_matrices, ball_polynomials
+from mbstab.analysis.algebra.balls import NotProvable
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.characteristic import GENERIC, Proof
 from mbstab.analysis.proof.identities import Identities
@@ -24,7 +26,10 @@ from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.sweep.critical import Critical, Enclosed
 from mbstab.analysis.sweep.sweep import Sweep
 from mbstab.errors import MbstabError
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball, fraction_beyond, real, zero_inside
 from mbstab.model.schema import Model
+from mbstab.model.units import exact_factor
 from mbstab.records import dataclass
 
 LOCATED = ("divergence", "flutter", "collision")
@@ -96,7 +101,7 @@ def _enclosed(model: Model, sweep: Sweep, critical: Critical, digits: int) -> En
                 reason=f"the motion proven to exist there has {counts} unstable eigenvalues: it is a different one"
             )
         with balls.digits(digits + TOLERANCES.critical_digits_beyond):
-            factor = balls.exact_factor(model.parameters[name].unit)
+            factor = exact_factor(model.parameters[name].unit, balls.ball_arithmetic())
             value = real(balls.between(ball(change.low), ball(change.high)) / factor)
         return Enclosed(value, digits, change.conditions)
     return Enclosed(reason=reason)
@@ -247,5 +252,5 @@ def _tests(proof: Proof) -> list[tuple[str, Ball]]:
                 [p[n - 1 - 2 * j + i] if 0 <= n - 1 - 2 * j + i <= n else ball(0) for j in range(n - 1)]
                 for i in range(n - 1)
             ]
-            found.append(("flutter", ball_matrices.determinant(hurwitz)))
+            found.append(("flutter", ball_matrices.determinant(np.array(hurwitz, dtype=object))))
     return found

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mbstab.analysis.algebra import ball_matrices, balls
-from mbstab.analysis.algebra.balls import Ball, Hopeless, Matrix, NotProvable, ball, real, zero_inside
-from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.algebra import ball_matrices
+from mbstab.analysis.algebra.balls import Hopeless, Matrix, NotProvable, ball_system
 from mbstab.analysis.linear.linearize import linearize
 from mbstab.analysis.proof.balance import Equations, forces
 from mbstab.analysis.proof.krawczyk import independent_rows, krawczyk_boxes
@@ -23,11 +22,12 @@ from mbstab.analysis.proof.motion import BallGenerator, Rough, State, generator_
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
-from mbstab.analysis.reference.rounded_scene import exact_system
 from mbstab.analysis.reference.steady import Generator
 from mbstab.analysis.verdict.constancy import time_doubt
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.compiler.system import System
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball, real, zero_inside
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 
@@ -43,16 +43,16 @@ class Solution(NamedTuple):
         Coordinates, rates and multipliers that are solved for.
     equations : tuple of int
         Numbers of the equations that determine them.
-    found : list of ball
+    found : array of balls
         Balls that contain the solution.
-    alone : list of ball
+    alone : array of balls
         Balls that contain no other solution.
     """
 
     unknowns: tuple[str, ...]
     equations: tuple[int, ...]
-    found: list[Ball]
-    alone: list[Ball]
+    found: Matrix
+    alone: Matrix
 
 
 class Reference:
@@ -114,17 +114,16 @@ class Reference:
         self.driven: set[int] = set()
         self.taken: dict[str, float] = near.taken if near is not None else {}
         self.near = near if near is not None and near.solutions else None
-        self.wide = any(float(x.rad()) > ALGEBRA.ball_width_interval * abs(float(x.mid())) for x in overrides.values())
+        self.wide = any(map(balls.is_wide, overrides.values()))
         nominal = {name: float(x.mid()) for name, x in overrides.items()}
         system = System(evaluate(model, nominal))
         if system.scene.period is not None:
             raise Hopeless("the motion is periodic: multipliers are not enclosed")
         motion = self._rough_motion(system)
-        exact_system(system, proven=True)
         linear = linearize(system, motion)
         self.rough = Rough(system, motion, linear)
         self.grounds = Grounds(linear)
-        self.system = balls.ball_system(model, overrides)
+        self.system = ball_system(model, overrides)
         # Constancy follows from the expressions: samples at some times can only refute it.
         doubt = time_doubt(self.system) or (self.grounds.time if not steady or not linear.constant else "")
         if doubt:
@@ -170,16 +169,16 @@ class Reference:
 
     def _solve(
         self,
-        residual: Callable[[Sequence[Ball]], list[Ball]],
-        jacobian: Callable[[Sequence[Ball]], Matrix],
-        start: Sequence[Ball],
+        residual: Callable[[Matrix], Matrix],
+        jacobian: Callable[[Matrix], Matrix],
+        start: Matrix,
         what: str,
         unknowns: Sequence[str],
         equations: Sequence[int],
-    ) -> list[Ball]:
+    ) -> Matrix:
         """Return balls that contain the one solution."""
-        if not start:
-            return []
+        if not len(start):
+            return start
         found, alone = krawczyk_boxes(residual, jacobian, start, what)
         self.solutions.append(Solution(tuple(unknowns), tuple(equations), found, alone))
         self.found += [name for name in unknowns if name in self.system.names]
@@ -214,21 +213,20 @@ class Reference:
             self.conditions.append(f"these rows repeat others: {names}")
         self.left_out = left_out
 
-    def generator(self, q: Sequence[Ball], c: Sequence[Ball] | None = None) -> BallGenerator:
+    def generator(self, q: Matrix, c: Sequence[Ball] | None = None) -> BallGenerator:
         """Return the field of the steady motion; `c` are the coefficients that are not given."""
         scene, n = self.system.scene, self.system.n_q
         generator, names = self.rough.linear.generator, self.system.names
-        zero = [ball(0)] * 3
         steady, unknown = scene.steady, list(c or [])
-        axis, point, velocity, rate = [ball(0), ball(0), ball(1)], zero[:], zero[:], ball(0)
-        spins = [ball(0)] * n
+        zero, axis, rate = ball_matrices.zeros(3), ball_matrices.matrix([0, 0, 1]), ball(0)
+        point, velocity, spins = zero, zero, ball_matrices.zeros(n)
         if steady is not None:
             if steady.axis is not None:
-                axis, point = ball_matrices.vector(steady.axis), ball_matrices.vector([*steady.point, 0])[:3]
+                axis, point = ball_matrices.matrix(steady.axis), ball_matrices.matrix([*steady.point, 0])[:3]
                 rate = ball(steady.rate) if steady.rate is not None else unknown.pop(0)
             if steady.direction is not None:
                 speed = ball(steady.speed) if steady.speed is not None else unknown.pop(0)
-                velocity = [speed * x for x in ball_matrices.vector([*steady.direction, 0])[:3]]
+                velocity = speed * ball_matrices.matrix([*steady.direction, 0])[:3]
             for i in self._spinning():
                 spins[i] = unknown.pop(0)
             return generator_in_balls(self.system, axis, point, rate, velocity, spins)
@@ -240,7 +238,7 @@ class Reference:
             spins[i] = ball(scene.rates.get(name, 0))
         return generator_in_balls(self.system, axis, zero, rate, velocity, spins)
 
-    def _turning(self, q: Sequence[Ball], generator: Generator) -> BallGenerator:
+    def _turning(self, q: Matrix, generator: Generator) -> BallGenerator:
         """Return the turn whose field, with spins of its own, gives the rates of the file, scaled by the largest."""
         names, scene, motion = self.system.names, self.system.scene, self.rough.motion
         zero, known = [ball(0)] * 3, [*generator.axis.tolist(), *generator.point.tolist()]
@@ -250,13 +248,13 @@ class Reference:
             )
         axis, point = ([ball(Fraction(str(x))) for x in part] for part in (known[:3], known[3:]))
         still, spinning = [ball(0)] * self.system.n_q, set(self._spinning())
-        Y = generator_in_balls(self.system, axis, point, ball(1), zero, still).field(np.array(q, dtype=object))
+        Y = generator_in_balls(self.system, axis, point, ball(1), zero, still).field(q)
         rates = {i: ball(scene.rates[name]) for i, name in enumerate(names) if name in scene.rates}
         if not spinning <= set(rates):
             own = generator_in_balls(
                 self.system, axis, zero, ball(0), zero, [rates.get(i, x) for i, x in enumerate(still)]
             )
-            rates = dict(enumerate(self._with_rates(list(q), own).spins))
+            rates = dict(enumerate(self._with_rates(q, own).spins))
         given = [i for i in rates if i not in spinning and not zero_inside(Y[i])]
         if not given:
             raise NotProvable(
@@ -266,7 +264,7 @@ class Reference:
         rate = rates[k] / Y[k]
         spins = [rates[i] - rate * Y[i] if i in spinning else x for i, x in enumerate(still)]
         field = generator_in_balls(self.system, axis, point, rate, zero, spins)
-        u = field.field(np.array(q, dtype=object))
+        u = field.field(q)
         self._vanish(
             [u[i] - x for i, x in rates.items() if i not in spinning],
             f"the reference satisfies the motion ({generator})",
@@ -293,7 +291,8 @@ class Reference:
 
     def _reference(self) -> State:
         scene, motion = self.system.scene, self.rough.motion
-        q = [ball(scene.coordinates.get(name, x)) for name, x in zip(self.system.names, motion.q.tolist(), strict=True)]
+        found = zip(self.system.names, motion.q.tolist(), strict=True)
+        q = ball_matrices.matrix([scene.coordinates.get(name, x) for name, x in found])
         if scene.model.reference.find is not None:
             return self._balanced(q)
         missing = [i for i, name in enumerate(self.system.names) if name not in scene.coordinates]
@@ -310,124 +309,111 @@ class Reference:
         state = steady_state(field_, q)
         return state._replace(nu=self._multipliers(q, state.u, state.a))
 
-    def dynamics(
-        self, q: Sequence[Ball], u: Sequence[Ball]
-    ) -> tuple[Matrix, list[Ball], list[Ball], list[Ball], Matrix]:
+    def dynamics(self, q: Matrix, u: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix]:
         """Return M, F0, E, V and J, rows of the chosen constraints only."""
-        state = self.system.dynamics(list(q), list(u), self.time)
-        E, V = ball_matrices.vector(state.E), ball_matrices.vector(state.V)
-        M, F0, J = ball_matrices.matrix(state.M), ball_matrices.vector(state.F0), ball_matrices.matrix(state.J)
-        return M, F0, [E[i] for i in self.rows], [V[i] for i in self.rows], [J[i] for i in self.rows]
+        state = self.system.dynamics(q, u, self.time)
+        M, F0, E, V, J = map(ball_matrices.matrix, (state.M, state.F0, state.E, state.V, state.J))
+        return M, F0, E[self.rows], V[self.rows], J[self.rows]
 
-    def all_multipliers(self, nu: Sequence[Ball]) -> list[Ball]:
+    def all_multipliers(self, nu: Matrix) -> Matrix:
         """Return the multipliers of all rows; those of redundant rows are zero."""
-        full = [ball(0)] * self.system.n_c
-        for i, x in zip(self.rows, nu, strict=True):
-            full[i] = x
+        full = ball_matrices.zeros(self.system.n_c)
+        full[self.rows] = nu
         return full
 
-    def _assembled(self, q: list[Ball], missing: list[int]) -> list[Ball]:
-        """Return coordinates whose missing ones are proven to satisfy the constraints."""
-        still = [ball(0)] * self.system.n_q
-        J = self.rough.motion.dynamics.J[self.rows[: self.r_h]][:, missing] * self.rough.motion.sizes[missing]
-        lengths = np.linalg.norm(self.rough.motion.dynamics.J[self.rows[: self.r_h]] * self.rough.motion.sizes, axis=1)
-        J = J / lengths[:, None]
-        rank = int(np.linalg.matrix_rank(J, tol=1e-9))
-        chosen = independent_rows(J, rank)
-        columns = [missing[k] for k in independent_rows(J[chosen].T, rank)]
-        if earlier := self._earlier():
-            chosen = list(earlier.equations)
-            columns = [i for i in missing if self.system.names[i] in earlier.unknowns]
-        self._take(q, [i for i in missing if i not in columns])
-        self.closed |= {self.rows[k] for k in chosen}
+    def _solved(
+        self, rows: list[int], missing: list[int], labels: Sequence[str], known: Matrix, rough: Matrix,
+        equations: Callable[[Matrix], tuple[Matrix, ...]], what: str,
+    ) -> tuple[Matrix, list[int], list[int]]:  # fmt: skip
+        """Return missing coordinates or rates that are proven to satisfy rows, which of them and which rows these are.
 
-        def put(x: Sequence[Ball]) -> list[Ball]:
-            moved = q[:]
-            for i, value in zip(columns, x, strict=True):
-                moved[i] = value
-            return moved
-
-        def residual(x: Sequence[Ball]) -> list[Ball]:
-            E = ball_matrices.vector(self.system.closing.dynamics(put(x), still, self.time).E)
-            return [E[self.rows[k]] for k in chosen]
-
-        def jacobian(x: Sequence[Ball]) -> Matrix:
-            J = ball_matrices.matrix(self.system.closing.dynamics(put(x), still, self.time).J)
-            return [[J[self.rows[k]][i] for i in columns] for k in chosen]
-
-        names = [self.system.names[i] for i in columns]
-        return put(self._solve(residual, jacobian, [q[i] for i in columns], "the assembled position", names, chosen))
-
-    def _take(self, q: Sequence[Ball], places: Sequence[int]) -> None:
-        """Record coordinates that nothing determines, and keep their values."""
-        names = self.system.names
-        self.taken = {names[i]: float(q[i]) for i in places}
-        if any(self.taken.values()):
-            self.assumed.append(f"what the constraints leave open is taken as found ({', '.join(self.taken)})")
-
-    def _with_rates(self, q: list[Ball], field_: BallGenerator) -> BallGenerator:
-        """Return the field with rates that the file leaves out, from the velocity rows."""
-        scene, names = self.system.scene, self.system.names
-        missing = [i for i, name in enumerate(names) if name not in scene.rates]
-        u = self.rough.motion.u
-        if not missing or not any(u[i] for i in missing):
-            return field_
+        Parameters
+        ----------
+        labels : sequence of str
+            Names of the unknowns, of all coordinates.
+        known, rough : array of balls
+            All coordinates or rates, and where the search for missing ones begins.
+        equations : callable
+            Returns the residuals of the rows and their derivatives by all coordinates or rates.
+        """
         motion = self.rough.motion
-        J = motion.dynamics.J[self.rows] * motion.sizes
+        J = motion.dynamics.J[rows] * motion.sizes
         J = (J / np.linalg.norm(J, axis=1)[:, None])[:, missing]
         rank = int(np.linalg.matrix_rank(J, tol=1e-9))
         chosen = independent_rows(J, rank)
         columns = [missing[k] for k in independent_rows(J[chosen].T, rank)]
         if earlier := self._earlier():
             chosen = list(earlier.equations)
-            columns = [i for i in missing if f"rate of {names[i]}" in earlier.unknowns]
+            columns = [i for i in missing if labels[i] in earlier.unknowns]
 
-        def put(x: Sequence[Ball]) -> list[Ball]:
-            rates = [*field_.spins]
-            for i, value in zip(columns, x, strict=True):
-                rates[i] = value
-            return rates
+        def put(x: Matrix) -> Matrix:
+            moved = known.copy()
+            moved[columns] = x
+            return moved
 
-        def residual(x: Sequence[Ball]) -> list[Ball]:
-            return [self.dynamics(q, put(x))[3][k] for k in chosen]
+        found = self._solve(
+            lambda x: equations(put(x))[0][chosen],
+            lambda x: equations(put(x))[1][np.ix_(chosen, columns)],
+            rough[columns], what, [labels[i] for i in columns], chosen,
+        )  # fmt: skip
+        return put(found), columns, [rows[k] for k in chosen]
 
-        def jacobian(x: Sequence[Ball]) -> Matrix:
-            J = self.dynamics(q, put(x))[4]
-            return [[J[k][i] for i in columns] for k in chosen]
+    def _assembled(self, q: Matrix, missing: list[int]) -> Matrix:
+        """Return coordinates whose missing ones are proven to satisfy the constraints."""
+        still, rows, names = ball_matrices.zeros(self.system.n_q), self.rows[: self.r_h], self.system.names
 
-        start, labels = [ball(float(u[i])) for i in columns], [f"rate of {names[i]}" for i in columns]
-        found = self._solve(residual, jacobian, start, "the rates", labels, chosen)
-        self.driven |= {self.rows[k] for k in chosen}
-        return generator_in_balls(self.system, field_.axis, field_.point, field_.rate, field_.velocity, put(found))
+        def equations(q: Matrix) -> tuple[Matrix, Matrix]:
+            state = self.system.closing.dynamics(q, still, self.time)
+            return ball_matrices.matrix(state.E)[rows], ball_matrices.matrix(state.J)[rows]
 
-    def _multipliers(self, q: list[Ball], u: list[Ball], a: list[Ball]) -> list[Ball]:
+        found, columns, closed = self._solved(rows, missing, names, q, q, equations, "the assembled position")
+        self._take(q, [i for i in missing if i not in columns])
+        self.closed |= set(closed)
+        return found
+
+    def _take(self, q: Matrix, places: Sequence[int]) -> None:
+        """Record coordinates that nothing determines, and keep their values."""
+        names = self.system.names
+        self.taken = {names[i]: float(q[i]) for i in places}
+        if any(self.taken.values()):
+            self.assumed.append(f"what the constraints leave open is taken as found ({', '.join(self.taken)})")
+
+    def _with_rates(self, q: Matrix, field_: BallGenerator) -> BallGenerator:
+        """Return the field with rates that the file leaves out, from the velocity rows."""
+        scene, names, u = self.system.scene, self.system.names, self.rough.motion.u
+        missing = [i for i, name in enumerate(names) if name not in scene.rates]
+        if not any(u[i] for i in missing):
+            return field_
+        labels, rough = [f"rate of {name}" for name in names], ball_matrices.matrix(u.tolist())
+        spins, _, driven = self._solved(
+            self.rows, missing, labels, field_.spins, rough, lambda u: self.dynamics(q, u)[3:], "the rates"
+        )
+        self.driven |= set(driven)
+        return generator_in_balls(self.system, field_.axis, field_.point, field_.rate, field_.velocity, spins)
+
+    def _multipliers(self, q: Matrix, u: Matrix, a: Matrix) -> Matrix:
         """Return ν from as many equations of motion as there are rows; the others are checked."""
         M, F0, _, _, J = self.dynamics(q, u)
-        force = [x + y for x, y in zip(ball_matrices.apply(M, a), F0, strict=True)]
-        if not self.rows:
-            return []
-        augmented = [[*column, -f] for column, f in zip(ball_matrices.transposed(J), force, strict=True)]
-        spaces = self.rough.motion.spaces
-        scale = [float(1.0 / spaces.row_scale[i]) for i in self.rows]
-        pivots, T = ball_matrices.eliminate(
-            augmented, len(self.rows), len(self.rows), spaces.scale.tolist(), [1 / x for x in scale]
-        )
-        nu = [ball(0)] * len(self.rows)
+        force = ball_matrices.times(M, a) + F0
+        spaces, r = self.rough.motion.spaces, len(self.rows)
+        scale = [float(spaces.row_scale[i]) for i in self.rows]
+        pivots, T = ball_matrices.eliminate(np.hstack([J.T, -force[:, None]]), r, r, spaces.scale.tolist(), scale)
+        nu = ball_matrices.zeros(r)
         for i, k in pivots:
-            nu[k] = T[i][-1]
+            nu[k] = T[i, -1]
         return nu
 
     # --- equilibria and steady motions ------------------------------------------------------------------------------
 
-    def _balanced(self, q: list[Ball], hold: bool = False) -> State:
+    def _balanced(self, q: Matrix, hold: bool = False) -> State:
         """Return the equilibrium or steady motion that is proven to exist near the solution in double precision."""
         equations = Equations(self, q, hold)
         start, moving = equations.start(), equations.moving
         what = "the steady motion" if self.system.scene.steady is not None else "the equilibrium"
         chosen = list(earlier.equations) if (earlier := self._earlier()) else equations.independent(start, what)
         found = self._solve(
-            lambda x: [y for i, y in enumerate(equations.residual(x)) if i in set(chosen)],
-            lambda x: [row for i, row in enumerate(equations.jacobian(x)) if i in set(chosen)],
+            lambda x: equations.residual(x)[chosen],
+            lambda x: equations.jacobian(x)[chosen],
             start,
             what,
             equations.unknowns(),
@@ -437,11 +423,11 @@ class Reference:
         self.closed |= {self.rows[k] for k in at_rows if k < self.r_h}
         if moving:
             self.driven |= {self.rows[k - self.r_h] for k in at_rows if 0 <= k - self.r_h < len(self.rows)}
-        others = [y for i, y in enumerate(equations.residual(found)) if i not in set(chosen)]
+        others = np.delete(equations.residual(found), chosen)
         self._vanish(others, f"{what} satisfies the equations besides those that determine it")
         return equations.state(found)
 
-    def _vanish(self, residuals: Sequence[Ball], what: str, later: bool = False) -> None:
+    def _vanish(self, residuals: Sequence[Ball] | Matrix, what: str, later: bool = False) -> None:
         """Record that residuals are zero as far as balls can tell; refuse those that are not.
 
         With `later` they are if a symmetry is proven to map the motion to that at later times.
@@ -483,7 +469,7 @@ class Reference:
             bound = {i for i, _ in pivots}
             free, N = ball_matrices.null_space(pivots, T, len(columns))
             for i in range(len(A)):
-                if i not in bound and any(not zero_inside(T[i][j]) for j in free):
+                if i not in bound and any(not zero_inside(T[i, j]) for j in free):
                     raise NotProvable(
                         f"the {name} do not repeat each other: their rank is at least {rank + 1} at these decimals, "
                         f"{rank} in double precision"
@@ -499,13 +485,12 @@ class Reference:
         s = self.state
         M, F0, E, V, J = self.dynamics(s.q, s.u)
         full = self.system.dynamics(s.q, s.u, self.time)
-        E, V, B = ball_matrices.vector(full.E), ball_matrices.vector(full.V), ball_matrices.vector(full.B)
-        J_all = ball_matrices.matrix(full.J)
+        E, V, B, J_all = map(ball_matrices.matrix, (full.E, full.V, full.B, full.J))
         self._check_rank(J_all)
         if not self.system.scene.model.reference.find:
             force = forces(M, s.a, F0, J, s.nu)
             self._vanish(force, "the reference satisfies the equations of motion")
-        slack = [x + y for x, y in zip(B, ball_matrices.apply(J_all, s.a), strict=True)]
+        slack = B + ball_matrices.times(J_all, s.a)
         left = [x for i, x in enumerate(E[: self.system.n_h]) if i not in self.closed]
         left += [x for i, x in enumerate(V) if i not in self.driven]
         held = "the reference satisfies the constraints"

@@ -14,11 +14,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mbstab.analysis.algebra import ball_matrices, balls
-from mbstab.analysis.algebra.balls import Ball, Matrix, ball, zero_inside
+from mbstab.analysis.algebra import ball_matrices
+from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.proof.enclosures import Reference
-from mbstab.analysis.proof.fields import Map, along_direction, combined, short
+from mbstab.analysis.proof.fields import moved, short
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.verdict.drag import Drag
@@ -26,7 +26,8 @@ from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.work import Work
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError
-from mbstab.model.jets import Jet
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball, zero_inside
 
 Finding = Literal["structural", "enclosed", "open", "refuted"]
 """``open``: not verified; ``refuted``: proven to be wrong."""
@@ -55,17 +56,10 @@ class Identities:
 
     # --- fields -----------------------------------------------------------------------------------------------------
 
-    def _field(self, item: Symmetry, reference: Reference) -> Map:
-        """Return Y(q) of a symmetry for jets of balls, or of the motion itself."""
-        if item.name == "the motion itself":
-            return lambda q: list(map(Jet.of, reference.state.field.field(np.array(q, dtype=object))))
-        return combined(item.of, reference)
-
-    def disturbance(self, item: Symmetry, reference: Reference) -> tuple[list[Ball], list[Ball]]:
+    def disturbance(self, item: Symmetry, reference: Reference) -> tuple[Matrix, Matrix]:
         """Return the changes of the coordinates and speeds of a reference under a symmetry."""
         state = reference.state
-        found = along_direction(self._field(item, reference), state.q, state.u)
-        return [ball(x.value) for x in found], [ball(x.rate) for x in found]
+        return (state.u, state.a) if item.name == "the motion itself" else moved(item.of, reference, state.q, state.u)
 
     # --- symmetries ---------------------------------------------------------------------------------------------------
 
@@ -101,28 +95,29 @@ class Identities:
 
     def _at_any_speed(self, item: Symmetry) -> Finding:
         reference = self.reference
-        q, still, field = reference.state.q, [ball(0)] * self.system.n_q, self._field(item, reference)
-        Y = [ball(x.value) for x in along_direction(field, q, still)]
-        turned = [ball(x.rate) for x in along_direction(field, q, Y)]
+        q, still = reference.state.q, ball_matrices.zeros(self.system.n_q)
+        Y = self.disturbance(item, reference)[0]
+        itself = item.name == "the motion itself"
+        turned = reference.state.a if itself else moved(item.of, reference, q, Y)[1]
         found: list[Finding] = ["structural" if all(x.analytic for x in self.elements) else "open"]
         for speed in map(short, TOLERANCES.trial_speeds):
-            u, a = [speed * x for x in Y], [speed * speed * x for x in turned]
+            u, a = speed * Y, speed * speed * turned
             at = self.system.dynamics(q, u, self.time)
-            V, J = ball_matrices.vector(at.V), ball_matrices.matrix(at.J)
+            V, J = ball_matrices.matrix(at.V), ball_matrices.matrix(at.J)
             found += [is_zero(V[i], 2 * sum_of(J[i]) * sum_of(u)) for i in reference.rows]
-            force, size = still[:], ball(0)
+            force, size = still.copy(), ball(0)
             for element in self.elements:
-                own = ball_matrices.vector(element.force(q, u, a, self.time, self.f))
+                own = ball_matrices.matrix(element.force(q, u, a, self.time, self.f))
                 size = size + sum_of(own)
                 for i, x in zip(element.columns, own, strict=True):
                     force[i] = force[i] + x
-            found += [is_zero(x, size) for x in ball_matrices.apply(ball_matrices.transposed(self._allowed(J)), force)]
+            found += [is_zero(x, size) for x in ball_matrices.times(self._allowed(J).T, force)]
         return least(found)
 
     def _allowed(self, J: Matrix) -> Matrix:
         """Return admissible directions, as columns, given the rows."""
         rows, sizes = self.reference.rows, self.invariance.motion.sizes.tolist()
-        pivots, T = ball_matrices.eliminate([J[i] for i in rows], len(rows), self.system.n_q, None, sizes)
+        pivots, T = ball_matrices.eliminate(J[rows], len(rows), self.system.n_q, None, sizes)
         return ball_matrices.null_space(pivots, T, self.system.n_q)[1]
 
     # --- work ---------------------------------------------------------------------------------------------------------
@@ -155,14 +150,14 @@ class Identities:
 
     def _takes(self, system: System) -> bool:
         """Return whether dampers dissipate energy: their coefficients are not negative; and drag as it is written."""
-        zero, paths = [ball(0)] * self.system.n_q, {e.path for e in self.exact_work.kinds["damping"]}
+        zero, paths = ball_matrices.zeros(self.system.n_q), {e.path for e in self.exact_work.kinds["damping"]}
         for element in (e for e in system.acting() if e.path in paths and not e.inertia):
             if element.stored:
                 if not all(ball(x) >= 0 for x in element.damping or ()):
                     return False
                 continue
-            R = element.slopes(self.reference.state.q, zero, zero, self.time, self.f)[1]
-            if not _not_negative(ball_matrices.matrix(R)):
+            R = ball_matrices.matrix(element.slopes(self.reference.state.q, zero, zero, self.time, self.f)[1])
+            if not ball_matrices.positive(R + R.T, semi=True):
                 return False
         drag = Drag(system, self.invariance.motion.q, self.invariance.motion.time)
         return all(np.all(drag.resists(path)) for path in self.exact_work.resisting)
@@ -173,26 +168,6 @@ class Identities:
 
 
 # --- numbers ----------------------------------------------------------------------------------------------------------
-
-
-def _not_negative(R: Matrix) -> bool:
-    """Return whether the symmetric part of a matrix is proven positive semidefinite; pivots may be exact zeros."""
-    A = [
-        [x + y for x, y in zip(row, column, strict=True)]
-        for row, column in zip(R, ball_matrices.transposed(R), strict=True)
-    ]
-    for k in range(len(A)):
-        pivot = A[k][k]
-        if pivot.is_zero():
-            if not all(x.is_zero() for x in A[k][k:]):
-                return False
-            continue
-        if not pivot > 0:
-            return False
-        for i in range(k + 1, len(A)):
-            factor = A[i][k] / pivot
-            A[i] = [x - factor * y for x, y in zip(A[i], A[k], strict=True)]
-    return True
 
 
 def is_zero(x: Ball, size: Ball) -> Finding:
@@ -219,4 +194,4 @@ def tiny(x: Ball, size: Ball) -> bool:
     """Return whether a ball contains zero and is smaller than a size by half of the digits in use."""
     if x.is_zero():
         return True
-    return zero_inside(x) and bool(x.abs_upper() <= balls.half_digits() * size.abs_upper())
+    return zero_inside(x) and bool(x.abs_upper() <= balls.small(0.5) * size.abs_upper())

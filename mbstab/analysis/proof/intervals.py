@@ -14,8 +14,6 @@ from dataclasses import field, replace
 from fractions import Fraction
 from typing import NamedTuple
 
-from mbstab.analysis.algebra import balls
-from mbstab.analysis.algebra.balls import Ball, ball
 from mbstab.analysis.algebra.failures import FAILURES
 from mbstab.analysis.proof.analytic import require_analytic
 from mbstab.analysis.proof.characteristic import GENERIC, Proof
@@ -26,6 +24,8 @@ from mbstab.analysis.verdict.rule import ASYMPTOTIC_UP_TO, STABLE_UP_TO, STRENGT
 from mbstab.analysis.verdict.spectrum import Modulo
 from mbstab.analysis.verdict.wording import phrases
 from mbstab.errors import MbstabError
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball
 from mbstab.model.schema import Model
 from mbstab.records import dataclass
 

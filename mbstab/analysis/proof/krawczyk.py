@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra import ball_matrices, balls
-from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball
+from mbstab.analysis.algebra import ball_matrices
+from mbstab.analysis.algebra.balls import Matrix, NotProvable
 from mbstab.analysis.proof.tolerances import TOLERANCES
 from mbstab.errors import MbstabError
+from mbstab.model import balls
+from mbstab.model.balls import ball
 
 
 def independent_rows(A: Any, rank: int) -> list[int]:
@@ -30,11 +32,8 @@ def independent_rows(A: Any, rank: int) -> list[int]:
 
 
 def krawczyk_boxes(
-    residual: Callable[[Sequence[Ball]], list[Ball]],
-    jacobian: Callable[[Sequence[Ball]], Matrix],
-    start: Sequence[Ball],
-    what: str,
-) -> tuple[list[Ball], list[Ball]]:
+    residual: Callable[[Matrix], Matrix], jacobian: Callable[[Matrix], Matrix], start: Matrix, what: str
+) -> tuple[Matrix, Matrix]:
     """Return balls that contain a zero of as many equations as unknowns, and wider ones that contain no other.
 
     With an approximate inverse Y and x near the zero, x − Y f(x) + (1 − Y f'(X))(X − x) inside X
@@ -47,30 +46,27 @@ def krawczyk_boxes(
     """
     from flint import arb, ctx
 
-    if not start:
-        return [], []
     Y, x = _newton(residual, jacobian, start, what)
     size = [max(abs(float(y)), 1e-30) for y in map(balls.real, start)]
-    base = ball_matrices.apply(Y, residual(x))
+    base = ball_matrices.times(Y, residual(x))
     tiny = arb(2) ** (-ctx.prec)
     reach = [balls.real((2 * abs(z).abs_upper() + tiny * ball(s)).abs_upper()) for z, s in zip(base, size, strict=True)]
     for _ in range(12):
-        offset = [arb(0, r) for r in reach]
-        X = [y + o for y, o in zip(x, offset, strict=True)]
+        offset = np.array([arb(0, r) for r in reach], dtype=object)
+        X = x + offset
         try:
             product = ball_matrices.times(Y, jacobian(X))
         except (NotProvable, MbstabError):
             break
-        rest = [[ball(int(i == j)) - y for j, y in enumerate(row)] for i, row in enumerate(product)]
-        moved = [-b + z for b, z in zip(base, ball_matrices.apply(rest, offset), strict=True)]
+        moved = ball_matrices.times(np.eye(len(x), dtype=int) - product, offset) - base
         if all(arb(0, r).contains_interior(balls.real(z)) for z, r in zip(moved, reach, strict=True)):
-            found = [y + z for y, z in zip(x, moved, strict=True)]
-            return _as_fractions(residual, found) or found, X
+            exact = _as_fractions(residual, x + moved)
+            return x + moved if exact is None else exact, X
         reach = [2 * max(balls.real(abs(z)).abs_upper(), r, key=float) for z, r in zip(moved, reach, strict=True)]
     raise NotProvable(f"{what} is not proven to exist: the operator of Krawczyk does not contract")
 
 
-def _as_fractions(residual: Callable[[Sequence[Ball]], list[Ball]], found: Sequence[Ball]) -> list[Ball] | None:
+def _as_fractions(residual: Callable[[Matrix], Matrix], found: Matrix) -> Matrix | None:
     """Return the one zero in some balls as short fractions, if it is one."""
     from flint import fmpq
 
@@ -81,41 +77,45 @@ def _as_fractions(residual: Callable[[Sequence[Ball]], list[Ball]], found: Seque
         if not x.contains(fmpq(nearest.numerator, nearest.denominator)):
             return None
         fractions.append(ball(nearest))
-    return fractions if all(y.is_zero() for y in residual(fractions)) else None
+    exact = np.array(fractions, dtype=object)
+    return exact if all(y.is_zero() for y in residual(exact)) else None
 
 
 def _newton(
-    residual: Callable[[Sequence[Ball]], list[Ball]],
-    jacobian: Callable[[Sequence[Ball]], Matrix],
-    start: Sequence[Ball],
-    what: str,
-) -> tuple[Matrix, list[Any]]:
+    residual: Callable[[Matrix], Matrix], jacobian: Callable[[Matrix], Matrix], start: Matrix, what: str
+) -> tuple[Matrix, Matrix]:
     """Return an approximate inverse of the derivative, and a point near the zero."""
-    x = [balls.real(value).mid() for value in start]
+    x = _middle(start)
     Y = _inverse(jacobian(x))
     if Y is None:
         raise NotProvable(f"{what} is not proven to exist: the equations are singular there")
     last, stalled = np.inf, 0
     for _ in range(60):
-        step = ball_matrices.apply(Y, residual(x))
-        x = [balls.real(y - z).mid() for y, z in zip(x, step, strict=True)]
+        step = ball_matrices.times(Y, residual(x))
+        x = _middle(x - step)
         change = max(float(abs(z).mid()) for z in step)
         stalled += change > 0.5 * last
         if change == 0.0 or stalled > 1:
             break
         if change > TOLERANCES.fast_convergence * last:
-            Y = _inverse(jacobian(x)) or Y
+            better = _inverse(jacobian(x))
+            Y = Y if better is None else better
         last = change
     return Y, x
 
 
 def _inverse(jacobian: Matrix) -> Matrix | None:
     """Return an approximate inverse, None of a matrix that is singular in double precision."""
-    slope = np.array([[float(balls.real(y).mid()) for y in row] for row in jacobian])
+    slope = jacobian.astype(float)
     rows = np.max(np.abs(slope), axis=1)
     with np.errstate(all="ignore"):
         try:
             inverse = np.linalg.inv(slope / rows[:, None]) / rows
         except np.linalg.LinAlgError:
             return None
-    return [[ball(float(y)) for y in row] for row in inverse] if np.all(np.isfinite(inverse)) else None
+    return ball_matrices.matrix(inverse.tolist()) if np.all(np.isfinite(inverse)) else None
+
+
+def _middle(x: Matrix) -> Matrix:
+    """Return the midpoints of balls."""
+    return np.array([balls.real(y).mid() for y in x], dtype=object)

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mbstab.analysis.algebra import ball_matrices
-from mbstab.analysis.algebra.balls import Ball, Matrix
+from mbstab.analysis.algebra.balls import Matrix
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.steady import Generator
 from mbstab.compiler.system import System
+from mbstab.model.balls import Ball
 
 BallGenerator = Any
 """`mbstab.analysis.reference.steady.Generator` whose arrays hold balls."""
@@ -35,10 +36,10 @@ def generator_in_balls(
 class State(NamedTuple):
     """The reference motion in balls."""
 
-    q: list[Ball]
-    u: list[Ball]
-    a: list[Ball]
-    nu: list[Ball]
+    q: Matrix
+    u: Matrix
+    a: Matrix
+    nu: Matrix
     slope: Matrix
     second: Matrix
     field: BallGenerator
@@ -52,8 +53,7 @@ class Rough(NamedTuple):
     linear: Linearization
 
 
-def steady_state(field: BallGenerator, q: Sequence[Ball], nu: Sequence[Ball] = ()) -> State:
+def steady_state(field: BallGenerator, q: Matrix, nu: Sequence[Ball] | Matrix = ()) -> State:
     """Return the motion that follows a field, given its multipliers."""
-    at = np.array([*q], dtype=object)
-    u, (slope, second) = ball_matrices.vector(field.field(at)), map(ball_matrices.matrix, field.frame(at))
-    return State([*q], u, ball_matrices.apply(slope, u), [*nu], slope, second, field)
+    u, (slope, second) = ball_matrices.matrix(field.field(q)), map(ball_matrices.matrix, field.frame(q))
+    return State(q, u, ball_matrices.times(slope, u), np.array(nu, dtype=object), slope, second, field)

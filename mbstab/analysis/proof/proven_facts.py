@@ -18,8 +18,9 @@ from functools import cached_property
 
 import numpy as np
 
-from mbstab.analysis.algebra import ball_matrices, ball_polynomials, balls
-from mbstab.analysis.algebra.balls import Ball, Matrix, NotProvable, ball, zero_inside
+from mbstab.analysis.algebra import ball_matrices, ball_polynomials
+from mbstab.analysis.algebra.balls import Matrix, NotProvable
+from mbstab.analysis.algebra.matching import together
 from mbstab.analysis.proof.characteristic import (
     Enclosure,
     Factor,
@@ -34,7 +35,7 @@ from mbstab.analysis.proof.characteristic import (
 )
 from mbstab.analysis.proof.fields import ground_turn, short
 from mbstab.analysis.proof.identities import Finding, tiny
-from mbstab.analysis.proof.motion import BallGenerator, generator_in_balls
+from mbstab.analysis.proof.motion import BallGenerator
 from mbstab.analysis.reference.fields import Symmetry
 from mbstab.analysis.verdict.minimum import frame_rates
 from mbstab.analysis.verdict.rule import (
@@ -52,6 +53,8 @@ from mbstab.analysis.verdict.rule import (
 )
 from mbstab.analysis.verdict.spectrum import Evidence, Neutral
 from mbstab.analysis.verdict.wording import phrases
+from mbstab.model import balls
+from mbstab.model.balls import Ball, ball, zero_inside
 
 SIDES: dict[str, Side] = {"left": "left", "right": "right", "imaginary": "axis", "open": "open"}
 
@@ -114,15 +117,15 @@ class Case:
         ]  # fmt: skip
 
     @cached_property
-    def _directions(self) -> list[tuple[str, bool, list[Ball]]]:
+    def _directions(self) -> list[tuple[str, bool, Matrix]]:
         """Neutral directions: name, whether it is a symmetry, and the direction in the coordinates of S."""
         found = [
             (x.name, True, self.proof.column(*self.identities.disturbance(x, self.proof))) for x in self.symmetries
         ]
         for item in self.grounds.invariance.boosts:
             if item in self.symmetries:
-                direction = [short(x) for x in item.direction.tolist()]
-                still = [ball(0)] * len(direction)
+                direction = ball_matrices.matrix([short(x) for x in item.direction.tolist()])
+                still = ball_matrices.zeros(len(direction))
                 name = f"speed along {item.name.removeprefix('translation along ')}"
                 found.append((name, False, self.proof.column(still, direction)))
         if self.grounds.plain.choice.moving:
@@ -132,10 +135,10 @@ class Case:
                     self.identities.at_any_speed(item), f"motions at any {name} exist"
                 ):  # fmt: skip
                     direction, _ = self.identities.disturbance(item, self.proof)
-                    found.append((name, False, self.proof.column([ball(0)] * len(direction), direction)))
+                    found.append((name, False, self.proof.column(0 * direction, direction)))
         return found + [("position at rest", False, x) for x in self._rests()]
 
-    def _rests(self) -> Matrix:
+    def _rests(self) -> list[Matrix]:
         """Return the directions of neighbouring rests; see `mbstab.analysis.verdict.neutral.Structure`."""
         r = self.proof.reduced
         m, k = len(r.free), len(r.moving)
@@ -145,18 +148,18 @@ class Case:
         if k >= m or self._moves or not self._accepts(self.identities.rows_at_rest(), "rest satisfies all constraints"):
             return []
         try:
-            pivots, T = ball_matrices.eliminate([row[:m] for row in r.S[m:]], k, m)
+            pivots, T = ball_matrices.eliminate(r.S[m:, :m], k, m)
         except NotProvable:
             return []
         _, N = ball_matrices.null_space(pivots, T, m)
-        return [[*column, *([ball(0)] * k)] for column in ball_matrices.transposed(N)]
+        return list(np.vstack([N, ball_matrices.zeros(k, N.shape[1])]).T)
 
     @property
     def _moves(self) -> bool:
         return bool(np.any(self.grounds.motion.u))
 
     @cached_property
-    def _divided(self) -> tuple[Quotient, list[tuple[str, bool, list[Ball]]]]:
+    def _divided(self) -> tuple[Quotient, list[tuple[str, bool, Matrix]]]:
         """S modulo the neutral directions, which span an invariant subspace, and these directions."""
         S, chosen = self.proof.reduced.S, self._directions
         while True:
@@ -164,7 +167,7 @@ class Case:
             for item in chosen:
                 if quotient.divide(item[2]):
                     kept.append(item)
-            images = [quotient.seen(ball_matrices.apply(S, x)) for _, _, x in kept]
+            images = [quotient.seen(ball_matrices.times(S, x)) for _, _, x in kept]
             stay = [x for x, v in zip(kept, images, strict=True) if all(zero_inside(y) for y in v.values())]
             if len(stay) == len(kept):
                 return quotient, kept
@@ -180,26 +183,29 @@ class Case:
         ):  # fmt: skip
             candidates.append(("speed", self.proof.differential(self.proof.state.u, self.proof.state.a)))
         if any(not self.grounds.invariance.conserves(x.of) for x in self.grounds.invariance.boosts):
-            return [], []
-        test, rows = Quotient(ball_matrices.zeros(*[len(self.proof.reduced.S)] * 2)), list[tuple[str, list[Ball]]]()
+            return self._stacked([]), []
+        test, rows = Quotient(0 * self.proof.reduced.S), list[tuple[str, Matrix]]()
         for name, row in candidates:
             if test.restrict(row):
                 rows.append((name, row))
-        T = [x for _, _, x in self._divided[1]]
-        combinations = self._vanishing([row for _, row in rows], T)
+        differentials = self._stacked([row for _, row in rows])
+        combinations = self._vanishing(differentials, self._stacked([x for _, _, x in self._divided[1]]))
         names = [next(rows[k][0] for k in reversed(range(len(rows))) if not c[k].is_zero()) for c in combinations]
-        return [_combined(c, [row for _, row in rows]) for c in combinations], names
+        return ball_matrices.times(combinations, differentials), names
 
-    def _vanishing(self, rows: Sequence[list[Ball]], columns: Sequence[list[Ball]], turned: bool = False) -> Matrix:
+    def _stacked(self, vectors: Sequence[Matrix]) -> Matrix:
+        """Return vectors in the coordinates of S as rows."""
+        return np.array(vectors, dtype=object).reshape(-1, len(self.proof.reduced.S))
+
+    def _vanishing(self, rows: Matrix, columns: Matrix, turned: bool = False) -> Matrix:
         """Return combinations of rows that vanish along columns; `turned`: of columns on which the rows vanish."""
-        scaled = [[[x / _size(v) for x in v] for v in part] for part in (rows, columns)]
-        products = [[_dot(row, x) for row in scaled[0]] for x in scaled[1]]
-        products = ball_matrices.transposed(products, len(rows)) if turned else products
-        found, slack = null_combinations(products, len(columns) if turned else len(rows))
-        if not self.proof.wide and slack > float(balls.half_digits()):
+        sizes = [np.array(list(map(_size, part)), dtype=object) for part in (rows, columns)]
+        scaled, along = (part / size[:, None] for part, size in zip((rows, columns), sizes, strict=True))
+        products = ball_matrices.times(scaled, along.T)
+        found, slack = null_combinations(products if turned else products.T)
+        if not self.proof.wide and slack > float(balls.small(0.5)):
             raise NotProvable("which conserved functions change along symmetries is not known")
-        sizes = [_size(v) for v in (columns if turned else rows)]
-        return [[x / size for x, size in zip(c, sizes, strict=True)] for c in found]
+        return np.asarray(found / sizes[turned])
 
     @cached_property
     def momenta(self) -> list[Symmetry]:
@@ -209,14 +215,13 @@ class Case:
             x for x in self.grounds.invariance.momenta if {id(part) for _, part in x.parts or ((1.0, x),)} <= known
         ]  # fmt: skip
 
-    def _momentum(self, item: Symmetry) -> list[Ball]:
+    def _momentum(self, item: Symmetry) -> Matrix:
         return self.proof.differential(*self.identities.disturbance(item, self.proof))
 
     def _commutes(self, item: Symmetry) -> bool:
         """Return whether a symmetry is constant in the co-moving frame."""
         direction, rate = self.identities.disturbance(item, self.proof)
-        carried = ball_matrices.apply(self.proof.state.slope, direction)
-        return all(zero_inside(x - y) for x, y in zip(rate, carried, strict=True))
+        return all(map(zero_inside, rate - ball_matrices.times(self.proof.state.slope, direction)))
 
     @cached_property
     def left(self) -> tuple[Spectrum, Neutral]:
@@ -283,24 +288,21 @@ class Case:
     @cached_property
     def _carried(self) -> list[Ball]:
         """ω of the eigenvalues ±iω of neutral directions that rotate with the motion."""
-        T = [x for _, _, x in self._divided[1]]
-        if not T or not self._moves:
+        S, T = self.proof.reduced.S, self._stacked([x for _, _, x in self._divided[1]])
+        if not len(T) or not self._moves:
             return []
-        quotient = Quotient(ball_matrices.zeros(len(T[0]), len(T[0])))
+        quotient = Quotient(0 * S)
         for x in T:
             quotient.divide(x)
-        places = [i for i in range(len(T[0])) if i not in quotient.alive]
-        images = [ball_matrices.apply(self.proof.reduced.S, x) for x in T]
-        own, moved = ([[x[i] for x in part] for i in places] for part in (T, images))
-        step = ball_matrices.solve(own, moved)
-        values = np.linalg.eigvals(np.array([[float(x.mid()) for x in row] for row in step]))
+        places = [i for i in range(len(S)) if i not in quotient.alive]
+        step = ball_matrices.solve(T.T[places], ball_matrices.times(S, T.T)[places])
+        values = np.linalg.eigvals(step.astype(float))
         turning = values[values.imag > 1e-4 * float(np.max(np.abs(values), initial=0.0))].imag
         if not len(turning):
             return []
         if np.ptp(turning) > 1e-6 * turning[0]:
             raise NotProvable("neutral directions go round at different rates")
-        square = ball_matrices.times(step, step)
-        trace = sum((square[i][i] for i in range(len(square))), ball(0))
+        trace = sum(np.diagonal(ball_matrices.times(step, step)))
         rate = balls.ball_arithmetic().sqrt(-trace / (2 * len(turning)))
         return [rate] * len(turning)
 
@@ -319,10 +321,10 @@ class Case:
         spectrum, _ = self.left
         found = [Disc(0j, 0.0, 1, "open", name) for name in spectrum.zeros]
         even = [factor for factor in spectrum.factors if factor.even]
-        for group in _joined(even, spectrum):
-            whole = [ball(1)]
-            for factor in group:
-                whole = ball_polynomials.product(whole, factor.p)
+        acting = [[not spectrum.apart(one, other) for other in even] for one in even]
+        for members in together(acting):
+            group = [even[k] for k in members]
+            whole = ball_polynomials.product(*(factor.p for factor in group))
             count = 2 * (len(whole) - 1)
             inside = ball_polynomials.all_negative_and_simple(whole)
             if inside:
@@ -368,12 +370,8 @@ class Case:
     def _sign(self) -> int:
         """Return 1 if the second variation is proven to be positive definite, −1 if negative, else 0."""
         W = self._disturbances()
-        h = (
-            ball_matrices.times(ball_matrices.transposed(W), ball_matrices.times(self._second_variation(), W))
-            if W and W[0]
-            else []
-        )
-        return next((s for s in (1, -1) if ball_matrices.positive([[s * x for x in row] for row in h])), 0)
+        h = ball_matrices.times(W.T, self._second_variation(), W)
+        return next((s for s in (1, -1) if ball_matrices.positive(s * h)), 0)
 
     def _with_a_multiple(self) -> bool:
         """Return whether the second variation is definite in another frame in which the reference is at rest too."""
@@ -401,35 +399,37 @@ class Case:
             Y = self.identities.disturbance(item, self.proof)[0]
             free = {int(np.flatnonzero(x.direction)[0]) for x in spins}
             if all(i in free or y.is_zero() for i, y in enumerate(Y)) and any(not y.is_zero() for y in Y):
-                turn = ground_turn(generator, self.proof)
+                turn = ground_turn(group, self.proof)
                 pairs = zip([*own.axis, *own.point], [*turn.axis, *turn.point], strict=True)
                 if not own.rate.is_zero() and any(not (x - y).is_zero() for x, y in pairs):
                     continue
-                zero, undone = [ball(0)] * 3, [-y for y in Y]
-                yield item, generator_in_balls(self.proof.system, turn.axis, turn.point, ball(1), zero, undone)
+                yield item, replace(turn, spins=-Y)
 
     def _second_variation(self) -> Matrix:
         """Return H in the coordinates of S."""
         r = self.proof.reduced
-        m = len(r.free)
-        rates = [r.P[i] + r.Z[i] for i in range(m)]
-        H = ball_matrices.times(ball_matrices.transposed(rates), ball_matrices.times(r.M_N, rates))
-        for i in range(m):
-            for j in range(m):
-                H[i][j] = H[i][j] + (r.K_N[i][j] + r.K_N[j][i]) / 2
+        m, rates = len(r.free), np.hstack([r.P, r.Z])
+        H: Matrix = ball_matrices.times(rates.T, r.M_N, rates)
+        H[:m, :m] = H[:m, :m] + (r.K_N + r.K_N.T) / 2
         return H
 
     @cached_property
-    def _following(self) -> Matrix:
-        """Disturbances of states that only follow the others, if they are proven to decay by themselves, as columns."""
+    def _following(self) -> list[Matrix]:
+        """Disturbances of states that only follow the others, if proven to decay but for symmetries, as columns."""
         states, r = self.proof.system.following, self.proof.reduced
         if not states or self._moves or self.grounds.linear.massless is not None:
             return []
         places = [r.free.index(i) for i in states]
-        A = [[r.S[i][j] for j in places] for i in places]
-        if ball_polynomials.right_roots(ball_polynomials.characteristic(A)) != 0:
+        left = Quotient(r.S[np.ix_(places, places)])
+        for _, symmetry, x in self._divided[1]:
+            if symmetry and all(x[i].is_zero() for i in range(len(x)) if i not in places):
+                left.divide(np.array([x[i] for i in places], dtype=object))
+        if (
+            ball_polynomials.right_roots(ball_polynomials.characteristic(left.kept[np.ix_(left.alive, left.alive)]))
+            != 0
+        ):
             return []
-        return [[ball(int(j == i)) for j in range(len(r.S))] for i in places]
+        return list(ball_matrices.matrix(np.eye(len(r.S), dtype=int)[places].tolist()))
 
     def _disturbances(self) -> Matrix:
         """Return disturbances at the given momenta, modulo symmetries, as columns."""
@@ -439,26 +439,24 @@ class Case:
             columns = [x for _, symmetry, x in self._directions if symmetry]
             rows = [self._momentum(x) for x in self.momenta]
         else:
-            columns = [[*x[:m], *([ball(0)] * (n - m))] for _, symmetry, x in self._divided[1] if symmetry]
+            still = ball_matrices.zeros(n - m)
+            columns = [np.concatenate([x[:m], still]) for _, symmetry, x in self._divided[1] if symmetry]
             columns += self._following
             rows = []
-        kernel, _ = null_combinations(rows, n)  # at least as large as the true one
-        combinations = self._vanishing(rows, columns, True)
+        kernel, _ = null_combinations(self._stacked(rows))  # at least as large as the true one
+        combinations = self._vanishing(self._stacked(rows), self._stacked(columns), True)
         free = [next(j for j in range(n) if c[j] == 1 and _alone(kernel, j)) for c in kernel]
         quotient = Quotient(ball_matrices.zeros(len(kernel), len(kernel)))
-        for c in combinations:
-            vector = _combined(c, columns)
-            quotient.divide([vector[j] for j in free])
-        return ball_matrices.transposed([kernel[k] for k in quotient.alive]) if quotient.alive else []
+        for vector in ball_matrices.times(combinations, self._stacked(columns)):
+            quotient.divide(vector[free])
+        return kernel[quotient.alive].T
 
     def _unforced(self) -> bool:
         """Return whether the reactions of rows on speeds vanish along all that holonomic rows allow."""
         for case in (self, self.generic):
             proof = case.proof
             D, nu = proof.dynamic_rows(), proof.state.nu[proof.r_h :]
-            for column in ball_matrices.transposed(proof.reduced.N, 0):
-                terms = [_dot(row, column) * x for row, x in zip(D, nu, strict=True)]
-                total = sum(terms, ball(0))
+            for total in ball_matrices.times(nu, D, proof.reduced.N):
                 exact = proof.wide or tiny(total, sum((abs(x) for x in proof.state.nu), ball(0)))
                 if not zero_inside(total) or not exact:
                     return False
@@ -504,35 +502,15 @@ def best(proof: Proof) -> Case:
     return case
 
 
-def _dot(x: Sequence[Ball], y: Sequence[Ball]) -> Ball:
-    return sum((a * b for a, b in zip(x, y, strict=True) if not (a.is_zero() or b.is_zero())), ball(0))
-
-
-def _size(x: Sequence[Ball]) -> Ball:
+def _size(x: Matrix) -> Ball:
     """Return the size of a vector."""
-    size = max((abs(float(y.mid())) for y in x), default=0.0)
+    size = float(np.max(np.abs(x.astype(float)), initial=0.0))
     return ball(2.0 ** round(np.log2(size))) if size else ball(1)
-
-
-def _combined(c: Sequence[Ball], rows: Sequence[Sequence[Ball]]) -> list[Ball]:
-    """Return a combination of rows."""
-    scaled = [[x * y for y in row] for x, row in zip(c, rows, strict=True) if not x.is_zero()]
-    return [sum(entries, ball(0)) for entries in zip(*scaled, strict=True)]
 
 
 def _alone(kernel: Matrix, j: int) -> bool:
     """Whether only one row has an entry in a column."""
     return sum(not c[j].is_zero() for c in kernel) == 1
-
-
-def _joined(even: list[Factor], spectrum: Spectrum) -> list[list[Factor]]:
-    """Return factors in groups that do not act on each other."""
-    groups: list[list[Factor]] = []
-    for factor in even:
-        near = [group for group in groups if any(not spectrum.apart(factor, other) for other in group)]
-        groups = [group for group in groups if group not in near]
-        groups.append([*(x for group in near for x in group), factor])
-    return groups
 
 
 def _rough(factor: Factor, isolated: bool) -> list[Disc]:

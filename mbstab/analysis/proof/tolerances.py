@@ -37,7 +37,7 @@ class Tolerances:
     """A float stands for a nearby fraction with a denominator no larger than this …"""
     fraction_misfit: Final = 1e-15
     """… if both differ by no more than this, relative to its size."""
-    equal_points: Final = 1e-9
+
     """Points in double precision and in balls that are closer than this (m) are the same."""
 
 

@@ -89,17 +89,20 @@ def unclosed(system: System, sizes: Array, q: Array, missing: Flags) -> list[Pro
     said: dict[str, dict[str, str]] = {}
     if 1 < len(owners) <= TOLERANCES.contradictions_sought and not system.sparse:
         said = {owner: _contradiction(system, sizes, q, missing, owner, bad) for owner in owners}
-    return [
-        not_satisfied(system, i, E[i], hint, said.get(system.rows[i].owner, {}).get(system.rows[i].unit, ""))
-        for i in bad
-    ]
+    told: dict[Any, Problem] = {}
+    for i in bad:
+        owner, unit = system.rows[i].owner, system.rows[i].unit
+        apart = said.get(owner, {}).get(unit, "")
+        # Of rows that come together when the others hold, one gap is told.
+        told.setdefault((owner, unit) if apart else i, not_satisfied(system, i, E[i], hint, apart))
+    return list(told.values())
 
 
-def not_satisfied(system: System, i: int, value: float, hint: str, also: str = "", per: str = "") -> Problem:
-    """Return the problem of a row that the reference does not satisfy."""
+def not_satisfied(system: System, i: int, value: float, hint: str, apart: str = "", per: str = "") -> Problem:
+    """Return the problem of a row that the reference does not satisfy, or of its entry if that is known to be apart."""
     row = system.rows[i]
-    measured = f"{value:.6g}{unit_of_row(system, row, per)}"
-    message = f"the reference does not satisfy {row}: {row.residual} is {measured}{also}"
+    measured = f"{row}: {row.residual} is {value:.6g}{unit_of_row(system, row, per)}"
+    message = f"the reference does not satisfy {f'{row.owner}: {apart}' if apart else measured}"
     return system.scene.model.document.problem(row.location, f"{row.section}.{row.name}", message, hint)
 
 
@@ -139,5 +142,5 @@ def _contradiction(
         gap = float(np.linalg.norm(E[own]))
         what = "the gap" if all(system.rows[i].residual == Row.residual for i in own) else "it"
         where = f"{', '.join(closed)} {'is' if len(closed) == 1 else 'are'} satisfied"
-        said[unit] = f"; where {where}, {what} is {gap:.6g}{unit_of_row(system, system.rows[own[0]])}"
+        said[unit] = f"where {where}, {what} is {gap:.6g}{unit_of_row(system, system.rows[own[0]])}"
     return said

@@ -12,6 +12,7 @@ with half its length.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from copy import copy
@@ -46,8 +47,8 @@ def follow(
 ) -> Path:
     """Return the solutions over a range of a parameter, followed from one value in both directions.
 
-    The first solution is sought at `first_at`, or else at the lowest value; where there is none, at the other end, the
-    file's own value, or the middle. It is the one `near` given coordinates and rates, or else the
+    The first solution is sought at `first_at`, or else at the value of the range that is nearest to the file's own one;
+    where there is none, at the ends or in the middle. It is the one `near` given coordinates and rates, or else the
     one that the file's own guess leads to. Paths behind folds are followed only if `further` is set. `wanted` is the
     number of values at which solutions are asked for.
 
@@ -56,11 +57,9 @@ def follow(
     MbstabError
         If there is no solution to start from.
     """
-    nominal = float(evaluate_parameters(model, {}, FLOAT)[parameter])
-    starts = [low if first_at is None else first_at]
-    if near is None:
-        starts += [low, high, *([nominal] if low <= nominal <= high else []), 0.5 * (low + high)]
-        starts = list(dict.fromkeys(starts))
+    starts = beginnings(model, parameter, low, high)
+    if first_at is not None:
+        starts = list(dict.fromkeys([first_at, *([] if near else starts)]))
     failure: MbstabError | None = None
     for start in starts:
         try:
@@ -74,6 +73,7 @@ def follow(
     moved = "" if failure is None else in_one_line(failure)
     if smooth := curve.smooth(start, wanted):
         return replace(smooth, moved=moved)
+    curve = curve.regular(start)
     up, down = (curve.traced(sign, further) for sign in (1.0, -1.0))
     main = joined(down[0], up[0])
     beyond = [curve.path(run, run.ends[0][0]) for run in (*up[1:], *down[1:])]
@@ -83,6 +83,13 @@ def follow(
         if not curve.has_reached(at, *known):
             beyond += curve.switched(at)
     return replace(curve.path(main, start), moved=moved, beyond=tuple(beyond))
+
+
+def beginnings(model: Model, parameter: str, low: float, high: float) -> list[float]:
+    """Return where in a range solutions are sought: first as near as possible to the file's own value."""
+    own = float(evaluate_parameters(model, {}, FLOAT)[parameter])
+    others = sorted((low, high, 0.5 * (low + high)), key=lambda value: abs(value - own))
+    return list(dict.fromkeys([min(max(own, low), high), *others]))
 
 
 def follow_row(
@@ -105,6 +112,7 @@ def follow_row(
     curve = _Curve(model, parameter, ends, start, near)
     if not beside and (smooth := curve.smooth(start, math.inf)):
         return smooth, []
+    curve = curve.regular(start)
     up, down = (curve.traced(sign, False, _onwards(beside, sign, start))[0] for sign in (1.0, -1.0))
     return curve.path(joined(down, up), start), [*_reversed(down.lead), *up.lead[1:]]
 
@@ -140,7 +148,7 @@ class _Curve(CurveEquations):
 
     def smooth(self, start: float, wanted: float) -> Path | None:
         """Return the path over the whole range if it is smooth, for so many values on it."""
-        if start not in (self.low, self.high) or self.low == self.high:
+        if self.low == self.high:
             return None
         ranges, at = {self.parameter: (self.low, self.high)}, {self.parameter: start}
         surface = SmoothSolutions(self.model, self.balance, ranges, at, self.first.q, self.first.c).surface(wanted)
@@ -149,6 +157,17 @@ class _Curve(CurveEquations):
         values = np.array([self.low, self.high])
         q, c = surface.predicted({self.parameter: values})
         return Path(self.model.parameters[self.parameter], values, q, c, (), (), start, surface=surface)
+
+    def regular(self, start: float) -> _Curve:
+        """Return the curve, from a solution beside the first one if the equations are singular there."""
+        for step in (TOLERANCES.path_first_step * self.width, -TOLERANCES.path_first_step * self.width):
+            if self.low <= start + step <= self.high:
+                with contextlib.suppress(MbstabError):
+                    near, ends = (self.first.q, self.first.c), (self.low, self.high)
+                    beside = _Curve(self.model, self.parameter, ends, start + step, near)
+                    beside.usual /= TOLERANCES.path_first_step  # it grows with the distance from there
+                    return beside if beside.rank > self.rank else self
+        return self
 
     def path(self, run: Run, start: float) -> Path:
         """Return a run as a path."""
@@ -363,7 +382,8 @@ class _Curve(CurveEquations):
         Return False if a sign changes without a crossing: the points lie on different paths.
         """
         low, high = before, after
-        clear = 10.0 * TOLERANCES.crossing_distance * min(self.usual, max(before.least, after.least))
+        gap = float(np.linalg.norm(self._open(self._between(before, after))))
+        clear = 10.0 * TOLERANCES.crossing_distance * min(self.usual, max(before.least, after.least) / max(gap, 1e-300))
         for _ in range(TOLERANCES.points_between_folds):
             if self.spent:
                 return False

@@ -69,7 +69,7 @@ class Equilibrium(Answer):
     symmetries : tuple of str
         Shifts that lead from this solution to others like it.
     open : tuple of str
-        Other directions in which the solution is not isolated, in words; empty: it is isolated.
+        Other directions in which the solution is not isolated to first order, in words; empty: it is isolated.
     timed : bool
         Whether given functions of time act, so that it is an equilibrium at this time only.
     """
@@ -112,7 +112,7 @@ def found_motion(system: System, massless: bool = False) -> Motion:
         return motion
     found = _open_directions(search, at, symmetries(system, motion))
     what = "equilibrium" if motion.at_rest else "steady motion"
-    said = [f"the {what} is not isolated: {text}" for text in found]
+    said = [f"the {what} is not isolated to first order: {text}" for text in found]
     off = np.zeros(system.n_q)
     if not motion.sharpened:
         for vector in found.values():
@@ -264,6 +264,8 @@ class Problem:
             at = at if sharpened is None else search.state(*sharpened)
         finder = Finder(self.system, self.massless)
         finder.solved = [name for name, held in zip(self.system.names, self.held, strict=True) if not held]
+        if np.any(excess(search, at) > 1.0):
+            at = search.softened(at)
         small = np.all(np.abs(at.residual) <= TOLERANCES.residual) and np.all(excess(search, at) <= 1.0)
         if not (small and self._closed(at)) or undetermined(search, at)[1]:
             raise Failure(self, search).error(at)
@@ -461,7 +463,7 @@ def _unsure(search: Search, at: State) -> str:
 
 
 def _open_directions(search: Search, at: State, known: list[Symmetry]) -> dict[str, Array]:
-    """Return directions in which a solution is not isolated although no symmetry explains them, by their texts."""
+    """Return directions in which a solution is not isolated to first order, and which no symmetry explains."""
     balance = search.balance
     if not balance.moving:
         return {}

@@ -4,7 +4,7 @@ The force of an element changes along a field X by K X + R X' + M X'' + (DX)ᵀ 
 states that satisfy the rows of its bodies. Where that vanishes at a random state, it does so everywhere (an analytic
 function that is not zero vanishes at a random point with probability 0: Schwartz 1980, Zippel 1979; Mityagin 2015), and
 the group of X carries motions into motions (Lie; Olver 1993, theorem 2.31). Doubles propose a space of fields, element
-by element; balls of Arb with 220 bits, in which decimals of the file are exact, keep those of it for which the change
+by element; balls of Arb with 320 bits, in which decimals of the file are exact, keep those of it for which the change
 may vanish. Coordinates that rows determine, and coefficients that are no fractions, are balls that contain them: so a
 change that excludes zero is one, however weak it is.
 
@@ -48,6 +48,9 @@ from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError
 
+Conditions = tuple[list[int], Array, Array]
+"""Numbers of fields, and orthonormal rows of their coefficients, relative to their scale, with how much each counts."""
+
 NO_VALUE = (ArithmeticError, ValueError, MbstabError, np.linalg.LinAlgError)
 """Errors of a state at which an element has no value."""
 
@@ -62,10 +65,12 @@ class Identities:
     alone : Identities, optional
         Those of each element by itself: then only the sum of all forces must stay the same, as far as rows do not
         balance it.
+    exact : System, optional
+        The scene in balls, if its numbers are others than those of the file.
     """
 
-    def __init__(self, near: ElementComparison, alone: Identities | None = None) -> None:
-        self.near, self.alone, self.together = near, alone, alone is not None
+    def __init__(self, near: ElementComparison, alone: Identities | None = None, exact: System | None = None) -> None:
+        self.near, self.alone, self.together, self._given = near, alone, alone is not None, exact
         self.system, self.motion, self.rate = near.system, near.motion, near.rate_of_states
         self.basis = Basis(self.system)
         self._found: dict[tuple[int, int, float], list[State]] = {} if alone is None else alone._found
@@ -73,7 +78,7 @@ class Identities:
     @cached_property
     def _exact(self) -> System:
         """The scene in balls."""
-        return exact_system(self.system)
+        return self._given or exact_system(self.system)
 
     @cached_property
     def exact_blocks(self) -> list[Block]:
@@ -244,30 +249,40 @@ class Identities:
     @cached_property
     def _proposed(self) -> Array:
         """The fields that leave each element unchanged to rounding, as columns, shape (basis.size, number)."""
-        known: dict[tuple[Any, ...], list[tuple[list[int], Array]]] = {}
+        return self._unchanged(TOLERANCES.proposed_change)
+
+    def _unchanged(self, least: float) -> Array:
+        """Return the fields along which each element changes by less than a part of its terms, as columns."""
+        parts = [(on, rows[: int(np.sum(s > least))]) for on, s, rows in self._conditions]
+        return null_space(parts, self.basis.size, least) * self.scale[:, None]
+
+    @cached_property
+    def _conditions(self) -> list[Conditions]:
+        """What elements demand of the fields."""
+        known = dict[tuple[Any, ...], list[Conditions]]()
         equations = sum(len(own.element.rows) or len(own.columns) for x in self._searched for own in x.elements)
         count = TOLERANCES.states_beyond + 2 * self.basis.size // equations
-        parts: list[tuple[list[int], Array]] = []
+        parts = list[Conditions]()
         for own in self._searched:
             if own.key not in known:
-                known[own.key] = self._conditions(own, count)
-            parts += [([own.fields[k] for k in places], rows) for places, rows in known[own.key]]
-        return null_space(parts, self.basis.size) * self.scale[:, None]
+                known[own.key] = self._conditions_of(own, count)
+            parts += [([own.fields[k] for k in places], s, rows) for places, s, rows in known[own.key]]
+        return parts
 
-    def _conditions(self, own: Cluster, count: int) -> list[tuple[list[int], Array]]:
-        """Return what elements demand of the fields of their bodies, relative to their scale, as orthonormal rows."""
+    def _conditions_of(self, own: Cluster, count: int) -> list[Conditions]:
+        """Return what elements demand of the fields of their bodies."""
         for spread in (None, *TOLERANCES.state_spreads[1:]):
             with np.errstate(all="ignore"), suppress(*NO_VALUE):
                 states = self._known if spread is None else self._states(2, count, spread)
                 if len(states) > 1 and (found := self._demands(own, states)):
                     return found
-        return [(list(range(len(own.fields))), np.eye(len(own.fields)))]
+        return [(list(range(len(own.fields))), np.ones(len(own.fields)), np.eye(len(own.fields)))]
 
-    def _demands(self, own: Cluster, states: Sequence[State]) -> list[tuple[list[int], Array]]:
-        """Return the changes of elements along fields at states, relative to their terms, as rows."""
+    def _demands(self, own: Cluster, states: Sequence[State]) -> list[Conditions]:
+        """Return the changes of elements along fields at states, relative to their terms."""
         if not states:
             return []
-        scale, found = self.scale[own.fields], list[tuple[list[int], Array]]()
+        scale, found = self.scale[own.fields], list[Conditions]()
         q, u, a = (np.array(x)[:, own.columns] for x in list(zip(*states, strict=True))[:3])
         every = [(q, u, a)] if not self.together else zip(q, u, a, strict=True)
         own.rough = [self._at(own, (*x, states[0][3]), DOUBLES) for x in every]
@@ -281,8 +296,17 @@ class Identities:
             if rows.size and not len(good):
                 return []
             _, s, right = np.linalg.svd(good, full_matrices=False)
-            found.append((on, right[: int(np.sum(s > TOLERANCES.proposed_change * np.max(s, initial=1.0)))]))
+            found.append((on, s / np.max(s, initial=1.0), right))
         return found
+
+    def nearly(self, closeness: float) -> tuple[Array, int]:
+        """Return the fields that leave each element unchanged but for numbers that are known so well, as columns.
+
+        Those that are equal on the rows count once; their number is that of all.
+        """
+        found = self._unchanged(max(TOLERANCES.proposed_change, TOLERANCES.roundings_within_digits * closeness))
+        simple = self._simple(found, TOLERANCES.simple_field[0])
+        return np.hstack([simple, np.asarray(self._further(simple, found), dtype=float)]), found.shape[1]
 
     def _at(self, own: Cluster, state: State, f: Doubles) -> At:
         return own.at(state, f, self.motion.sizes[own.columns], self.rate)
@@ -291,10 +315,18 @@ class Identities:
     def space(self) -> Array:
         """The fields that leave each element unchanged, as columns of balls, shape (basis.size, number)."""
         found = self._proposed
-        if not found.shape[1]:
-            return found
-        simple = self._simple(found)
-        others = self._further(simple, found)
+        best, tried = found[:, :0], -1
+        for closeness in TOLERANCES.simple_field:
+            simple = self._simple(found, closeness)
+            # What only looks simple to doubles is not unchanged, and hides the field beside it.
+            if simple.shape[1] == tried or best.shape[1] == found.shape[1]:
+                break
+            kept, tried = self._held(simple, self._further(simple, found)), simple.shape[1]
+            best = kept if kept.shape[1] > best.shape[1] else best
+        return best
+
+    def _held(self, simple: Array, others: Array) -> Array:
+        """Return those combinations of proposed fields, some of them simple, that leave each element unchanged."""
         with many_bits():
             exact = in_balls(np.hstack([simple.astype(int).astype(object), others]))
             rough = [k for k, c in enumerate(others.T, simple.shape[1]) if any(isinstance(x, float) for x in c)]
@@ -364,7 +396,8 @@ class Identities:
         inverse = np.linalg.pinv(matrix[:, solved], rcond=TOLERANCES.proposed_change)
         free = free[solved]
         for _ in range(TOLERANCES.steps_of_refinement):
-            left = np.concatenate([self._along(own, at, space[own.fields], "along") * x for own, at, x in parts])
+            found = [self._along(own, at, space[own.fields], "along") * x for own, at, x in parts]
+            left = np.concatenate([BALLS.zeros((0, space.shape[1])), *found])
             power = float(np.max(BALLS.powers(left), initial=NONE))
             if not np.isfinite(power):
                 break
@@ -377,8 +410,8 @@ class Identities:
         space[free] = widened(space[free], off * self.scale[free][:, None] * most)
         return space
 
-    def _simple(self, space: Array) -> Array:
-        """Return independent fields of a space that are motions of everything with the ground, or of single bodies."""
+    def _simple(self, space: Array, closeness: float) -> Array:
+        """Return independent fields near a space that move everything with the ground, or single bodies."""
         bodies, columns = [b for b in self.basis.blocks if b.body is not None], []
         if bodies:
             columns = [[b.start + k for b in bodies] for k in range(bodies[0].ground)]
@@ -389,7 +422,7 @@ class Identities:
             x = np.zeros(self.basis.size)
             x[places] = 1.0
             unit = x / self.scale / np.linalg.norm(x / self.scale)
-            if np.linalg.norm(unit - Q @ (Q.T @ unit)) < TOLERANCES.simple_field:
+            if np.linalg.norm(unit - Q @ (Q.T @ unit)) < closeness:
                 known = room[:, : len(found)]
                 left = unit - known @ (known.T @ unit)
                 if np.linalg.norm(left) > TOLERANCES.independent_fields:
@@ -702,8 +735,18 @@ class Identities:
             return np.asarray(np.frompyfunc(_short_ball, 1, 1)(found), dtype=object)
 
 
-def null_space(parts: Sequence[tuple[list[int], Array]], size: int) -> Array:
-    """Return the vectors that obey conditions on parts of their entries, as orthonormal columns."""
+def null_space(parts: Sequence[tuple[list[int], Array]], size: int, least: float) -> Array:
+    """Return the vectors that obey conditions on parts of their entries, as orthonormal columns.
+
+    Parameters
+    ----------
+    parts : sequence of (list of int, ndarray)
+        The numbers of the entries, and orthonormal rows.
+    size : int
+        Number of entries.
+    least : float
+        Combinations of conditions that restrict vectors by less do not count.
+    """
     rows = sum(len(x) for _, x in parts)
     if size <= TOLERANCES.fields_at_once:
         matrix, start = np.zeros((rows, size)), 0
@@ -711,7 +754,7 @@ def null_space(parts: Sequence[tuple[list[int], Array]], size: int) -> Array:
             matrix[start : start + len(conditions), fields] = conditions
             start += len(conditions)
         _, s, right = np.linalg.svd(matrix)
-        return right[int(np.sum(s > TOLERANCES.proposed_change)) :].T
+        return right[int(np.sum(s > least)) :].T
     from scipy.sparse import csr_array
 
     from mbstab.analysis.algebra.sparse_rank import sparse_null_space

@@ -173,10 +173,16 @@ def force_change(
 ) -> Array:
     """Return how much scaled forces change over the size of the scene, by their slope at q, u, a and ν, shape (…).
 
-    Near a singular point of a force its slope does not tell this: 0 is returned.
+    Where the slope changes within the rounding of coordinates, the larger one counts if there is one as large further
+    away: near a multiple zero of a force, not near a pole.
     """
     q, u, a, nu = at
     K, R, _ = system.linearize(q, u, a, nu, time)
     beside, _, _ = system.linearize(q + TOLERANCES.coordinate_rounding * sizes, u, a, nu, time)
-    regular = largest(beside - K) <= 0.01 * largest(K)
-    return np.asarray(regular * np.max((abs(K) @ sizes + times(abs(R), np.abs(u))) * scale, axis=-1))
+    slope, irregular = abs(K), np.asarray(largest(beside - K) > 0.01 * largest(K))
+    if np.any(irregular):
+        further, _, _ = system.linearize(q + TOLERANCES.move_scaling_forces * sizes, u, a, nu, time)
+        larger = np.maximum(dense(slope), dense(abs(beside)))
+        larger = np.where(np.isfinite(larger), np.fmin(larger, dense(abs(further))), 0.0)
+        slope = np.where(irregular[..., None, None], larger, dense(slope))
+    return np.asarray(np.max((slope @ sizes + times(abs(R), np.abs(u))) * scale, axis=-1))

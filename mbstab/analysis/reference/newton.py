@@ -72,7 +72,7 @@ class Search:
 
     def newton(self, at: State) -> State:
         """Return the solution that damped steps lead to."""
-        damping, reach, longest = 0.0, TOLERANCES.newton_reach, 0.0
+        damping, reach, longest, before = 0.0, TOLERANCES.newton_reach, 0.0, math.inf
         if self.best is None:
             self.best = at
         sizes: list[float] = []
@@ -86,6 +86,7 @@ class Search:
                 and at.size > 0.5 * sizes[-1 - TOLERANCES.newton_steps_to_halve]
             ):
                 break
+            before = longest or math.inf
             G, moving = self.balance.jacobian(at), self.balance.moving
             accepted = None
             while accepted is None:
@@ -96,7 +97,9 @@ class Search:
                 trial = self.tried(at, bounded)
                 if trial is not None and trial.size < at.size * (1.0 - 1e-6 * reach / max(longest, reach)):
                     accepted = trial
-                    if bounded is not step:
+                    if at.size < TOLERANCES.newton_residual_polished:
+                        accepted = self._further(at, step, longest / before, trial)
+                    elif bounded is not step:
                         # Balance may be far away: as long as forces are linear, the step may be long.
                         change = G @ bounded
                         off = float(np.linalg.norm(trial.residual - at.residual - change))
@@ -180,8 +183,7 @@ class Search:
     def settled(self, at: State) -> State:
         """Return a solution to rounding: steps are taken until they no longer become shorter.
 
-        Where a stiffness is large, residuals are rounding before the position is. To an m-fold solution each step
-        leaves the part 1 - 1/m of the way: m steps at once lead there (Schröder 1870, Math. Ann. 2).
+        Where a stiffness is large, residuals are rounding before the position is.
         """
         best, shortest = at, math.inf
         for _ in range(TOLERANCES.newton_steps_onto_constraints):
@@ -196,9 +198,41 @@ class Search:
             trial = self.tried(at, step) if longest > TOLERANCES.coordinate_rounding else None
             if trial is None:
                 break
-            beyond = self.tried(at, round(1.0 / (1.0 - left)) * step) if falling else None
-            at = trial if beyond is None or beyond.size >= trial.size else beyond
+            at = self._further(at, step, left, trial) if falling else trial
         return best
+
+    def softened(self, at: State) -> State:
+        """Return a state nearer to balance, by steps along motions that `newton` takes for undetermined.
+
+        Near a multiple solution forces hardly change along a motion, but what they change by is no rounding if they
+        fall as the steps promise.
+        """
+        shortest = math.inf
+        for _ in range(TOLERANCES.newton_steps_onto_constraints):
+            step = self.balance.equations(at, np.finfo(float).tiny).step(at.residual)
+            longest = float(np.max(np.abs(step[: self.balance.moving]), initial=0.0))
+            trial = self.tried(at, step) if 0.0 < longest < min(shortest, TOLERANCES.newton_step_settled) else None
+            if trial is None or not trial.size < 0.5 * at.size:
+                break
+            at, shortest = self._further(at, step, longest / shortest, trial), longest
+        return at
+
+    def _further(self, at: State, step: Array, left: float, trial: State) -> State:
+        """Return the state after a step or after several at once, if residuals are much smaller there.
+
+        To an m-fold solution each step leaves the part 1 - 1/m of the way: m steps at once lead there (Schröder 1870,
+        Math. Ann. 2).
+
+        Parameters
+        ----------
+        left : float
+            The length of the step over that of the one before.
+        trial : State
+            That after the step.
+        """
+        steps = round(1.0 / (1.0 - left)) if left < TOLERANCES.slowest_settling else 1
+        beyond = self.tried(at, steps * step) if steps > 1 else None
+        return trial if beyond is None or beyond.size > 0.1 * trial.size else beyond
 
     def relaxed(self, at: State) -> State:
         """Return the solution at which a heavily damped motion comes to rest."""

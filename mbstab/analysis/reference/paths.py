@@ -8,9 +8,8 @@ from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from mbstab.analysis.algebra.arrays import Flags
+from mbstab.analysis.algebra.arrays import Flags, Index
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.model.schema import Parameter, after_number
@@ -93,7 +92,7 @@ class Path:
     start : float
         The value from which it was followed: where the first solution was found, or a fold.
     moved : str
-        Why it was not followed from the requested value.
+        Why it was not followed from the value requested, or nearest to the file's own one.
     beyond : tuple of Path
         Paths to which it leads through folds: first from its upper end, then from its lower end. Then those that cross
         it or branch off, and what these lead to.
@@ -207,6 +206,11 @@ class Sheet:
         The path over the second parameter from which the others start.
     start : tuple of float
         The values of both parameters (SI) from which all were followed.
+    columns : ndarray
+        Values of the first parameter (SI), ascending.
+    across : dict
+        At some of them paths over the second parameter, from a row to the next one, by the numbers of row and column;
+        None where none leads there. Between rows, solutions are known beside such columns.
     """
 
     parameter: Parameter
@@ -214,10 +218,34 @@ class Sheet:
     paths: tuple[tuple[Path, ...], ...]
     edge: Path
     start: tuple[float, float]
+    columns: Array = field(default_factory=lambda: np.zeros(0))
+    across: Mapping[tuple[int, int], Path | None] = field(default_factory=dict)
 
-    def _paths(self, values: Values) -> Iterator[tuple[Path, npt.NDArray[np.intp]]]:
-        """Yield paths with the numbers of the points on them; all points are at values of the second parameter."""
-        row = np.searchsorted(self.values, values[self.parameter.name])
+    def _rows(self, values: Values) -> tuple[Index, Index, Array]:
+        """Return the rows below and above some points, and the part of the way from the one to the other."""
+        y = values[self.parameter.name]
+        above = np.clip(np.searchsorted(self.values, y), 0, len(self.values) - 1)
+        below = np.where(self.values[above] == y, above, np.maximum(above - 1, 0))
+        low, high = self.values[below], self.values[above]
+        return below, above, (y - low) / np.where(high > low, high - low, 1.0)
+
+    def _beside(self, x: float, row: int) -> int | None:
+        """Return the number of the nearest column at which a path leads from a row to the next one."""
+        right = int(np.searchsorted(self.columns, x))
+        sides = [k for k in (right - 1, right) if (row, k) in self.across]
+        sides = [right] if right in sides and self.columns[right] == x else sides
+        if any(self.across[row, k] is None for k in sides):
+            return None
+        return min(sides, key=lambda k: abs(float(self.columns[k]) - x), default=None)
+
+    def _places(self, values: Values, below: Index, above: Index) -> list[tuple[int, int | None]]:
+        """Return the rows below points between rows, and the columns beside them; other points have none."""
+        x = next(along for name, along in values.items() if name != self.parameter.name)
+        rows = zip(below.tolist(), above.tolist(), x.tolist(), strict=True)
+        return [(i, None if i == j else self._beside(at, i)) for i, j, at in rows]
+
+    def _paths(self, values: Values, row: Index) -> Iterator[tuple[Path, Index]]:
+        """Yield paths of rows with the numbers of the points on them."""
         for j in np.unique(row):
             here = np.flatnonzero(row == j)
             for path in self.paths[j]:
@@ -226,10 +254,15 @@ class Sheet:
                     yield path, on
 
     def covers(self, values: Values) -> Flags:
-        """Return which points lie on a path that leads there, shape (points,)."""
-        result = np.zeros(len(values[self.parameter.name]), dtype=bool)
-        for _, on in self._paths(values):
-            result[on] = True
+        """Return which points lie on a path that leads there, or between two that are joined, shape (points,)."""
+        below, above, _ = self._rows(values)
+        beside = [k is not None for _, k in self._places(values, below, above)]
+        result: Flags = np.array(beside, dtype=bool) | (below == above)
+        for row in (below, above):
+            on_path = np.zeros(len(row), dtype=bool)
+            for _, on in self._paths(values, row):
+                on_path[on] = True
+            result &= on_path
         return result
 
     def missing(self, values: Values, i: int) -> str:
@@ -242,12 +275,31 @@ class Sheet:
 
     def predicted(self, values: Values) -> tuple[Array, Array]:
         """Return starting values at points that are covered."""
-        points = len(values[self.parameter.name])
-        q, c = np.zeros((points, self.edge.q.shape[1])), np.zeros((points, self.edge.c.shape[1]))
-        for path, on in self._paths(values):
-            q[on], c[on] = path.predicted(_chosen(values, on))
+        below, above, part = self._rows(values)
+        q, c = self._interpolated(values, below, above, part)
+        places = self._places(values, below, above)
+        for place in sorted({(i, k) for i, k in places if k is not None}):
+            # What is between the rows differs from a straight line as it does at the column beside.
+            on = np.array([n for n, x in enumerate(places) if x == place])
+            at = {name: x if name == self.parameter.name else np.full(len(on), self.columns[place[1]])
+                  for name, x in _chosen(values, on).items()}  # fmt: skip
+            path = self.across[place]
+            assert path is not None
+            straight = self._interpolated(at, below[on], above[on], part[on])
+            for found, own, line in zip((q, c), path.predicted(at), straight, strict=True):
+                found[on] += own - line
+        return q, c
+
+    def _interpolated(self, values: Values, below: Index, above: Index, part: Array) -> tuple[Array, Array]:
+        """Return the solutions of rows, between them on straight lines from the one to the other."""
+        q, c = np.zeros((len(part), self.edge.q.shape[1])), np.zeros((len(part), self.edge.c.shape[1]))
+        for row, weight in ((below, 1.0 - part), (above, part)):
+            for path, on in self._paths(values, row):
+                own = weight[on, None]
+                for found, x in zip((q, c), path.predicted(_chosen(values, on)), strict=True):
+                    found[on] += own * x
         return q, c
 
 
-def _chosen(values: Values, index: npt.NDArray[np.intp]) -> Values:
+def _chosen(values: Values, index: Index) -> Values:
     return {name: x[index] for name, x in values.items()}

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from mbstab.compiler.system import Array
-from mbstab.model.arithmetic import FLOAT, array_arithmetic, mpmath_arithmetic
+from mbstab.model.arithmetic import FLOAT, array_arithmetic
 from mbstab.model.charts import euler_matrix
-from mbstab.model.duals import Dual, dual_arithmetic
+from mbstab.model.duals import dual_arithmetic
 from mbstab.model.jets import Jet, jet_arithmetic
 from mbstab.model.scene import BodyValues
 
@@ -53,14 +53,13 @@ def _of_floats(base: tuple[float, ...]) -> Array:
 def _functions(angles: Array) -> Any:
     """Return cos, sin and tan for single angles, for the points of a sweep, or for refined numbers or balls."""
     if angles.dtype == object:
-        from mbstab.analysis.algebra.balls import ball_arithmetic
+        from mbstab.model.balls import ball_arithmetic
 
         if any(isinstance(x, Jet) for x in angles.flat):
             return jet_arithmetic(_functions(np.array([Jet.of(x).value for x in angles.flat], dtype=object)))
         if any(hasattr(x, "rad") for x in angles.flat):
             return ball_arithmetic()
-        floats = all(isinstance(x, (float, int, Dual)) for x in angles.flat)
-        return dual_arithmetic(FLOAT) if floats else mpmath_arithmetic()
+        return dual_arithmetic(FLOAT)
     return math if angles.ndim == 1 else np
 
 

@@ -49,11 +49,10 @@ def without_chance_zeros(system: System) -> System:
         return system
     given = {name: float(x) for name, x in scene.parameters.items()}
     pairs = {name: value_and_error(x) for name, x in _parameters(scene.model, given).items()}
-    unsure = {name: e for name, (v, e) in pairs.items() if e and abs(v) <= e}
-    if not unsure:
+    beside = {name: given[name] + 2.0 * e for name, (v, e) in pairs.items() if e and abs(v) <= e}
+    if not beside:
         return system
-    beside = {name: given[name] + 2.0 * e for name, e in unsure.items()}
-    better = given | beside | exact_parameters(unsure, scene.model, given, scene.arithmetic)
+    better = given | beside | exact_parameters(beside, scene.model, given, scene.arithmetic)
     if better == given:
         return system
     try:
@@ -62,27 +61,21 @@ def without_chance_zeros(system: System) -> System:
         return system
 
 
-def exact_system(system: System, proven: bool = False) -> System:
-    """Return a scene in balls, with the decimals of the file where the parameters have the values that these give.
-
-    Numbers with as many digits as a double has were rounded when they were written: an axis that CAD turned is parallel
-    to another one within half a unit of its last digits. For a proof, which asks first, they are what is written.
-    """
+def exact_system(system: System) -> System:
+    """Return a scene in balls, with the decimals of the file where the parameters have the values that these give."""
 
     def made() -> System:
         from mbstab.analysis.algebra.ball_arrays import many_bits
-        from mbstab.analysis.algebra.balls import ball_arithmetic, decimal, rounded_decimal
-        from mbstab.analysis.algebra.balls import exact_factor as ball_factor
+        from mbstab.model.balls import ball_arithmetic, decimal
 
         with uncollected(), many_bits(TOLERANCES.bits_of_scene):
-            number = decimal if proven else rounded_decimal
-            f, values, scene = ball_arithmetic(number), dict[str, Any](), system.scene
+            f, values, scene = ball_arithmetic(), dict[str, Any](), system.scene
             known = _parameters(scene.model, scene.parameters)
             for name, parameter in scene.model.parameters.items():
                 given, error = value_and_error(known[name])
-                values[name] = number(repr(given))
+                values[name] = decimal(repr(given))
                 with suppress(ExpressionError, ArithmeticError, ValueError):
-                    found = parameter.expression.evaluate(values, f) * ball_factor(parameter.unit)
+                    found = parameter.expression.evaluate(values, f) * exact_factor(parameter.unit, f)
                     # What cancels in doubles may leave nothing of a value there.
                     if abs(float(found) - given) <= error + 8.0 * UNIT * abs(given):
                         values[name] = found

@@ -1,7 +1,7 @@
 """Equilibria and steady motions in refined numbers, starting from double precision.
 
-The residual of the same equations on mpmath numbers, corrected by their derivative in double precision, takes a
-solution to all digits; on numbers with slopes, to its derivatives by parameters. Where rounding is magnified so much
+The residual of the same equations on numbers with many digits, corrected by their derivative in double precision, takes
+a solution to all digits; on numbers with slopes, to its derivatives by parameters. Where rounding is magnified so much
 that a solution in double precision would be off by more, its coordinates are those with more digits, rounded.
 """
 
@@ -19,7 +19,7 @@ from mbstab.analysis.reference.steady import Family, Generator
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.errors import EquilibriumError
-from mbstab.model.arithmetic import FLOAT, more_digits
+from mbstab.model.balls import digit_arithmetic, digits
 from mbstab.model.values import evaluate
 
 
@@ -29,7 +29,8 @@ def exactly_rounded(balance: Balance, at: State) -> tuple[Array, Array] | None:
 
     system, given = balance.system, balance.system.scene.parameters
     try:
-        with more_digits(FLOAT, TOLERANCES.sharpened_digits) as f:
+        f = digit_arithmetic()
+        with digits(TOLERANCES.sharpened_digits):
             scene = evaluate(system.scene.model, arithmetic=f)
             # Values that the file does not have, as those of a sweep.
             other = {k: f.number(repr(float(x))) for k, x in given.items() if float(scene.parameters[k]) != float(x)}

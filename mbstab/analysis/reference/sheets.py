@@ -3,20 +3,22 @@
 A path over the second parameter leads to the rows, which are paths over the first one. That path may end where rows go
 on at other columns: these are reached from the rows beside them. At every column where a row has a solution and the
 one beside it has none, Newton's method tells whether there may be one; a path across, over the second parameter,
-tells whether it is of the same family.
+tells whether it is of the same family. Such paths also tell, at columns that are asked for, which solutions lie
+between two rows.
 """
 
 from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, Index
 from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.reference.continuation import follow, follow_row
+from mbstab.analysis.reference.continuation import beginnings, follow, follow_row
 from mbstab.analysis.reference.curve_points import Point
 from mbstab.analysis.reference.equilibrium import Problem
 from mbstab.analysis.reference.many_points import newton
@@ -33,9 +35,9 @@ from mbstab.model.values import evaluate
 def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> Sheet | Surface:
     """Return the solutions over two parameters, all at once if they are smooth.
 
-    Otherwise as paths over the first one, started from a path over the second one. That path is at the lowest value
-    of the first one or, where there is no solution, at the highest or in the middle. Rows to which it does not lead
-    are reached from those beside them.
+    Otherwise as paths over the first one, started from a path over the second one. That path is at the value of the
+    first one that is nearest to the file's own or, where there is no solution, at an end or in the middle. Rows to
+    which it does not lead are reached from those beside them.
 
     Raises
     ------
@@ -52,12 +54,48 @@ def follow_all(model: Model, parameters: tuple[str, str], x: Array, y: Array) ->
         rows.add(j, begin, (q[0], c[0]))
     rows.spread()
     paths = tuple(tuple(sorted(row, key=lambda path: float(path.values[0]))) for row in rows.paths)
-    return Sheet(model.parameters[other], y, paths, edge, (begin, edge.start))
+    return Sheet(model.parameters[other], y, paths, edge, (begin, edge.start), x)
+
+
+def joined_rows(model: Model, parameters: tuple[str, str], sheet: Sheet, places: Iterable[tuple[int, int]]) -> Sheet:
+    """Return a sheet with paths from rows to the next ones, at places given by the numbers of rows and columns."""
+    across = dict[tuple[int, int], Path | None]()
+    for j, k in places:
+        value, ends = float(sheet.columns[k]), (float(sheet.values[j]), float(sheet.values[j + 1]))
+        near, goal = (sheet.predicted({parameters[0]: sheet.columns[[k]], parameters[1]: np.array([y])}) for y in ends)
+        across[j, k] = _across(model, parameters, value, ends, (near[0][0], near[1][0]), (goal[0][0], goal[1][0]))
+    return replace(sheet, across=across)
+
+
+def _across(
+    model: Model,
+    parameters: tuple[str, str],
+    value: float,
+    ends: tuple[float, float],
+    near: tuple[Array, Array],
+    goal: tuple[Array, Array] | None = None,
+) -> Path | None:
+    """Return the path from a solution of a row to a row beside it, at a value of the first parameter.
+
+    None where it does not lead there, or not to the solution that is its goal.
+    """
+    one, other = parameters
+    with contextlib.suppress(MbstabError):
+        at = bound(model, settings_in_si({one: value}))
+        path = follow(at, other, min(ends), max(ends), ends[0], near, further=False, wanted=1)
+        there = {other: np.array(ends[1:])}
+        if path.covers(there)[0]:
+            if goal is None:
+                return path
+            sizes = Problem(System(evaluate(at, {other: ends[1]})), massless=True).finder.sizes
+            missed = np.abs(path.predicted(there)[0][0] - goal[0]) / sizes
+            return path if np.max(missed, initial=0.0) <= TOLERANCES.path_prediction_error else None
+    return None
 
 
 def _surface(model: Model, axes: Mapping[str, Array]) -> Surface | None:
-    """Return the solutions over two parameters around the one at their least values, if they are smooth."""
-    start = {name: float(x[0]) for name, x in axes.items()}
+    """Return the solutions over two parameters around the one nearest to the file's values, if they are smooth."""
+    start = {name: beginnings(model, name, float(x[0]), float(x[-1]))[0] for name, x in axes.items()}
     try:
         problem = Problem(System(evaluate(model, start)), massless=True)
         _, search, at, _ = problem.solved(problem.start)
@@ -72,10 +110,10 @@ def _edge(model: Model, parameters: tuple[str, str], x: Array, y: Array) -> tupl
     """Return the solutions over the second parameter, and at which value of the first one."""
     one, other = parameters
     failure: MbstabError | None = None
-    for value in (x[0], x[-1], x[len(x) // 2]):
+    for value in beginnings(model, one, float(x[0]), float(x[-1])):
         try:
-            at = bound(model, settings_in_si({one: float(value)}))
-            return follow(at, other, float(y[0]), float(y[-1]), further=False), float(value)
+            at = bound(model, settings_in_si({one: value}))
+            return follow(at, other, float(y[0]), float(y[-1]), further=False), value
         except MbstabError as error:
             failure = failure or error
     assert failure is not None
@@ -152,9 +190,14 @@ class _Rows:
 
         def solvable(part: Index) -> Flags:
             try:
-                at = System(evaluate(self.model, {one: self.x[columns[part]], other: self.y[goals[part]]}))
-                with np.errstate(all="ignore"):
-                    return newton(balance.over(at), q[part], c[part])[1]
+                near, ends = (q[part], c[part]), (self.y[rows[part]], self.y[goals[part]])
+                for y in (0.5 * (ends[0] + ends[1]), ends[1]):
+                    at = System(evaluate(self.model, {one: self.x[columns[part]], other: y}))
+                    with np.errstate(all="ignore"):
+                        found, good = newton(balance.over(at), *near)
+                    kept = good[:, None]
+                    near = np.where(kept, found.q, near[0]), np.where(kept, found.c, near[1])
+                return good
             except FAILURES:  # some of them are out of range
                 if len(part) == 1:
                     return np.zeros(1, dtype=bool)
@@ -170,16 +213,10 @@ class _Rows:
 
     def _reach(self, i: int, j: int, columns: Index) -> None:
         """Reach a row from one beside it at one of some neighbouring columns."""
-        one, other = self.parameters
         for part in TOLERANCES.columns_across:
             if not len(columns) or np.any(self._covered(j)[columns]):
                 return
-            value = float(self.x[columns[int(part * len(columns))]])
-            low, high = sorted((float(self.y[i]), float(self.y[j])))
-            with contextlib.suppress(MbstabError):
-                at, near = bound(self.model, settings_in_si({one: value})), self._solution(i, value)
-                across = follow(at, other, low, high, float(self.y[i]), near, further=False, wanted=1)
-                goal = {other: self.y[j : j + 1]}
-                if across.covers(goal)[0]:
-                    q, c = across.predicted(goal)
-                    self.add(j, value, (q[0], c[0]))
+            value, ends = float(self.x[columns[int(part * len(columns))]]), (float(self.y[i]), float(self.y[j]))
+            if path := _across(self.model, self.parameters, value, ends, self._solution(i, value)):
+                q, c = path.predicted({self.parameters[1]: self.y[j : j + 1]})
+                self.add(j, value, (q[0], c[0]))

@@ -1,7 +1,7 @@
 """Solutions over a whole range of parameters at once, where they depend on them smoothly: as polynomials.
 
-From one solution those at the Chebyshev points of the range are reached one after the other, each
-extrapolated from the last ones on a line of points. They lie on one smooth branch if the coefficients
+From one solution the nearest corner of the range is reached, and from there those at the Chebyshev points one after
+the other, each extrapolated from the last ones on a line of points. They lie on one smooth branch if the coefficients
 of the polynomials through them decay (Trefethen 2013, Approximation Theory and Approximation Practice,
 chapters 7 and 8), and no other branch crosses or joins it if the determinant of independent equations
 keeps its sign. Where this is not so, paths are followed (`mbstab.analysis.reference.continuation`).
@@ -40,7 +40,7 @@ class SmoothSolutions:
     ranges : mapping
         The lowest and the highest value of each parameter (SI).
     start : mapping
-        The values of the parameters at that solution: ends of the ranges.
+        The values of the parameters at that solution.
     q, c : ndarray, shape (n_q,) and (size of the family,)
     """
 
@@ -81,7 +81,8 @@ class SmoothSolutions:
             if np.any(more & (left > TOLERANCES.smooth_decay * before)):
                 break  # rounding, or no decay
             before = np.where(more, left, np.inf)
-        return surface if np.all(left <= TOLERANCES.smooth_remainder) and self._regular(at, values) else None
+        known = np.all(left <= TOLERANCES.smooth_remainder) and self._passed(surface) and self._regular(at, values)
+        return surface if known else None
 
     def _points(self, counts: list[int]) -> dict[str, Array]:
         """Return the Chebyshev points of the ranges, so many along each parameter."""
@@ -94,18 +95,16 @@ class SmoothSolutions:
     def _marched(self, counts: list[int], values: Mapping[str, Array]) -> tuple[Array, Array] | None:
         """Return coordinates and rates at points near the solutions there; None where steps do not lead to all."""
         places = np.stack([values[name] for name in self.ranges], axis=-1).reshape(*counts, -1)
-        start = np.array([self.start[name] for name in self.ranges])
+        start, first = np.array([self.start[name] for name in self.ranges]), np.append(self.q, self.c)
         # In each direction those next to the start come first.
         ends = np.abs(places[(0,) * len(counts)] - start), np.abs(places[(-1,) * len(counts)] - start)
         back = tuple(np.flatnonzero(ends[0] > ends[1]).tolist())
         places, found = np.flip(places, back), np.empty((*counts, len(self.q) + len(self.c)))
         for index in np.ndindex(*counts):
             axis = max((k for k, i in enumerate(index) if i), default=None)
-            if axis is None:
-                found[index] = np.append(self.q, self.c)
-                continue
-            line = [(*index[:axis], i, *index[axis + 1 :]) for i in range(index[axis])]
-            solution = self._next([(places[x], found[x]) for x in line], places[index])
+            line = [] if axis is None else [(*index[:axis], i, *index[axis + 1 :]) for i in range(index[axis])]
+            known = [(places[x], found[x]) for x in line] or [(start, first)]
+            solution = first if np.all(places[index] == start) else self._next(known, places[index])
             if solution is None:
                 return None
             found[index] = solution
@@ -150,18 +149,24 @@ class SmoothSolutions:
         """Return the equations at points, or at one."""
         return self.balance.over(System(evaluate(self.model, values)))
 
+    def _passed(self, surface: Surface) -> bool:
+        """Whether the polynomials lead through the first solution."""
+        q, c = surface.predicted({name: np.array([x]) for name, x in self.start.items()})
+        missed = *((q[0] - self.q) / self.balance.sizes), *((c[0] - self.c) / self.balance.speed)
+        return max(map(abs, missed), default=0.0) <= TOLERANCES.path_prediction_error
+
     def _regular(self, at: State, values: Mapping[str, Array]) -> bool:
-        """Whether the determinant of equations that are independent at the first solution keeps its sign."""
+        """Whether the determinant of equations that are independent at an end keeps the sign of the first solution."""
         with np.errstate(all="ignore"):
-            G = self._balance(values).jacobian(at)
-        first = int(np.argmin(sum(np.abs(x - self.start[name]) for name, x in values.items())))
-        columns = _independent(G[first])
-        rows = _independent(G[first][:, columns].T)
+            first = self.balance.jacobian(self.balance.state(self.balance.completed(self.q), self.c))
+            G = np.concatenate([first[None], self._balance(values).jacobian(at)])
+        columns, end = max(((_independent(x), x) for x in (G[1], G[-1])), key=lambda found: len(found[0]))
+        rows = _independent(end[:, columns].T)
         signs, sizes = np.linalg.slogdet(G[:, rows[:, None], columns])
         if not (np.all(np.isfinite(sizes)) and (np.all(signs > 0.0) or np.all(signs < 0.0))):
             return False
         counts = [len(np.unique(x)) for x in values.values()]
-        coefficients = _coefficients(np.exp(sizes - np.max(sizes))[:, None], counts)
+        coefficients = _coefficients(np.exp(sizes[1:] - np.max(sizes[1:]))[:, None], counts)
         for k, count in enumerate(counts):
             fine = chebvander(np.linspace(-1.0, 1.0, TOLERANCES.smooth_determinant_points), count - 1)
             coefficients = np.moveaxis(np.tensordot(fine, coefficients, axes=(1, k)), 0, k)

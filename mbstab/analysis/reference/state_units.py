@@ -106,11 +106,10 @@ def _lengths(A: Array, axis: int) -> Array:
 
 def _product(A: Array, B: Array) -> Array:
     """Return A B with zeros in place of what is rounding: it must not scale a state."""
-    if not A.size or not B.size:
-        return np.asarray(A @ B)
     product, sizes = A @ B, (np.abs(A), np.abs(B))
-    # Bases and derivatives are rounded relative to their largest entries, too.
-    most = TOLERANCES.coordinate_rounding * np.max(sizes[0], axis=1, keepdims=True) * np.max(sizes[1], axis=0)
+    # Bases and derivatives are rounded relative to their largest entries, too, but rows of zeros are exact.
+    largest = np.max(sizes[0], axis=1, keepdims=True, initial=0.0, where=np.any(B, axis=1))
+    most = TOLERANCES.coordinate_rounding * largest * np.max(sizes[1], axis=0, initial=0.0)
     return np.where(np.abs(product) > np.maximum(TOLERANCES.state_coupling * (sizes[0] @ sizes[1]), most), product, 0.0)
 
 

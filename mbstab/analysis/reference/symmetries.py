@@ -68,6 +68,11 @@ class Invariance(ElementComparison):
         """What the elements of the scene do along fields."""
         return Identities(self) if self._alone is None else Identities(self._alone, self._alone.identities)
 
+    @property
+    def alone(self) -> Identities:
+        """What each element by itself does along fields."""
+        return (self._alone or self).identities
+
     @cached_property
     def fields(self) -> list[tuple[str, Field]]:
         """All groups with their names, including those that do not move the reference; some may be combinations."""

@@ -308,22 +308,38 @@ class Tolerances:
     """Motions of inertias below this part of the largest do not set the rate of random states."""
     searched_together: Final = 60
     """Elements of scenes with no more coordinates than this are tested at states of the whole scene."""
-    half_of_digits: Final = 1e-30
+    half_of_digits: Final = 1e-45
     """A step of Newton's method with many digits that is smaller than this, relatively, is the last: it leaves its
     square."""
     row_dependence: Final = 1e-9
     """Rows of unit length are dependent on others beside which less is left of them."""
-    steps_of_refinement: Final = 7
+    steps_of_refinement: Final = 9
     """Steps of Newton's method, each of which adds some 12 digits to coefficients of fields that are no fractions."""
+    steps_of_decimals: Final = 60
+    """Steps of that for decimals; each adds about as many digits as the file has."""
+    roundings_within_digits: Final = 16.0
+    """What elements change by the rounding of decimals, in relative errors of these."""
+    roundings_felt: Final = 16.0
+    """Decimals matter to fields if what they change is more than that by so many roundings."""
+    decimals_alike: Final = 1e-14
+    """Combinations of decimals that fields feel by less, relative to others, are left as they are."""
+    decimals_moved: Final = 80
+    """Symmetries of other decimals are looked for in files with no more rounded ones than these."""
+    digits_of_moved: Final = 50
+    """Digits of such decimals …"""
+    bits_of_moved: Final = 190
+    """… when the changes of elements along fields are so small, relative to their terms."""
+    bits_of_step: Final = 60
+    """Decimals are moved by this negative power of two for derivatives by them, in units of their last digits."""
     digits_of_midpoints: Final = 2.0**-16
     """Midpoints of wide balls are right to this part of their radii: Arb computes with 30 bits more than are known."""
-    rounding_on_rows: Final = 2.0**-180
+    rounding_on_rows: Final = 2.0**-280
     """Distance of states, relative to their size, from those that satisfy rows with many digits, and of coefficients
     of fields from those that leave elements unchanged; much more than the square of the last step."""
     bits_of_motion: Final = 36
     """Bits to which the rates of a steady motion are known."""
-    simple_field: Final = 1e-9
-    """Distance of a field with entries 0 and 1 from the space that doubles propose."""
+    simple_field: Final = (1e-7, 1e-10)
+    """Distances of a field with entries 0 and 1 from the space that doubles propose; the second if one hides others."""
     bits_of_coefficients: Final = 120
     """Coefficients of fields are equal, or zero, to so many bits."""
     rounds_of_identities: Final = 12

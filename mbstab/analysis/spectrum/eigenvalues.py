@@ -25,19 +25,34 @@ from mbstab.analysis.bounds.discs import Placed
 from mbstab.analysis.bounds.location import enclosures, enclosures_of
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
+from mbstab.analysis.reference.nearby import closeness, symmetric_decimals
 from mbstab.analysis.reference.requested import fits_sparse, reference_motion
+from mbstab.analysis.reference.tolerances import TOLERANCES as REFERENCE
 from mbstab.analysis.spectrum.named_motions import Telling, Told, Whirl, mirrored
 from mbstab.analysis.spectrum.results import Counts, EigenResult, Eigenvalue
 from mbstab.analysis.spectrum.states_alone import at_rest_beside_states
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
-from mbstab.analysis.verdict.rule import STABLE, STABLE_UP_TO, UNDECIDED, UNSTABLE, Disc, Facts, Verdict, judge, place
+from mbstab.analysis.verdict.rule import (
+    STABLE,
+    STABLE_UP_TO,
+    UNDECIDED,
+    UNSTABLE,
+    Disc,
+    Facts,
+    IfSymmetric,
+    Verdict,
+    judge,
+    place,
+)
 from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.wording import show
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MassError, MbstabError, NumericalError, UsageError, counted
+from mbstab.model.literals import with_literals
 from mbstab.model.schema import is_state
+from mbstab.model.values import evaluate
 
 
 def eigenvalues(linear: Linearization, method: str = DEFAULT, digits: ManyDigits | None = None) -> EigenResult:
@@ -352,7 +367,32 @@ def answer(
             message = f"--method {method} needs constant coefficients; a periodic motion has multipliers"
             raise UsageError(f"{message}\nhint: leave out --method")
         return periodic_answer(system, motion, float(period), progress)
-    return eigenvalues(linearize(system, motion, frozen), method, digits)
+    grounds = Grounds(linearize(system, motion, frozen), digits)
+    found = judged(grounds, method)
+    return replace(found, judged=replace(found.judged, if_symmetric=if_symmetric(grounds)))
+
+
+def if_symmetric(grounds: Grounds) -> IfSymmetric | None:
+    """Return the verdict of a scene within the digits of the file that has more symmetries; None: none is found."""
+    linear, system = grounds.linear, grounds.system
+    near = closeness(system)
+    large = system.sparse or system.n_q > REFERENCE.searched_together
+    if large or not near or linear.frozen or (linear.constant and not grounds.may_turn(near)):
+        return None
+    alone = grounds.invariance.alone
+    texts = symmetric_decimals(alone)
+    if texts is None:
+        return None
+    try:
+        moved = System(evaluate(with_literals(system.scene.model, texts)))
+        others = Grounds(linearize(moved, reference_motion(moved, massless=True)))
+        # The simplest come first; later ones may be combinations.
+        known = {name for name, _ in grounds.invariance.fields}
+        names = dict.fromkeys(name for name, _ in others.invariance.fields if name not in known)
+        more = others.invariance.alone.space.shape[1] - alone.space.shape[1]
+        return IfSymmetric((*names,)[:more], judged(others).verdict) if names else None
+    except MbstabError:
+        return None
 
 
 def _of_large(system: System, digits: ManyDigits | None) -> EigenResult | None:

@@ -22,6 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.matching import together
 from mbstab.analysis.algebra.shift_invert import SingularShift
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
@@ -248,15 +249,8 @@ def _upper(values: Complex, vectors: Complex, shift: complex) -> tuple[Complex, 
 
 def _groups(values: Complex) -> list[Array]:
     """Return the numbers of values that are treated together."""
-    left, found = list(range(len(values))), []
-    while left:
-        group = [left.pop(0)]
-        for k in group:
-            near = [j for j in left if abs(values[j] - values[k]) <= TOLERANCES.values_together * abs(values[k])]
-            left = [j for j in left if j not in near]
-            group += near
-        found.append(np.array(sorted(group)))
-    return found
+    near = np.abs(values[:, None] - values) <= TOLERANCES.values_together * np.abs(values)
+    return [np.array(group) for group in together(near | near.T)]
 
 
 def _corrected(

@@ -183,7 +183,8 @@ def _integrate(
                 f"disturbances grow by a factor {growth:.1e} in {part * flow.period:.6g} s, which should be below "
                 f"{TOLERANCES.monodromy_growth:g}: what rounding makes of them and of the motion is not small any "
                 "more\n"
-                "hint: give the least period; if it is that, the motion is unstable"
+                "hint: give the least period; if it is that, disturbances leave the motion so far on the way, whether "
+                "or not they come back by its end"
             )
         if part > done + 0.01:
             done = part

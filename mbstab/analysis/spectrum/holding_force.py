@@ -9,12 +9,13 @@ small a is.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from mpmath import mp
 
+from mbstab.analysis.algebra.balls import ball_system
 from mbstab.analysis.algebra.digits import MANY_DIGITS
 from mbstab.analysis.algebra.refining import Matrix, Stalled
 from mbstab.analysis.reference.coefficients import matrices_in
@@ -23,25 +24,24 @@ from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.analysis.verdict.many_digits import Line, Power
 from mbstab.compiler.system import System
 from mbstab.errors import MbstabError
-from mbstab.model.arithmetic import mpmath_arithmetic
+from mbstab.model import balls
 from mbstab.model.schema import Model
-from mbstab.model.values import evaluate
 
 
 def powers(model: Model, line: Line) -> tuple[Power, Power] | None:
     """Return how the force or the drift begins ahead of a reference and behind; None if it is not known."""
     try:
         start = Start(model, False)
-        with mp.workdps(TOLERANCES.digits_of_holding):
-            system = System(evaluate(model, arithmetic=mpmath_arithmetic()))
+        with balls.digits(TOLERANCES.digits_of_holding):
+            system = ball_system(model, {}, balls.digit_arithmetic())
             point = reference_point(start, system, MANY_DIGITS)
             force = _force(start, system, point, line)
-            near = mp.mpf(10) ** -TOLERANCES.distance_digits
+            near = balls.real(10) ** -TOLERANCES.distance_digits
             found = [[force(side * times * near) for times in TOLERANCES.distances] for side in (1, -1)]
             # Powers beyond the tenth are left out. What nothing balances, as along symmetries, hides what is smaller by
             # the range of floats.
             unbalanced = max(left for sides in found for _, left in sides)
-            least = max(near ** mp.mpf(10.5), unbalanced * mp.mpf(10) ** -TOLERANCES.float_range)
+            least = max((near**21).sqrt(), unbalanced * balls.real(10) ** -TOLERANCES.float_range)
             ahead, behind = (
                 _first([side * value for value, _ in values], least)
                 for side, values in zip((1, -1), found, strict=True)
@@ -56,11 +56,13 @@ def _first(values: list[Any], least: Any) -> Power:
 
     Where pieces meet at the reference, as of abs, both sides have series of their own.
     """
+    from flint import arb_mat
+
     exponents = range(1, len(values) + 1)
-    matrix = mp.matrix([[mp.mpf(times) ** k for k in exponents] for times in TOLERANCES.distances])
-    terms = list(mp.lu_solve(matrix, mp.matrix(values)))
+    matrix = arb_mat([[balls.real(times) ** k for k in exponents] for times in TOLERANCES.distances])
+    terms = matrix.solve(arb_mat([[x] for x in values])).entries()
     lowest = next((k for k, term in zip(exponents, terms, strict=True) if abs(term) > least), 0)
-    return lowest, int(mp.sign(terms[lowest - 1])) if lowest else 0
+    return lowest, int(float(terms[lowest - 1].sgn())) if lowest else 0
 
 
 def _force(start: Start, system: System, point: Point, line: Line) -> Callable[[Any], tuple[Any, Any]]:
@@ -97,15 +99,16 @@ def _force(start: Start, system: System, point: Point, line: Line) -> Callable[[
 
     along = f.zeros(len(columns))
     along[:n] = f.exact(line.along / sizes)
-    known: dict[Any, Matrix] = {}
+    known: list[tuple[Any, Matrix]] = []
 
     def force(z: Any) -> tuple[Any, Any]:
         # The solution is analytic in z, and 0 at 0: each one found brings the first guess of the next closer to it.
         first = along * z if not known else f.zeros(len(columns))
-        for at, x in known.items():
-            others = (other for other in known if other != at)
-            first = first + x * (z / at * mp.fprod((z - other) / (at - other) for other in others))
-        known[z] = f.polished(first, lambda x: -f.applied(inverse, residual(x, z)) / columns, 1.0)
-        return known[z][-1] / scale, f.largest(residual(known[z], z))
+        for at, x in known:
+            others = (other for other, _ in known if other is not at)
+            first = first + x * (z / at * math.prod((z - other) / (at - other) for other in others))
+        found = f.polished(first, lambda x: -f.applied(inverse, residual(x, z)) / columns, 1.0)
+        known.append((z, found))
+        return found[-1] / scale, f.largest(residual(found, z))
 
     return force

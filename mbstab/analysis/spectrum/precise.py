@@ -1,4 +1,4 @@
-"""Eigenvalues with any number of digits: the same kernels and the same deflation on mpmath numbers.
+"""Eigenvalues with any number of digits: the same kernels and the same deflation on balls of Arb.
 
 Parameters are the decimals of the file and the command line. Double precision tells where the
 reference motion is, which rows are independent and in which frame the motion is at rest;
@@ -11,21 +11,24 @@ keeps only one digit in m.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
-from mpmath import mp
 
 from mbstab.analysis.algebra import digits as more
+from mbstab.analysis.algebra.balls import ball_system
 from mbstab.analysis.algebra.digits import exact, largest
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.refining import Stalled
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization, state_space
 from mbstab.analysis.linear.methods import DEFAULT
-from mbstab.analysis.spectrum.eigenvalues import kind_in, with_saddles
+from mbstab.analysis.spectrum.eigenvalues import if_symmetric, kind_in, with_saddles
 from mbstab.analysis.spectrum.precise_motion import Start, another_rank, rank_misfit, reference_point
 from mbstab.analysis.spectrum.refined_matrix import deflated, state_matrix
 from mbstab.analysis.spectrum.results import Counts, EigenResult
@@ -34,11 +37,9 @@ from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import UNKNOWN, ManyDigits, Zeros
 from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED, Disc, Judged, Verdict, judge, place
 from mbstab.analysis.verdict.wording import show
-from mbstab.compiler.system import System
 from mbstab.errors import MbstabError, NumericalError, UsageError, amount
-from mbstab.model.arithmetic import mpmath_arithmetic
+from mbstab.model import balls
 from mbstab.model.schema import Model
-from mbstab.model.values import evaluate
 from mbstab.records import dataclass
 
 
@@ -48,11 +49,11 @@ class PreciseEigenvalue:
 
     Attributes
     ----------
-    value : mpc (1/s)
+    value : ``flint.acb`` (1/s)
         The value with the working digits.
     kind : str
         As in `mbstab.analysis.spectrum.results.Eigenvalue`.
-    error_bound : mpf (1/s)
+    error_bound : ``flint.arb`` (1/s)
         Its change between computations with different numbers of digits.
     real, imag : str
         Decimals, every digit correct; ``0`` for a part smaller than the error bound.
@@ -134,7 +135,7 @@ class PreciseResult(Judged):
         return None
 
     def values(self) -> list[Any]:
-        """Return the eigenvalues that are not neutral, including unexplained zeros, as mpmath numbers (1/s)."""
+        """Return the eigenvalues that are not neutral, including unexplained zeros, as ``flint.acb`` (1/s)."""
         return [e.value for e in self.eigenvalues]
 
 
@@ -178,7 +179,7 @@ def precise_eigenvalues(
     work, turns = digits + TOLERANCES.digits_beyond, start.grounds.separated.frequencies()
     for number in range(TOLERANCES.precision_rounds):
         rough, fine = (_spectrum(start, turns, n) for n in (work, work + TOLERANCES.digits_beyond))
-        with mp.workdps(work + 2 * TOLERANCES.digits_beyond):
+        with balls.digits(work + 2 * TOLERANCES.digits_beyond):
             bounds = _bounds(rough, fine, work)
             lacking, chained = _lacking(fine, bounds, digits)
             decided = _decided(rough, fine)
@@ -202,15 +203,15 @@ def precise_eigenvalues(
 def _decided(rough: _Spectrum, fine: _Spectrum) -> bool:
     """Return whether zeros are decided: the same ones with more digits, and smaller accordingly."""
     one, other = rough.deflation, fine.deflation
-    shrunk = one.dropped == 0 or other.dropped <= one.dropped * mp.mpf(10) ** (-TOLERANCES.digits_beyond / 2)
+    shrunk = one.dropped == 0 or other.dropped <= one.dropped * 10.0 ** (-TOLERANCES.digits_beyond / 2)
     return other.decided and other.sizes == one.sizes and bool(shrunk)
 
 
 def _until_shown(deflation: more.Deflation) -> int:
     """Return the number of working digits with which the dropped pivots would be kept."""
     return (
-        int(-mp.log10(deflation.dropped) / ALGEBRA.pivot_digits_lost) + TOLERANCES.digits_beyond
-        if deflation.dropped
+        int(_digits_of(1 / deflation.dropped) / ALGEBRA.pivot_digits_lost) + TOLERANCES.digits_beyond
+        if deflation.dropped > 0
         else 0
     )
 
@@ -240,10 +241,9 @@ def exact_zeros(model: Model, turns: Sequence[complex], digits: int = 320) -> Ze
     try:
         start = Start(model, False)
         found = _spectrum(start, turns, digits + TOLERANCES.digits_beyond)
-        with mp.workdps(found.work + TOLERANCES.digits_beyond):
-            doubtful = found.deflation.dropped > mp.mpf(10) ** -digits
-            if doubtful and not _decided(found, _spectrum(start, turns, found.work + TOLERANCES.digits_beyond)):
-                return UNKNOWN
+        doubtful = found.deflation.dropped > balls.real(10) ** -digits
+        if doubtful and not _decided(found, _spectrum(start, turns, found.work + TOLERANCES.digits_beyond)):
+            return UNKNOWN
         return _zeros(found, digits)
     except MbstabError:
         return UNKNOWN
@@ -282,9 +282,8 @@ def _spectrum(start: Start, turns: Sequence[complex], work: int) -> _Spectrum:
 
 def _polished_spectrum(start: Start, turns: Sequence[complex], work: int) -> _Spectrum:
     """Return the eigenvalues of a model computed with `work` digits; raises `Stalled` if refinement ends earlier."""
-    with mp.workdps(work):
-        arithmetic = mpmath_arithmetic()
-        system = System(evaluate(start.model, arithmetic=arithmetic))
+    with balls.digits(work):
+        system = ball_system(start.model, {}, balls.digit_arithmetic())
         point = reference_point(start, system, more.MANY_DIGITS)
         try:
             S = state_matrix(start, system, point, more.MANY_DIGITS, start.linear.spaces)
@@ -304,12 +303,12 @@ def _nearest(rates: Sequence[Any], rough: float) -> Any:
 
 
 def rounded_eigenvalues(linear: Linearization, digits: int) -> list[Any] | None:
-    """Return the exact eigenvalues of the matrices in double precision, as mpmath numbers.
+    """Return the exact eigenvalues of the matrices in double precision, as ``flint.acb``.
 
     Structural zeros are not kept at zero: rounding moves them. None if rounding destroys the rank
     of redundant constraints, or if the eigenvalues cannot be computed.
     """
-    with mp.workdps(digits):
+    with balls.digits(digits):
         matrices = (exact(linear.M), exact(linear.R), exact(linear.K))
         gamma = state_space(linear).rate
         try:
@@ -326,24 +325,24 @@ def _bounds(rough: _Spectrum, fine: _Spectrum, work: int) -> list[Any]:
     """Return the differences of the eigenvalues of `fine` and `rough`; a floor where they agree by chance."""
     n = len(fine.values)
     if len(rough.values) != n or n == 0:
-        return [mp.inf] * n
-    floor = fine.size * mp.mpf(10) ** -work
+        return [balls.real(math.inf)] * n
+    floor = fine.size * balls.real(10) ** -work
     distance = [[abs(x.value - y.value) for y in rough.values] for x in fine.values]
     columns = assigned(np.array(distance, dtype=float))
-    return [max(distance[i][columns[i]], floor) for i in range(n)]
+    return [max(distance[i][columns[i]], floor, x.radius) for i, x in enumerate(fine.values)]
 
 
 def _lacking(fine: _Spectrum, bounds: list[Any], digits: int) -> tuple[int, bool]:
     """Return the largest number of missing digits, and whether chains are the reason."""
     worst, chained = 0, False
     for e, bound in zip(fine.values, bounds, strict=True):
-        if not mp.isfinite(bound):
+        if not bound.is_finite():
             return digits, e.chained
         parts = [abs(x) for x in (e.value.real, e.value.imag)]
         # A part below the bound is shown as 0, which must not happen to both parts.
-        for size in {x if x > bound else abs(e.value) for x in parts}:
-            digits_right = mp.log10(size / bound) if size > 0 else mp.mpf(-digits)
-            lack = int(mp.ceil(digits + TOLERANCES.digits_of_bound - digits_right))
+        for size in (x if x > bound else abs(e.value).mid() for x in parts):
+            digits_right = _digits_of(size / bound) if size > 0 else -digits
+            lack = math.ceil(digits + TOLERANCES.digits_of_bound - digits_right)
             if lack > worst:
                 worst, chained = lack, e.chained
     return worst, chained
@@ -351,7 +350,7 @@ def _lacking(fine: _Spectrum, bounds: list[Any], digits: int) -> tuple[int, bool
 
 def _worst(fine: _Spectrum, bounds: list[Any]) -> str:
     k = max(range(len(bounds)), key=lambda i: bounds[i])
-    return f"{show(complex(fine.values[k].value))} 1/s changes by {mp.nstr(bounds[k], 2)}"
+    return f"{show(complex(fine.values[k].value))} 1/s changes by {balls.decimals(bounds[k], 2)}"
 
 
 # --- the answer -----------------------------------------------------------------------------------------------------
@@ -368,7 +367,7 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
             f"with these digits {neutral} eigenvalues are those of symmetries and families of motions, which have "
             f"{grounds.separated.neutral.count}: the reference may be written with too few digits",
         )
-    verdict = judge(grounds.facts(discs, number, doubts))
+    verdict = replace(judge(grounds.facts(discs, number, doubts)), if_symmetric=if_symmetric(grounds))
     found = _listed(fine, bounds, digits, discs, members, verdict, grounds)
     # Zeros along which a minimum of the energy is flat are neutral, too.
     neutral += sum(e.kind == "neutral" for e in found)
@@ -380,10 +379,10 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
     )  # fmt: skip
     warnings = [*start.motion.warnings, *verdict.warnings, *_differences(start, found, counts, verdict.word)]
     excess, where = fine.excess
-    if excess > mp.mpf(10) ** (-digits - TOLERANCES.digits_of_bound):
+    if excess > balls.real(10) ** (-digits - TOLERANCES.digits_of_bound):
         warnings.append(
-            f"the reference as it is written satisfies {where} to {mp.nstr(excess, 1)} only: later digits of the "
-            "eigenvalues belong to these decimals"
+            f"the reference as it is written satisfies {where} to {balls.decimals(excess, 2)} only: later digits of "
+            "the eigenvalues belong to these decimals"
         )
     if start.loose:
         names = ", ".join(start.loose)
@@ -392,10 +391,11 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
         )
     linear = start.linear
     turns = linear.generator is not None and linear.generator.turns
-    shifts = tuple(_text(x, digits) for x, n in zip(fine.frequencies, pairs, strict=True) for _ in range(n))
+    shifts = tuple(balls.decimals(x, digits) for x, n in zip(fine.frequencies, pairs, strict=True) for _ in range(n))
     return PreciseResult(
-        found, neutral, shifts, verdict, counts, mp.nstr(deflation.kept, 2), mp.nstr(deflation.dropped, 2), digits,
-        fine.work, time.perf_counter() - began, tuple(warnings), str(linear.generator) if turns else "",
+        found, neutral, shifts, verdict, counts, balls.decimals(deflation.kept, 2),
+        balls.decimals(deflation.dropped, 2), digits, fine.work, time.perf_counter() - began, tuple(warnings),
+        str(linear.generator) if turns else "",
         not linear.constant or linear.frozen, start.plain,
     )  # fmt: skip
 
@@ -403,14 +403,14 @@ def _result(start: Start, fine: _Spectrum, bounds: list[Any], digits: int, began
 def _zeros(fine: _Spectrum, digits: int) -> Zeros:
     """Return the zero eigenvalues, with the pairs that rotate with the motion; `UNKNOWN` if they are not known."""
     deflation = fine.deflation
-    known = deflation.decided and fine.excess[0] <= mp.mpf(10) ** (-digits - TOLERANCES.digits_of_bound)
+    known = deflation.decided and fine.excess[0] <= balls.real(10) ** (-digits - TOLERANCES.digits_of_bound)
     return Zeros(sum(deflation.steps) + 2 * sum(deflation.pairs), len(deflation.steps)) if known else UNKNOWN
 
 
 def _rounded_reference(start: Start, fine: _Spectrum, digits: int) -> bool:
     """Return whether the reference is known to fewer digits than requested."""
     searched = start.balance is not None and bool(start.loose)
-    return searched or bool(fine.excess[0] > mp.mpf(10) ** (-digits - TOLERANCES.digits_of_bound))
+    return searched or bool(fine.excess[0] > balls.real(10) ** (-digits - TOLERANCES.digits_of_bound))
 
 
 def _placed(
@@ -431,15 +431,15 @@ def _placed(
         # The distance to the eigenvalues of the intended motion is known in double precision only.
         others = [(e.value, e.error_bound) for e in plain.eigenvalues if e.kind != "neutral"]
         known_to = [
-            bound + min((abs(e.value - s) + known for s, known in others), default=mp.inf)
+            bound + min((abs(e.value - s) + known for s, known in others), default=math.inf)
             for e, bound in zip(fine.values, bounds, strict=True)
         ]
     members, centres, radii = _clusters([e.value for e in fine.values], known_to)
     counts = [len(x) for x in members]
-    size = fine.size * max(deflation.dropped, mp.mpf(10) ** -fine.work) ** (mp.one / max(len(deflation.steps), 1))
-    left = [(mp.mpc(0), sum(deflation.steps) - zeros)]
+    size = fine.size * max(deflation.dropped, balls.real(10) ** -fine.work).root(max(len(deflation.steps), 1))
+    left = [(balls.plane(0), sum(deflation.steps) - zeros)]
     for x, n, known in zip(fine.frequencies, deflation.pairs, pairs, strict=True):
-        left += [(mp.mpc(0, sign * x), n - known) for sign in (1, -1)]
+        left += [(balls.plane(0, sign * x), n - known) for sign in (1, -1)]
     for centre, count in left:
         if count:
             centres.append(centre)
@@ -455,11 +455,11 @@ def _clusters(values: list[Any], bounds: list[Any]) -> tuple[list[list[int]], li
     groups = [[i] for i in range(len(values))]
 
     def disc(members: list[int]) -> tuple[Any, Any, Any]:
-        centre = mp.fsum(values[i] for i in members) / len(members)
+        centre = sum(values[i] for i in members) / len(members)
         spread = max(abs(values[i] - centre) for i in members)
         bound = max(bounds[i] for i in members)
         # An eigenvalue that cannot be separated from its conjugate is real.
-        centre = mp.mpc(centre.real, centre.imag if abs(centre.imag) > spread + bound else 0)
+        centre = balls.plane(centre.real, centre.imag if abs(centre.imag) > spread + bound else 0)
         return centre, spread + bound, spread + TOLERANCES.separate_bounds * bound
 
     while True:
@@ -478,9 +478,9 @@ def _clusters(values: list[Any], bounds: list[Any]) -> tuple[list[list[int]], li
         groups[met[1]] += groups.pop(met[0])
 
 
-def _text(x: Any, digits: int) -> str:
-    """Return a number with its significant digits, without an exponent where that is short enough."""
-    return str(mp.nstr(x, digits, strip_zeros=False, min_fixed=-6, max_fixed=digits))
+def _digits_of(x: Any) -> float:
+    """Return log₁₀ of a number beyond the range of doubles, too."""
+    return float(balls.real(x).log()) / math.log(10.0)
 
 
 def _listed(
@@ -495,20 +495,20 @@ def _listed(
     """Return the eigenvalues with their kinds, sorted."""
     found = []
     for disc, inside in zip(discs, members, strict=True):
-        centre = mp.mpc(disc.centre)
-        values = [(fine.values[i].value, bounds[i]) for i in inside] or [(centre, mp.mpf(disc.radius))] * disc.count
+        centre = balls.plane(disc.centre)
+        values = [(fine.values[i].value, bounds[i]) for i in inside] or [(centre, balls.real(disc.radius))] * disc.count
         for value, bound in values:
-            real, imag = (x if abs(x) > bound else mp.zero for x in (value.real, value.imag))
-            kind = kind_in(complex(0, 1) if imag else 0j, disc, verdict, grounds)
-            one, other = (_text(x, digits) if x else "0" for x in (real, imag))
-            found.append(PreciseEigenvalue(mp.mpc(real, imag), kind, bound, one, other, mp.nstr(bound, 2)))
+            real, imag = (x if abs(x) > bound else balls.real(0) for x in (value.real, value.imag))
+            kind = kind_in(0j if imag == 0 else 1j, disc, verdict, grounds)
+            one, other = ("0" if x == 0 else balls.decimals(x, digits) for x in (real, imag))
+            found.append(PreciseEigenvalue(balls.plane(real, imag), kind, bound, one, other, balls.decimals(bound, 2)))
     # Pairs stay together: their real parts differ by less than their bounds.
-    found.sort(key=lambda e: (-_rounded(e.value.real, digits), abs(e.value.imag), -e.value.imag))
+    found.sort(key=lambda e: (-_rounded(e.value.real, digits), _rounded(abs(e.value.imag), digits), -e.value.imag))
     return with_saddles(found)
 
 
 def _rounded(x: Any, digits: int) -> Any:
-    return mp.mpf(mp.nstr(x, digits - 2))
+    return Decimal(balls.decimals(x, digits - 2))
 
 
 def _differences(start: Start, found: list[PreciseEigenvalue], counts: Counts, verdict: str) -> list[str]:

@@ -1,7 +1,7 @@
 """The reference motion in refined numbers, starting from double precision: with any number of digits, or with slopes.
 
 Given values are the decimals of the file. Double precision selects the solution;
-the residual of the same equations on mpmath numbers, corrected by the Jacobian in double
+the residual of the same equations on numbers with many digits, corrected by the Jacobian in double
 precision, takes it to all digits; on numbers with slopes, to its derivatives by parameters.
 """
 
@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from mpmath import mp
 
 from mbstab.analysis.algebra.arrays import norms
 from mbstab.analysis.algebra.digits import misfits
@@ -35,6 +34,7 @@ from mbstab.analysis.verdict.facts import Grounds
 from mbstab.analysis.verdict.many_digits import ManyDigits
 from mbstab.compiler.system import Array, Dynamics, System
 from mbstab.errors import ConstraintError, MbstabError, NumericalError, UsageError
+from mbstab.model import balls
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
 from mbstab.records import dataclass
@@ -129,7 +129,7 @@ class Point:
         Matrices of objects and exact floats.
     generator : Generator or None
         Generator of the rotating frame in which the equations are written.
-    rates : tuple of mpf
+    rates : tuple of numbers
         Rates of that frame and of the coordinates that spin in it, as in `mbstab.analysis.verdict.neutral.Separated`.
     excess : tuple
         The largest residual, relative to the terms that balance, and what it belongs to.
@@ -190,32 +190,48 @@ def _assembled(f: Refining, start: Start, system: System) -> Matrix:
         q[i] = scene.coordinates[system.names[i]] + f.zero
     if not (missing.any() and n_h):
         return q
-    columns, sizes = np.flatnonzero(missing), motion.sizes
-    still = f.zeros(system.n_q)
-    J = start.system.closing.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h][:, columns] * sizes[columns]
+    still, sizes = f.zeros(system.n_q), motion.sizes
+    J = start.system.closing.dynamics(motion.q, np.zeros(system.n_q), motion.time).J[:n_h] * sizes
+    lengths = norms(J[:, missing])
 
-    def gaps(x: Matrix) -> Matrix:
-        place = q.copy()
-        place[columns] = x * sizes[columns]
-        return f.exact(system.closing.dynamics(place, still, scene.time).E)[:n_h]
+    def residual(x: Matrix) -> Matrix:
+        return f.exact(system.closing.dynamics(x, still, scene.time).E)[:n_h]
 
-    q[columns] = _on_rows(f, system, q[columns] / sizes[columns], gaps, (J, norms(J)), 1.0) * sizes[columns]
-    return q
+    return _refined(f, system, q, np.flatnonzero(missing), sizes, J, lengths, residual, 1.0)
 
 
-def _on_rows(
-    f: Refining,
-    system: System,
-    x: Matrix,
-    residual: Callable[[Matrix], Matrix],
-    slope: tuple[Array, Array],
-    floor: float,
-) -> Matrix:
-    """Return unknowns with which rows vanish, from a start, their derivative and lengths in double precision."""
-    lengths = slope[1]
-    inverse = np.linalg.pinv(slope[0] / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
+def _refined(
+    f: Refining, system: System, known: Matrix, columns: Any, sizes: Array, J: Array, lengths: Array,
+    residual: Callable[[Matrix], Matrix], floor: float,
+) -> Matrix:  # fmt: skip
+    """Return known numbers, those of some columns refined so that a residual vanishes.
+
+    Parameters
+    ----------
+    J : ndarray
+        Its derivative in double precision by all numbers in their `sizes`.
+    lengths : ndarray
+        Sizes of its entries.
+    floor : float
+        Scale of the numbers where they vanish.
+
+    Raises
+    ------
+    ConstraintError
+        If it does not vanish to all digits.
+    """
+    inverse = np.linalg.pinv(J[:, columns] / lengths[:, None], rcond=ALGEBRA.singular_value_zero)
+
+    def placed(x: Matrix) -> Matrix:
+        found = known.copy()
+        found[columns] = x * sizes[columns]
+        return found
+
+    def correction(x: Matrix) -> Matrix:
+        return -f.applied(inverse, residual(placed(x)) / lengths)
+
     try:
-        return f.polished(x, lambda x: -f.applied(inverse, residual(x) / lengths), floor)
+        return placed(f.polished(known[columns] / sizes[columns], correction, floor))
     except Stalled:
         raise ConstraintError(
             f"{system.scene.model.reference.location}: reference: the constraints are satisfied in double precision "
@@ -235,17 +251,13 @@ def _rates(f: Refining, start: Start, system: System, q: Matrix) -> Matrix:
     columns, sizes = np.flatnonzero(missing), motion.sizes
     if not (len(columns) and system.n_c):
         return u
-    J = motion.dynamics.J[:, columns] * sizes[columns]
+    J = motion.dynamics.J * sizes
     fastest = float(np.max(np.abs(motion.u / sizes), initial=0.0))
 
-    def rates(x: Matrix) -> Matrix:
-        speeds = u.copy()
-        speeds[columns] = x * sizes[columns]
-        return f.exact(system.dynamics(q, speeds, scene.time).V)
+    def residual(x: Matrix) -> Matrix:
+        return f.exact(system.dynamics(q, x, scene.time).V)
 
-    slope = J, norms(motion.dynamics.J * sizes)
-    u[columns] = _on_rows(f, system, u[columns] / sizes[columns], rates, slope, fastest) * sizes[columns]
-    return u
+    return _refined(f, system, u, columns, sizes, J, norms(J), residual, fastest)
 
 
 def _declared(f: Refining, start: Start, system: System, q: Matrix) -> Generator:
@@ -264,19 +276,15 @@ def _declared(f: Refining, start: Start, system: System, q: Matrix) -> Generator
         return family.generator(full)
     given = [i for i, name in enumerate(system.names) if name in scene.rates]
     rates = f.exact([scene.rates[system.names[i]] for i in given])
-    basis = rough.basis(motion.q)[:, free]
-    sizes = motion.sizes
+    basis, sizes = rough.basis(motion.q), motion.sizes
     lengths = norms(np.vstack([motion.dynamics.J * sizes, np.diag(sizes)[given]]))
-    slope = np.vstack([motion.dynamics.J @ basis, basis[given]]), lengths
 
-    def residual(x: Matrix) -> Matrix:
-        c = full.copy()
-        c[free] = x
+    def residual(c: Matrix) -> Matrix:
         u = f.exact(family.generator(c).field(q))
         return np.concatenate([f.exact(system.dynamics(q, u, scene.time).V), u[given] - rates])
 
-    full[free] = _on_rows(f, system, full[free], residual, slope, float(np.max(np.abs(plain), initial=0.0)))
-    return family.generator(full)
+    J, fastest = np.vstack([motion.dynamics.J @ basis, basis[given]]), float(np.max(np.abs(plain), initial=0.0))
+    return family.generator(_refined(f, system, full, free, np.ones(len(full)), J, lengths, residual, fastest))
 
 
 def _detected(f: Refining, start: Start, system: System, q: Matrix, u: Matrix) -> Generator:
@@ -310,7 +318,7 @@ def _axis(f: Refining, start: Start, system: System, q: Matrix, u: Matrix) -> Ma
             if body.orientation:
                 angles = slice(part.start + 3, part.stop)
                 candidates.append(f.exact(rate_matrix(body, q[angles]) @ u[angles]))
-    units = [x / f.sqrt(sum(x * x)) for x in candidates if f.largest(x)]
+    units = [x / f.sqrt(sum(x * x)) for x in candidates if f.largest(x) > 0]
     return min(units, key=lambda x: float(np.linalg.norm((x - rough.axis).astype(float))))
 
 
@@ -352,7 +360,7 @@ def _accelerations(f: Refining, start: Start, state: Dynamics, known: Matrix | N
 def _undetermined(start: Start, J: Matrix, stalled: Stalled) -> MbstabError:
     """Return why accelerations and reactions do not converge: rows that are redundant in double precision only."""
     motion, misfit = start.motion, rank_misfit(start.motion, J, start.system.n_h)
-    if motion.redundant and misfit > mp.mpf(10) ** (-ALGEBRA.polished_digits * mp.dps):
+    if motion.redundant and misfit > balls.small(ALGEBRA.polished_digits):
         return another_rank(motion, misfit)
     return NumericalError(
         f"accelerations and reactions do not converge (steps of {stalled.reached:.1e}): "
@@ -372,8 +380,8 @@ def another_rank(motion: Motion, misfit: Any) -> ConstraintError:
     rows = ", ".join(dict.fromkeys(str(item.row) for item in motion.redundant))
     which = f" ({rows})" if rows else ""
     return ConstraintError(
-        f"with {mp.dps} digits the constraints have another rank than in double precision: rows that depend on "
-        f"each other there differ by {mp.nstr(mp.mpf(misfit), 2)}{which}\n"
+        f"with {balls.digits_in_use()} digits the constraints have another rank than in double precision: rows that "
+        f"depend on each other there differ by {balls.decimals(misfit, 2)}{which}\n"
         "hint: write lengths and given coordinates as expressions, such as sqrt(3)/2, or leave out what the "
         "constraints determine; or remove the redundant rows that mbstab check names"
     )

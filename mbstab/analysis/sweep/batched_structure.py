@@ -16,7 +16,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Flags, norms
 from mbstab.analysis.algebra.rounded import value_and_error
-from mbstab.analysis.algebra.stacks import beside, complement, frobenius, reduced, transposed, under
+from mbstab.analysis.algebra.stacks import beside, complement, frobenius, reduced, transposed, under, unit
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.fields import Symmetry
@@ -26,6 +26,7 @@ from mbstab.analysis.sweep.points import Points, seen_from
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.directions import (
     Ranks,
+    among,
     at_given_momenta,
     energy_form,
     misfit,
@@ -142,6 +143,20 @@ class Known:
         ranks = Ranks(choice.ranks, len(S))
         if not self.d + self.k:
             return Separation(S, np.eye(n)[None], ranks.good, points.error)
+        T, L = self._directions(points, ranks)
+        B, left = complement(beside(T, transposed(L))), misfit(S, T, L)
+        allowed = np.maximum(TOLERANCES.direction_closure * points.size, 100.0 * points.error)
+        ranks.require(left <= allowed)
+        if self.chain:
+            # A large span contains almost everything: its eigenvalues must really be the zeros they are taken for.
+            block = reduced(S, T) / np.maximum(points.size, 1e-300)[:, None, None]
+            rest = frobenius(np.linalg.matrix_power(block, self.chain)) * points.size
+            ranks.require(rest <= self.chain * allowed)
+        return Separation(reduced(S, B), B, ranks.good, points.error + left)
+
+    def _directions(self, points: Points, ranks: Ranks) -> tuple[Array, Array]:
+        """Return orthonormal neutral directions, and differentials of conserved functions that vanish on them."""
+        choice = self.choice
         columns = [points.of_symmetries(self.symmetries), points.of_boosts(self.boosts)]
         if choice.rests and (found := rests(points, ranks, points.error)) is not None:
             columns.append(found)
@@ -154,15 +169,7 @@ class Known:
             T = span(T, moved, ranks=ranks, name="directions with speeds")
         if choice.family and (wide := with_mirrored(points, self.symmetries, choice.family, ranks)) is not None:
             T, L = wide[0], vanishing(L, wide[0], ranks, "functions beside a family")
-        B, left = complement(beside(T, transposed(L))), misfit(S, T, L)
-        allowed = np.maximum(TOLERANCES.direction_closure * points.size, 100.0 * points.error)
-        ranks.require(left <= allowed)
-        if self.chain:
-            # A large span contains almost everything: its eigenvalues must really be the zeros they are taken for.
-            block = reduced(S, T) / np.maximum(points.size, 1e-300)[:, None, None]
-            rest = frobenius(np.linalg.matrix_power(block, self.chain)) * points.size
-            ranks.require(rest <= self.chain * allowed)
-        return Separation(reduced(S, B), B, ranks.good, points.error + left)
+        return T, L
 
     def _functions(self, points: Points, T: Array, ranks: Ranks) -> Array:
         """Return orthonormal differentials of conserved functions that vanish on the directions."""
@@ -322,12 +329,15 @@ class Known:
             momenta = tuple(self.grounds.structure.invariance.momenta)
             ranks.require(np.array(momenta == self.choice.momenta or not any(x.parts for x in momenta)))
             return at_given_momenta(columns, self._momenta(points, momenta, ranks), ranks)
-        columns = points.still(columns)
+        still = points.still(columns)
         if self.grounds.second_variation.following.size:
             followers = points.followers(self.grounds.system.following)
-            ranks.require(_decaying(points, followers))
-            columns = beside(columns, followers)
-        return at_given_momenta(columns, np.zeros((1, 0, points.S.shape[-1])), ranks)
+            T = unit(columns)
+            if self.grounds.second_variation.linear_equations:
+                T = self._directions(points, Ranks(self.choice.ranks, len(points.S)))[0]
+            ranks.require(_decaying(points, followers, complement(among(followers, T, ranks))))
+            still = beside(still, followers)
+        return at_given_momenta(still, np.zeros((1, 0, points.S.shape[-1])), ranks)
 
 
 def chain(block: Array, size: float) -> int:
@@ -340,12 +350,12 @@ def chain(block: Array, size: float) -> int:
     return 0
 
 
-def _decaying(points: Points, columns: Array) -> Flags:
-    """Return where disturbances of states that only follow, (points, n, states), decay by themselves."""
+def _decaying(points: Points, columns: Array, left: Array) -> Flags:
+    """Return where disturbances of states that only follow, (points, n, states), decay but for some of their parts."""
     inverse, S = np.linalg.pinv(columns), points.S
     spread = np.maximum(points.spread, points.data[2])
     errors = VERDICT.roundings_of_variation * EPS * spread * frobenius(np.abs(inverse) @ np.abs(S) @ np.abs(columns))
-    return np.array([decays(*x) for x in zip(inverse @ S @ columns, errors.tolist(), strict=True)])
+    return np.array([decays(*x) for x in zip(reduced(inverse @ S @ columns, left), errors.tolist(), strict=True)])
 
 
 def _sign(x: float, error: float) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 import numpy.typing as npt
@@ -85,10 +86,9 @@ def traced(
         Number of eigenvalues that are undecided at all points.
     """
     known: dict[Place, tuple[Array, bool]] = {}
-    between_rows = not isinstance(evaluator.path, Sheet)
     while True:
-        told = replace(grid, settled=_beside_boundaries(grid.settled, between_rows))
-        edges = _changes(told.settled, between_rows)
+        told = replace(grid, settled=_beside_boundaries(grid.settled))
+        edges = _followed(evaluator, names, grid, _changes(told.settled))
         places = {edge: _place(grid, edge) for edge in edges}
         new = [edge for edge in edges if places[edge] not in known]
         found = _located(evaluator, names, new, told, count, unplaced)
@@ -98,7 +98,7 @@ def traced(
         crossed = [edge for edge in edges if known[places[edge]][1]]
         x, y = _finer(evaluator, grid, points, neighbours, crossed)
         if len(x) == len(grid.x) and len(y) == len(grid.y):
-            divided = _divided(evaluator, names, grid, between_rows, count, unplaced)
+            divided = _divided(evaluator, names, grid, count, unplaced)
             return grid, _curves(points, neighbours), divided
         grid = _filled(evaluator, names, grid, (x, y), count, unplaced)
 
@@ -106,13 +106,13 @@ def traced(
 # --- points on edges ------------------------------------------------------------------------------------------------
 
 
-def _beside_boundaries(numbers: Counts, between_rows: bool) -> Counts:
+def _beside_boundaries(numbers: Counts) -> Counts:
     """Return the numbers with that of a neighbour at open points whose neighbours differ: boundaries run through them.
 
-    Of neighbours on opposite sides, along rows, columns and diagonals, or only along rows.
+    Of neighbours on opposite sides, along rows, columns and diagonals.
     """
     result, around = numbers.copy(), np.pad(numbers, 1, constant_values=-2)
-    for i, j in ((0, 1), (1, 0), (1, 1), (1, -1)) if between_rows else ((0, 1),):
+    for i, j in ((0, 1), (1, 0), (1, 1), (1, -1)):
         one, other = (
             around[1 + s * i : around.shape[0] - 1 + s * i, 1 + s * j : around.shape[1] - 1 + s * j] for s in (-1, 1)
         )
@@ -121,14 +121,34 @@ def _beside_boundaries(numbers: Counts, between_rows: bool) -> Counts:
     return result
 
 
-def _changes(numbers: Counts, between_rows: bool) -> list[Edge]:
-    """Return the edges whose ends differ; between paths of equilibria that differ nothing is followed."""
+def _changes(numbers: Counts) -> list[Edge]:
+    """Return the edges whose ends differ."""
     sides = [(numbers[:, :-1], numbers[:, 1:]), (numbers[:-1], numbers[1:])]
     return [
         (axis, i, j)
-        for axis, (left, right) in enumerate(sides[: 1 + between_rows])
+        for axis, (left, right) in enumerate(sides)
         for i, j in np.argwhere((left != right) & (left >= 0) & (right >= 0)).tolist()
     ]
+
+
+def _followed(evaluator: Evaluator, names: tuple[str, str], grid: Grid, edges: list[Edge]) -> list[Edge]:
+    """Return the edges along which equilibria are known; between those that no path joins nothing is followed."""
+    if evaluator.path is None or not edges:
+        return edges
+    ends = np.array([_place(grid, edge) for edge in edges])
+    x, y = (0.5 * (ends[:, :2] + ends[:, 2:])).T
+    return list(compress(edges, evaluator.path.covers({names[0]: x, names[1]: y})))
+
+
+def changing(grid: Grid) -> list[Edge]:
+    """Return the edges of a grid between whose ends a boundary or a line between divergence and flutter passes."""
+    return list(dict.fromkeys([*_changes(_beside_boundaries(grid.settled)), *_changes(_divisions(grid))]))
+
+
+def untold(evaluator: Evaluator, names: tuple[str, str], grid: Grid) -> list[Edge]:
+    """Return the edges between whose ends the number changes at a place that is not followed."""
+    edges = _changes(grid.settled)
+    return sorted(set(edges) - set(_followed(evaluator, names, grid, edges)))
 
 
 def _place(grid: Grid, edge: Edge) -> Place:
@@ -199,14 +219,17 @@ def _bisected(
     return a + (low + 0.5 ** (TOLERANCES.edge_halvings + 1))[:, None] * (b - a), met
 
 
-def _divided(
-    evaluator: Evaluator, names: tuple[str, str], grid: Grid, between_rows: bool, count: int, unplaced: int
-) -> list[Array]:
+def _divisions(grid: Grid) -> Counts:
+    """Return numbers that differ where the number of unstable eigenvalues or of those that oscillate does."""
+    numbers: Counts = (np.max(grid.oscillating, initial=0) + 1) * grid.settled + grid.oscillating
+    return np.where(grid.settled > 0, numbers, -1)
+
+
+def _divided(evaluator: Evaluator, names: tuple[str, str], grid: Grid, count: int, unplaced: int) -> list[Array]:
     """Return the curves between divergence and flutter where the number of unstable eigenvalues is the same."""
-    numbers = np.where(grid.settled > 0, (count + 1) * grid.settled + grid.oscillating, -1)
     edges = [
         (axis, i, j)
-        for axis, i, j in _changes(numbers, between_rows)
+        for axis, i, j in _followed(evaluator, names, grid, _changes(_divisions(grid)))
         if grid.settled[i, j] == grid.settled[i + (axis == 1), j + (axis == 0)]
     ]
     if not edges:

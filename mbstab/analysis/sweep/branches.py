@@ -187,9 +187,9 @@ class Branches:
         order = np.argmin(np.abs(self.values[rows][:, None, :] - branches[rows][:, :, None]), axis=2)
         return np.take_along_axis(self.raw.sides[rows], order, axis=1)
 
-    def look(self, points: Array) -> None:
+    def look(self, points: Array, exact: bool = False) -> None:
         """Store the results at further points, beyond the budget too."""
-        self._spectra(points, needed=True)
+        self._spectra(points, exact, needed=True)
 
     def _counted(self, points: Array, needed: bool = False) -> Index:
         """Return the numbers of unstable eigenvalues at intermediate points, each judged as `mbstab eig` does."""

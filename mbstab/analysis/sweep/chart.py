@@ -9,27 +9,28 @@ parameters at once if they are smooth; otherwise they are followed row by row
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Index, others
+from mbstab.analysis.reference.continuation import beginnings
 from mbstab.analysis.reference.guesses import idle
 from mbstab.analysis.reference.paths import Path, Sheet, Surface, meet
-from mbstab.analysis.reference.sheets import follow_all
+from mbstab.analysis.reference.sheets import follow_all, joined_rows
 from mbstab.analysis.sweep.batched_spectra import Evaluator
 from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks, undecided
-from mbstab.analysis.sweep.boundaries import Grid, counts, traced
+from mbstab.analysis.sweep.boundaries import Edge, Grid, changing, counts, traced, untold
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.spectra import WORD, unstable_counts
 from mbstab.analysis.sweep.spectra import unplaced as unplaced_of
 from mbstab.analysis.verdict.rule import UNDECIDED, WORDS
 from mbstab.compiler.system import Array
-from mbstab.errors import UsageError
-from mbstab.model.schema import Model
+from mbstab.errors import UsageError, counted
+from mbstab.model.schema import Model, after_number
 from mbstab.records import Answer, dataclass
 
 
@@ -107,21 +108,22 @@ def chart(
     Parameters
     ----------
     values : mapping
-        Two parameters and their values (SI), ascending.
+        Two parameters and their values (SI), ascending or descending.
     progress, settings
         As in `mbstab.analysis.sweep.sweep.sweep`.
 
     Raises
     ------
     UsageError
-        If there are not two parameters, or their values do not ascend.
+        If there are not two parameters, or their values are not in order.
     """
     if len(values) != 2 or any(name in model.settings for name in values):
         raise UsageError("a chart has two parameters, which are not set at the same time")
-    (one, x), (other, y) = values.items()
     for name, along in values.items():
-        if not np.all(np.diff(along) > 0.0):
-            raise UsageError(f"the values of {name} must ascend in a chart")
+        steps = np.diff(along)
+        if not (np.all(steps > 0.0) or np.all(steps < 0.0)):
+            raise UsageError(f"the values of {name} must ascend or descend")
+    (one, x), (other, y) = ((name, np.sort(along)) for name, along in values.items())
     points = {one: np.tile(x, len(y)), other: np.repeat(y, len(x))}
     sheet = follow_all(model, (one, other), x, y) if model.reference.find is not None else None
     place = np.flatnonzero(sheet.covers(points)) if isinstance(sheet, Sheet) else np.arange(len(x) * len(y))
@@ -132,9 +134,10 @@ def chart(
         found = _charted(model, (one, other), (x, y), (points, place), sheet, blocks)
     if sheet is None:
         return replace(found, warnings=idle(model, (one, other), None))
-    begin = sheet.start if isinstance(sheet, Sheet) else (float(x[0]), float(y[0]))
+    first, second = (beginnings(model, name, along[0], along[-1])[0] for name, along in ((one, x), (other, y)))
+    begin = sheet.start if isinstance(sheet, Sheet) else (first, second)
     warnings = idle(model, (one, other), dict(zip((one, other), begin, strict=True)))
-    return replace(found, start=begin, warnings=warnings)
+    return replace(found, start=begin, warnings=(*found.warnings, *warnings))
 
 
 def _charted(
@@ -146,7 +149,7 @@ def _charted(
     blocks: list[Block],
 ) -> Chart:
     """Return the chart of the blocks of its points, of which `asked` says which are computed."""
-    (one, other), (x, y), (points, place) = names, axes, asked
+    (x, y), (points, place) = axes, asked
     chosen = {name: along[place] for name, along in points.items()}
     evaluator = Evaluator(model, sheet, patterns_at(model, sheet, home_of(chosen)))
     problems = evaluator.missing(points, others(len(x) * len(y), place))
@@ -169,11 +172,37 @@ def _charted(
         grid.settled.flat[list(problems)] = -2
         # Between the points exact zeros decide nothing: boundaries are followed without them.
         unstable.flat[place] = unstable_counts(whole.sides, judged_words)
-    detail, boundaries, divisions = traced(evaluator, (one, other), grid, count, unplaced)
+    if isinstance(sheet, Sheet):
+        between_rows = [(i, j) for axis, i, j in changing(grid) if axis]
+        evaluator.path = joined_rows(model, names, sheet, between_rows)
+    detail, boundaries, divisions = traced(evaluator, names, grid, count, unplaced)
     if isinstance(sheet, Sheet):
         boundaries += _ends(sheet)
-    answer = (one, other), x, y, unstable, grid.oscillating, boundaries, divisions, detail
-    return Chart(*answer, dict(sorted(problems.items())), words)
+    warnings = _untold(model, names, grid, untold(evaluator, names, grid))
+    answer = names, x, y, unstable, grid.oscillating, boundaries, divisions, detail
+    return Chart(*answer, dict(sorted(problems.items())), words, warnings=warnings)
+
+
+def _untold(model: Model, names: tuple[str, str], grid: Grid, edges: Sequence[Edge]) -> tuple[str, ...]:
+    """Say that no boundary is drawn between some neighbours although their numbers differ."""
+    if not edges:
+        return ()
+    axis, i, j = edges[0]
+    ends = ((grid.x[j], grid.y[i]), (grid.x[j + (axis == 0)], grid.y[i + (axis == 1)]))
+    points = [[f"{name} = {_in_unit(model, name, x)}" for name, x in zip(names, end, strict=True)] for end in ends]
+    first, second = (", ".join(point) for point in points)
+    pairs = counted(len(edges), "pair") + " of neighbouring points"
+    return (
+        f"no boundary is drawn between {pairs} with different numbers of unstable eigenvalues, the first at {first} "
+        f"and {second}: no path of equilibria joins them\n"
+        f"hint: mbstab sweep --param {names[axis]} from one of them on shows how its equilibrium goes on",
+    )
+
+
+def _in_unit(model: Model, name: str, value: float) -> str:
+    """Return a value of a parameter in its unit."""
+    parameter = model.parameters[name]
+    return f"{value / parameter.factor:.6g}{after_number(parameter.unit)}"
 
 
 def _ends(sheet: Sheet) -> list[Array]:

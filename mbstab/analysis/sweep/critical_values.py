@@ -7,7 +7,6 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Index
 from mbstab.analysis.algebra.matching import assigned
@@ -18,10 +17,10 @@ from mbstab.analysis.reference.paths import PathEnd
 from mbstab.analysis.sweep.brackets import Bracket, RealPart, Stretch, Test, far_apart, needed, spaced
 from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.critical import Critical, kind_of
-from mbstab.analysis.sweep.spectra import NO_EIGENVALUE, WORD, settled, signs, touching
+from mbstab.analysis.sweep.spectra import NO_EIGENVALUE, settled, signs, touching
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import discriminant, follow, product, symmetric_product, turning
-from mbstab.analysis.verdict.rule import AXIS, RIGHT, UNDECIDED, UNSTABLE, WORDS, Sides
+from mbstab.analysis.verdict.rule import AXIS, RIGHT, WORDS, Sides
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
 
@@ -202,7 +201,27 @@ class CriticalValues(Branches):
         place = self._pole(low, high)
         if place is not None and not left:
             return [Critical(place, "infinity", (), 0.0, counts)]
-        return left or [Critical(0.5 * (low + high), "unresolved", (), 0.0, counts)]
+        return left or self.changed(low, high, counts, branches)
+
+    def changed(self, low: float, high: float, counts: tuple[int, int], branches: Complex) -> list[Critical]:
+        """Return what happens between two values on either side of a change, as those that move tell.
+
+        Next to the change an eigenvalue that grows is nearer to the real axis than to the imaginary one where it passes
+        zero, and otherwise nearer to the imaginary one.
+        """
+        own = self.x[(self.x >= low) & (self.x <= high)]
+        value = float(own[0]) if len(own) else 0.5 * (low + high)
+        pair, end = self._stretch(np.array([low, high])), int(counts[1] > counts[0])
+        moving = np.flatnonzero((pair.sides[0] == RIGHT) != (pair.sides[1] == RIGHT))
+        growing, there = pair.values[end, moving], pair.values[0]
+        if not len(moving):
+            return [Critical(value, "unresolved", (), 0.0, counts)]
+        numbers = self._columns_at(low, there, branches)
+        if np.any(np.abs(growing.imag) <= np.abs(growing.real)):
+            return [Critical(value, "divergence", tuple(sorted(numbers[moving].tolist())), 0.0, counts)]
+        kind = "collision" if pair.mirrored.all() else "flutter"
+        pairs = moving[growing.imag > 0.0].tolist() if kind == "flutter" else [None]
+        return [self._described(value, kind, pair.values[1 - end], counts, branches, i) for i in pairs]
 
     def _pole(self, low: float, high: float) -> float | None:
         """Return where between two values a single eigenvalue is infinite; None if none is.
@@ -345,18 +364,6 @@ class CriticalValues(Branches):
         values, sides = (np.take_along_axis(part, order, axis=1) for part in (values, sides))
         return Stretch(x, values, sides, mirrored, counts)
 
-    def untold(self, words: npt.NDArray[np.int8], found: list[Critical]) -> list[Critical]:
-        """Return changes of which nothing but the verdicts at both neighbouring points is known."""
-        x, unstable, told = self.x, words == WORD[UNSTABLE], self.good & (words != WORD[UNDECIDED])
-        pairs = np.flatnonzero(told[:-1] & told[1:] & (unstable[:-1] != unstable[1:])).tolist()
-        near, counts = TOLERANCES.meeting_rounding * self.width, np.where(unstable, self.counts, 0).tolist()
-        said = [any(x[k] - near <= c.value <= x[k + 1] + near for c in found) for k in pairs]
-        return [
-            Critical(0.5 * float(x[k] + x[k + 1]), "unresolved", (), 0.0, (counts[k], counts[k + 1]))
-            for k, known in zip(pairs, said, strict=True)
-            if not known
-        ]
-
     def known(self, value: float, critical: list[Critical]) -> bool:
         """Return whether a value is among the critical ones."""
         return any(abs(c.value - value) < TOLERANCES.meeting_rounding * self.width for c in critical)
@@ -429,8 +436,9 @@ class CriticalValues(Branches):
                 passing = RealPart(0.5 * (before + after))
                 # The product of all is smoother than the passing eigenvalue, but it need not change its sign.
                 single = self._product(spectra[a], float(size[a])) * self._product(spectra[b], float(size[b])) < 0.0
-                real = before.imag == 0.0 and after.imag == 0.0
-                if real or (single and 0.0 in (before.imag, after.imag)):
+                # Of two that are equal, rounding makes a pair.
+                real = [abs(x.imag) <= TOLERANCES.twin_rounding * float(size[k]) for x, k in ((before, a), (after, b))]
+                if all(real) or (single and any(real)):
                     # A pair may meet near the axis, and one of the two pass it.
                     yield Bracket(a, b, "divergence", self._product if single else passing, int(sign[b, i]))
                 elif before.imag >= 0.0 and after.imag >= 0.0:

@@ -90,7 +90,7 @@ class _Search:
         ends = sorted((float(result.values[0]), float(result.values[-1])))
         path = None
         if model.reference.find is not None:
-            path = follow_path(model, result.parameter, ends[0], ends[1], float(result.values[0]))
+            path = follow_path(model, result.parameter, ends[0], ends[1])
         home = home_of({result.parameter: np.sort(result.values)})
         self.evaluator = Evaluator(model, path, patterns_at(model, path, home))
 

@@ -145,9 +145,12 @@ def _resolved(link: Index, rows: Index, ends: tuple[Complex, Complex], overlap: 
     except np.linalg.LinAlgError:
         return None
     size = float(np.max(np.abs(np.concatenate([a, b]))))
+    # Vectors that are nearly parallel tell nothing of others.
+    if not np.max(np.abs(H)) <= TOLERANCES.parallel_vectors * size:
+        return None
     start, end = (x[:, None] - x[None, :] for x in (a, b))
     least = np.minimum(np.abs(start), np.abs(end))
-    near = _passing(a, b) | (least <= np.sqrt(np.abs(H * H.T)))
+    near = _passing(a, b) | (least <= np.sqrt(np.abs(H)) * np.sqrt(np.abs(H.T)))
     coupled = near & (np.minimum(np.abs(H), np.abs(H.T)) > TOLERANCES.uncoupled * size)
     same = least <= TOLERANCES.twin_distance * size
     found, approaches = link.copy(), list[Approach]()

@@ -36,6 +36,7 @@ from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
 from mbstab.analysis.sweep.detail import Detail, detailed
 from mbstab.analysis.sweep.jobs import run, stored
+from mbstab.analysis.sweep.ranges import Range, Ranges
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
 from mbstab.analysis.sweep.spectra import unstable_counts
 from mbstab.analysis.sweep.tolerances import TOLERANCES
@@ -106,7 +107,7 @@ class Sweep(Answer):
     start : float or None
         The value from which equilibria were followed, if a file asks to find them.
     moved : str
-        Why they were not followed from the first value.
+        Why they were not followed from the file's own value, or the one of the range that is nearest to it.
     beyond : tuple of Sweep
         Sweeps along the paths to which the equilibria lead through folds and branch points: each from one of these to
         the next or to an end of the range, at those values that lie in between.
@@ -137,6 +138,8 @@ class Sweep(Answer):
         asked for.
     located : ndarray of int, shape (points, 4)
         Numbers of eigenvalues that are not neutral by their place, in the order of `PLACES`.
+    ranges : tuple of Range
+        The verdicts between critical values and at special points, ascending.
     """
 
     parameter: str
@@ -162,6 +165,7 @@ class Sweep(Answer):
     turning: bool = False
     detail: Detail | None = None
     located: Index = field(default_factory=lambda: np.zeros((0, len(PLACES)), dtype=int))
+    ranges: tuple[Range, ...] = ()
 
     @property
     def whirls(self) -> tuple[str, ...]:
@@ -243,7 +247,7 @@ def sweep(
     x = values[order]
     paths: list[Solutions | None] = [None]
     if model.reference.find is not None:
-        main = follow_path(model, parameter, float(x[0]), float(x[-1]), float(values[0]), wanted=len(x))
+        main = follow_path(model, parameter, float(x[0]), float(x[-1]), wanted=len(x))
         paths = [main, *main.beyond]
     grids = [x, *(x[path.covers({parameter: x})] for path in paths[1:] if path is not None)]
     # What happens between the last point and a fold shows at a point near the fold.
@@ -282,7 +286,8 @@ def _answer(
         critical += [tracker.branch_point(value, branches) for value in others]
         # The fold from which a further path starts is reported with the path that leads to it.
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
-    critical += tracker.untold(words, critical)
+    ranges = Ranges(tracker, words)
+    critical += ranges.untold(critical, branches)
     critical.sort(key=lambda c: c.value)
     warnings = (*tracker.warnings, *idle(model, [parameter], None if path is None else {parameter: path.start}))
     # What is said of the speeds and the moments of one point holds for the others.
@@ -301,6 +306,7 @@ def _answer(
         warnings, reference=reference, outputs=outputs, units=units,
         turning=_turns(evaluator), detail=detailed(tracker, branches) if asked[1] else None,
         located=np.stack([np.sum(raw.sides == side, axis=1) for side in (RIGHT, LEFT, AXIS, OPEN)], axis=1),
+        ranges=ranges.told(critical),
     )  # fmt: skip
 
 

@@ -39,6 +39,10 @@ class Tolerances:
     """… and after this many of them in a row the other points are computed one by one."""
     points_asked_for_zeros: Final = 100
     """Maximum number of points at which eigenvalues are tested for zero with many digits; with more, none is."""
+    intervals_asked: Final = 100
+    """Maximum number of intervals between points that are looked into where their ends do not tell their verdict, …"""
+    parts_asked: Final = (0.1, 0.5, 0.9)
+    """… at these parts of them."""
     undecided_in_a_row: Final = 2
     """Points of a kind are left undecided after the code of `mbstab eig` fails to decide this many in a row."""
 

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import RandomNumbers
+from mbstab.analysis.algebra.arrays import RandomNumbers, norms
+from mbstab.analysis.algebra.stacks import beside
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.rotation import rate_drift, rate_matrix
 from mbstab.analysis.verdict.directions import span
@@ -56,7 +57,7 @@ def linear_functions(structure: Structure) -> LinearFunctions | None:
     disturbed = [structure.disturbance(x) for x in np.eye(len(structure.space.A))]
     slopes = np.array([bodies.change(motion.q, motion.u, direction, rate) for direction, rate in disturbed])
     known, rates = np.array(values), np.array(changes)
-    lengths = np.maximum(np.linalg.norm(known, axis=1), np.linalg.norm(rates, axis=1))[:, None]
+    lengths = norms(beside(known, rates), keepdims=True)
     one, known, rates = 1.0 / lengths, known / lengths, rates / lengths
     constant = _vanishing(rates, float(np.linalg.norm(rates, 2)))
     return LinearFunctions(constant.T @ slopes.T, _closed(one, known, rates).T @ slopes.T)

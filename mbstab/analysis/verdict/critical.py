@@ -13,6 +13,7 @@ there is a family of such motions, as far as checked.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,10 +47,14 @@ class _Path:
     zero_ahead: Array
     zero_behind: Array
 
-    @property
-    def vanishes(self) -> bool:
-        """Whether there is no force all along; rounding that could hide one is no evidence."""
-        return bool(np.all(np.abs(self.ahead) <= self.zero_ahead) and np.all(np.abs(self.behind) <= self.zero_behind))
+    def sides(self, flat: Sequence[bool]) -> list[tuple[Array, Array]]:
+        """Return the forces and their zero tolerances on those sides, ahead and behind, that are flat."""
+        both = (self.ahead, self.zero_ahead), (self.behind, self.zero_behind)
+        return [side for side, chosen in zip(both, flat, strict=True) if chosen]
+
+    def vanishes(self, flat: Sequence[bool]) -> bool:
+        """Whether there is no force all along those sides; rounding that could hide one is no evidence."""
+        return all(np.all(np.abs(force) <= zero) for force, zero in self.sides(flat))
 
 
 def critical_zero(
@@ -79,35 +84,37 @@ def critical_zero(
     powers = digits.powers(line)
     if powers is None:
         return None
-    (k, sign), (behind, other) = powers
-    if not k and not behind:
-        # Disturbances that do not decay may drive the motion along the family, out of its stable part.
-        alone = separated.A.shape[0] == count
-        path = _followed(structure, replace(line, drifts=False)) if alone or (others_decay and count == 1) else None
-        if path is None or not path.vanishes:
-            return None
-        return _family(structure, direction, path, not alone, _drift(separated, count))
-    if not k or not behind:
-        return None  # beside one that vanishes the other side alone does not decide
+    # A force that holds a motion acts against its own; a drift goes where it goes.
+    sides = [(-sign if by_energy else sign, k) for k, sign in powers]
+    away, k = max(sides, key=lambda side: (side[0], -side[1]))
     neutral = bool(separated.neutral.count)
     what = "force" if by_energy else "speed of the drift"
     grows = f"along the critical direction the {what} grows with {_POWERS.get(k, f'the power {k}')} of the distance"
+    if away > 0:
+        no_minimum = "does not bring the motion back: the energy has no minimum there"
+        why = no_minimum if by_energy else "drives the motion away"
+        return Critical(UNSTABLE, f"{grows} and {why}" + ", at least to one side" * (min(sides)[0] <= 0))
+    if not away:
+        # Disturbances that do not decay may drive the motion along the family, out of its stable part.
+        flat, alone = [not sign for sign, _ in sides], separated.A.shape[0] == count
+        if not (others_decay and count == 1) and not (alone and all(flat)):
+            return None
+        path = _followed(structure, replace(line, drifts=False))
+        if path is None or not path.vanishes(flat):
+            return None
+        return _family(structure, direction, path, flat, not alone or not all(flat), _drift(separated, count))
     if by_energy:
-        if sign > 0 and other > 0:
-            word = STABLE_UP_TO if neutral else STABLE
-            why = f"{grows} and brings the motion back: the energy has a strict minimum there"
-            if others_decay and count == 1:
-                word = ASYMPTOTIC_UP_TO if neutral else ASYMPTOTIC
-                why += ", and damping takes energy from every motion"
-            return Critical(word, why)
-        return Critical(UNSTABLE, f"{grows} and does not bring the motion back: the energy has no minimum there")
-    if sign == other == -1:
-        why = f"{grows} and brings the motion back"
-        if not neutral:
-            return Critical(ASYMPTOTIC, why)
-        # It decays like t^(-1/(k-1)): even its square, which linear equations do not show, need not be summable.
-        return Critical(ASYMPTOTIC_UP_TO, why, drift=max(1, _drift(separated, count)))
-    return Critical(UNSTABLE, f"{grows} and drives the motion away, at least to one side")
+        word = STABLE_UP_TO if neutral else STABLE
+        why = f"{grows} and brings the motion back: the energy has a strict minimum there"
+        if others_decay and count == 1:
+            word = ASYMPTOTIC_UP_TO if neutral else ASYMPTOTIC
+            why += ", and damping takes energy from every motion"
+        return Critical(word, why)
+    why = f"{grows} and brings the motion back"
+    if not neutral:
+        return Critical(ASYMPTOTIC, why)
+    # It decays like t^(-1/(k-1)): even its square, which linear equations do not show, need not be summable.
+    return Critical(ASYMPTOTIC_UP_TO, why, drift=max(1, _drift(separated, count)))
 
 
 def _definite_beside(energy: SecondVariation, structure: Structure, separated: Separated) -> bool:
@@ -252,17 +259,25 @@ def _drift(separated: Separated, count: int) -> int:
     return Neutral(chains=chains_of(replace(separated, T=T, L=separated.L[:0], B=complement(T)))).drift
 
 
-def _family(structure: Structure, shift: Array, path: _Path, decays: bool, drift: int) -> Critical:
-    """Return the verdict from a family of motions that was followed to both sides."""
+def _family(
+    structure: Structure, shift: Array, path: _Path, flat: Sequence[bool], decays: bool, drift: int
+) -> Critical:
+    """Return the verdict from a family of motions that was followed to both sides, or to one, to which others return.
+
+    From the other side, on the centre manifold ż = r(z), motions come back to the first member (Carr 1981).
+    """
     spaces, names = structure.linear.spaces, structure.linear.names
     change = np.abs(spaces.scale * (spaces.N @ shift) / structure.linear.motion.sizes)
     name = names[int(np.argmax(change))]
-    off = max(float(np.max(np.abs(path.ahead))), float(np.max(np.abs(path.behind))))
+    off = max(float(np.max(np.abs(force))) for force, _ in path.sides(flat))
+    both = all(flat)
+    goes, ways = ("goes through", "both ways") if both else ("begins with", "one way")
     return Critical(
         ASYMPTOTIC_UP_TO if decays else STABLE_UP_TO,
-        f"as far as checked: a family of motions of the same kind goes through this one, along {name} "
-        f"(followed by {path.z[0]:.2g} of the size of the scene both ways; {off:.0e} N or N*m are left of the forces), "
-        "and " + ("all other disturbances decay" if decays else "the energy has a strict minimum across it"),
+        f"as far as checked: a family of motions of the same kind {goes} this one, along {name} "
+        f"(followed by {path.z[0]:.2g} of the size of the scene {ways}; {off:.0e} N or N*m are left of the forces), "
+        + ("" if both else "a force brings motions on the other side back, ")
+        + ("and all other disturbances decay" if decays else "and the energy has a strict minimum across it"),
         "numerical",
         f"position of {name}",
         drift,

@@ -312,6 +312,14 @@ def speeds_along(
     return columns @ c, c / transposed(lengths), directions @ c
 
 
+def among(F: Array, T: Array, ranks: Ranks) -> Array:
+    """Return the directions among unit columns T that the span of columns F contains, as orthonormal parts of these."""
+    parts = np.linalg.pinv(F) @ T
+    _, s, right = np.linalg.svd(T - F @ parts)
+    parts = parts @ transposed(right[..., ranks.of("directions beyond states", s) :, :])
+    return orthonormal(parts, ranks, "directions of states")
+
+
 def own_speed(along: Array, u: Array) -> Array:
     """Return which combination of directions the motion follows with speeds u in scaled coordinates, (…, m, 1)."""
     found: Array = np.linalg.pinv(along) @ u[..., None]

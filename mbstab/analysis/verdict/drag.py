@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from contextlib import suppress
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -83,17 +84,27 @@ class Drag:
         return {item.entry.path: item.entry.equations["dissipation"] for item in items}
 
     def potential(self, path: str) -> bool | None:
-        """Return whether what an entry does at rest has a potential, by structure; None: its derivatives decide."""
+        """Return whether what an entry does at rest has a potential, by structure; None: its derivatives decide.
+
+        A force along a coordinate on which it alone depends has one. Where pieces meet, derivatives at random states
+        decide of the others only.
+        """
         if path in self._dissipations:
             return True  # nothing acts at rest
         still = {name: self._at.structure.exact(x, still=True) for name, x in self._equations(path).items()}
-        alone = all(
-            not x or (not is_speed(name) and {atom.name for atom in atoms(x) if atom.kind == "state"} <= {name})
-            for name, x in still.items()
-        )
-        if alone:
+        others = [x for name, own in still.items() for x in _beyond(own, name)]
+        if not others:
             return True
-        return False if any(atom.kind in PIECED for x in still.values() for atom in atoms(x) if atom.state) else None
+        return False if any(atom.kind in PIECED for x in others for atom in atoms(x) if atom.state) else None
+
+    def works(self, path: str) -> bool:
+        """Return whether the power of an entry depends on the speeds otherwise than that of a force at rest."""
+        for expanded in (False, True):
+            with suppress(ExpressionError):
+                power = self._power(path, expanded)
+                if power is not None and not power:
+                    return False
+        return True
 
     # --- the sign of a power ----------------------------------------------------------------------------------------
 
@@ -273,6 +284,14 @@ def _is_rate(atom: Atom) -> bool:
 def _moves(atom: Atom) -> bool:
     """Whether a factor contains rates."""
     return any(_is_rate(x) for x in atoms(Sum.of(atom)))
+
+
+def _beyond(force: Sum, name: str) -> list[Sum]:
+    """Return the terms of a force along a coordinate or a measure that do not depend on this alone."""
+    terms = [Sum(frozenset({term})) for term in force.terms]
+    if is_speed(name):
+        return terms
+    return [x for x in terms if not {atom.name for atom in atoms(x) if atom.kind == "state"} <= {name}]
 
 
 def _product(one: Iterable[tuple[Atom, int]], other: Iterable[tuple[Atom, int]]) -> Monomial:

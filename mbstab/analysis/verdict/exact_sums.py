@@ -329,7 +329,7 @@ class Structure:
             exact = self.exact(known.content) if isinstance(known.content, Expression) else Sum.of(known.content)
             return exact * exact_factor(known.unit, self.arithmetic()) if known.unit else exact
         self.values[name] = floats(value)
-        if f.name not in ("float", "array", "mpmath"):
+        if f.name not in ("float", "array", "digits"):
             self.vague.add(name)
         return Sum.of(Atom.of("constant", name))
 

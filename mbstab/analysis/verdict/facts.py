@@ -98,10 +98,14 @@ class Grounds:
         """The balanced matrix of the deflated system."""
         return self.at.S
 
+    def may_turn(self, closeness: float = 0.0) -> bool:
+        """Return whether some direction may be that of a symmetry, where the equations are known so well."""
+        return bool(self.S.size) and may_turn(self.S, self.linear.generator, self._elementwise.rate, closeness)
+
     @cached_property
     def _found(self) -> tuple[Structure, Separated]:
         """The structure, with what holds on all rows only, or for sums of forces, where zeros are left without it."""
-        if not self.S.size or not may_turn(self.S, self.linear.generator, self._elementwise.rate):
+        if not self.may_turn():
             self._elementwise.isolated = True
         structure = Structure(self.linear, self.space, self.at, self._elementwise)
         separated, system = structure.separated(), self.system

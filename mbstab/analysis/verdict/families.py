@@ -1,10 +1,11 @@
-"""Families of steady motions that no structure explains: followed a finite distance in all directions.
+"""Families of steady motions that no structure explains, as identities.
 
-A motion is of the kind of the reference if its speeds and accelerations are those of a symmetry:
-(u, a) = Σ c_k (Y_k, DY_k u). Where A, apart from symmetries, has a null space that symmetries,
-conserved functions and reversors do not explain, such motions are searched at a finite distance along
-each null direction and along combinations of them, by the Gauss-Newton method. If they exist, to
-rounding, the null space belongs to a family "as far as checked": this is no proof, and the answer says so.
+A motion is of the kind of the reference if its speeds are those of symmetries: E(q, ω, ν) = 0 with u = Σ ω_k X_k(q),
+u̇ = DX u, forces in balance and rows. Where A, apart from symmetries, has a null space that symmetries, conserved
+functions and reversors do not explain, a finite step is taken along a random vector of it, and the rest solved by
+Newton's method with many digits. What is then left along the null space is an analytic function of the step (Lyapunov,
+Schmidt; Golubitsky, Schaeffer 1985): one that vanishes at a random step does so everywhere, and the motions are a
+manifold of the dimension of the null space. Digits are many, not all: "as far as checked".
 
 Where constants of the motion that are linear in places and speeds tell the motions apart
 (`mbstab.analysis.verdict.constants`), no search is needed: each value of them belongs to exactly one motion.
@@ -13,20 +14,25 @@ Where constants of the motion that are linear in places and speeds tell the moti
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares, norms
-from mbstab.analysis.algebra.stacks import beside, complement
+from mbstab.analysis.algebra.ball_arrays import BALLS, NONE, as_ball, many_bits, middle
+from mbstab.analysis.algebra.stacks import beside, complement, unit
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
-from mbstab.analysis.reference.element_comparison import State
+from mbstab.analysis.reference.fields import field_values
+from mbstab.analysis.reference.identities import NO_VALUE, in_balls
+from mbstab.analysis.reference.rounded_scene import exact_system
 from mbstab.analysis.verdict.constants import LinearFunctions, linear_functions
 from mbstab.analysis.verdict.directions import span
 from mbstab.analysis.verdict.neutral import Separated, Structure
 from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
-from mbstab.errors import MbstabError, counted
+from mbstab.errors import counted
 
 
 def family(structure: Structure, found: Separated, count: int) -> Neutral | None:
@@ -56,19 +62,22 @@ def family(structure: Structure, found: Separated, count: int) -> Neutral | None
     if not _drifts_along_symmetries(structure, found, symmetries, null):
         return None
     try:
-        search = _Search(structure, symmetries, null)
-        if not all(search.reaches(direction) for direction in _directions(size)):
-            return None
-    except (MbstabError, ArithmeticError, ValueError, np.linalg.LinAlgError):
+        with np.errstate(all="ignore"), many_bits():
+            direction = null @ RandomNumbers(3).uniform(-1.0, 1.0, size)
+            members = _Members(structure)
+            # Pieces may meet at the reference.
+            if not all(members.reached(sign * direction) for sign in (1.0, -1.0)):
+                return None
+    except NO_VALUE:
         return None
     T = span(symmetries, null)
     wider = replace(found, T=T, L=np.zeros((0, n)), B=complement(T))
-    checked = f"motions of the same kind were found {TOLERANCES.family_reach:g} of the size of the scene to all sides"
+    checked = "motions of the same kind were found in a random direction of the family, to 70 digits"
     directions = counted(size - known, "more direction" if known else "direction")
-    name = f"motions of the same kind nearby ({directions})"
+    names = _speeds(structure, found.S @ null) or [f"motions of the same kind nearby ({directions})"]
     return Neutral(
         found.neutral.symmetries,
-        (*found.neutral.family, name),
+        (*found.neutral.family, *names),
         T.shape[1],
         structure.chains(wider),
         "numerical",
@@ -124,108 +133,142 @@ def _drifts_along_symmetries(structure: Structure, found: Separated, symmetries:
     return float(np.linalg.norm(left)) <= TOLERANCES.direction_closure * size
 
 
-def _directions(size: int) -> list[Array]:
-    """Return the directions of a null space that are followed, each in both senses."""
-    rng = RandomNumbers(3)
-    some = [*np.eye(size), *rng.uniform(-1.0, 1.0, 2 * size, size)]
-    return [sign * x / np.linalg.norm(x) for x in some for sign in (1.0, -1.0)]
+def _speeds(structure: Structure, moved: Array) -> list[str]:
+    """Return names of the speeds that tell the motions of a family apart, if each goes along a symmetry of its own."""
+    items = structure.invariance.symmetries
+    parts = np.linalg.pinv(unit(structure.at.of_symmetries(items))) @ moved
+    counts = norms(parts) > TOLERANCES.direction_closure * float(np.linalg.norm(structure.at.S, 2))
+    names = [f"speed of {x.name}" for x, goes in zip(items, counts.tolist(), strict=True) if goes]
+    return names if len(names) == moved.shape[1] else []
 
 
-class _Search:
-    """Search for motions of the kind of the reference."""
+class _NoMember(Exception):
+    """Forces are left where a motion was looked for."""
 
-    def __init__(self, structure: Structure, symmetries: Array, null: Array) -> None:
-        self.structure, self.symmetries, self.null = structure, symmetries, null
-        self.linear, self.space = structure.linear, structure.space
-        self.motion, self.system = self.linear.motion, self.linear.system
-        self.rate = structure.invariance.rate
-        self.held = np.hstack([symmetries, null])
-        self.sizes = self.motion.sizes
-        self.free = complement(self.held)
+
+class _Members:
+    """The equations E(q, ω, ν) = 0 of motions whose speeds are those of symmetries, u = Σ ω_k X_k(q), in balls."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure, self.identities = structure, structure.invariance.identities
+        self.motion, self.system = structure.linear.motion, structure.linear.system
+        self.exact, self.rate = exact_system(self.system), structure.invariance.rate
         # A drive breaks the shift along it; what is driven goes on so.
         invariance, driven = structure.invariance, self.system.scene.timed
         own = [g for g in self.motion.generators if driven and g.moves and not invariance.broken(g)]
-        self.driven = [invariance.along(g) for g in own[:1]]
+        more = [np.array(invariance.along(g).exact, dtype=object)[:, None] for g in own[:1]]
+        self.fields = np.hstack([self.identities.space, *(in_balls(x) for x in more)])
+        n, k, c = self.system.n_q, self.fields.shape[1], self.system.n_c
+        self.parts = slice(0, n), slice(n, n + k), slice(n + k, n + k + c)
+        self.start = np.concatenate([self.motion.q, self._rates(self.motion.q, self.motion.u), self.motion.nu])
+        units = [self.motion.sizes, np.full(k, self.rate), np.ones(c)]
+        self.units = np.concatenate(units)
 
-    def reaches(self, direction: Array) -> bool:
-        """Return whether there is a motion of the kind at a finite distance along a null direction."""
-        return all(self._reaches(direction, TOLERANCES.family_reach * part) for part in TOLERANCES.family_parts)
+    def _values(self, q: Array, u: Array) -> tuple[Array, Array]:
+        """Return the fields and their rates of change along speeds, in balls, shape (n_q, k)."""
+        found = BALLS.zeros((2, len(q), self.fields.shape[1]))
+        for b in self.identities.exact_blocks:
+            x = field_values(b, q[b.part], u[b.part], 0 * u[b.part])
+            for whole, own in zip(found, x[:2], strict=True):
+                whole[b.part] = BALLS.multiplied(own, self.fields[b.fields])
+        return found[0], found[1]
 
-    def _reaches(self, direction: Array, reach: float) -> bool:
-        y = self.null @ direction
-        y = y * (reach / self._extent(y))
-        for _ in range(TOLERANCES.newton_steps_family):
-            left = self._left(y)
-            if self._vanishes(y, left):
-                return True
-            if not self.free.shape[1]:
+    def _rates(self, q: Array, u: Array) -> Array:
+        """Return the rates of the symmetries of which speeds are made, as nearly as can be."""
+        X = middle(self._values(BALLS.of(q), BALLS.of(u))[0]) / self.motion.sizes[:, None]
+        found: Array = least_squares(X, u / self.motion.sizes, rcond=TOLERANCES.independent_direction)
+        return found
+
+    def speeds(self, x: Array) -> Array:
+        """Return u."""
+        q, w, _ = (x[part] for part in self.parts)
+        found: Array = BALLS.multiplied(self._values(q, 0 * q)[0], w[:, None])[:, 0]
+        return found
+
+    def residual(self, x: Array) -> Array:
+        """Return the forces that are left, and the residuals of the rows."""
+        q, w, nu = (x[part] for part in self.parts)
+        u = self.speeds(x)
+        a = BALLS.multiplied(self._values(q, u)[1], w[:, None])[:, 0]
+        at = self.exact.dynamics(list(q), list(u), self.motion.time)
+        M, J, F, E, V = (np.array(y, dtype=object) for y in (at.M, at.J, at.F0, at.E, at.V))
+        left = F + BALLS.multiplied(M, a[:, None])[:, 0]
+        if len(nu):
+            left = left + BALLS.multiplied(J.T, nu[:, None])[:, 0]
+        n_h = self.system.n_h
+        return np.concatenate([left, E[:n_h], V[n_h:]])
+
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array, Array]:
+        """DE, divided by the sizes of its rows and columns, and these sizes."""
+        start, step = BALLS.of(self.start), as_ball(2.0) ** -TOLERANCES.bits_of_difference
+        first, columns = self.residual(start), []
+        for i, size in enumerate(BALLS.of(self.units)):
+            moved = start.copy()
+            moved[i] = moved[i] + step * size
+            columns.append(middle((self.residual(moved) - first) / step))
+        matrix = np.array(columns).T
+        rows = self._felt(norms(matrix))
+        matrix = matrix / rows[:, None]
+        sizes = self._felt(norms(matrix, 0))
+        matrix = matrix / sizes
+        return np.where(np.abs(matrix) > TOLERANCES.family_singular_value, matrix, 0.0), rows, sizes
+
+    @staticmethod
+    def _felt(sizes: Array) -> Array:
+        """Return sizes of rows or columns, the largest for those in which differences leave rounding alone."""
+        most = float(np.max(sizes, initial=0.0)) or 1.0
+        return np.where(sizes > TOLERANCES.family_slope * most, sizes, most)
+
+    def reached(self, y: Array) -> bool:
+        """Return whether there is a member a finite distance along a disturbance y in the coordinates of S."""
+        matrix, rows, sizes = self._slopes
+        inverse = np.linalg.pinv(matrix, rcond=TOLERANCES.family_singular_value)
+        direction, rate = self.structure.disturbance(y)
+        sizes_of_both = np.tile(self.motion.sizes, 2)
+        asked = np.concatenate([direction, rate / self.rate]) / sizes_of_both
+        for part in TOLERANCES.family_parts:
+            reach = TOLERANCES.family_reach * part / float(np.max(np.abs(asked)))
+            q, u = self.motion.q + reach * direction, self.motion.u + reach * rate
+            start = np.concatenate([q, self._rates(q, u), self.motion.nu])
+            try:
+                found = self._solved(start, inverse, rows, sizes)
+            except _NoMember:
                 return False
-            h = TOLERANCES.acceleration_difference
-            slopes = np.array([(self._left(y + h * x) - self._left(y - h * x)) / (2.0 * h) for x in self.free.T]).T
-            columns = np.maximum(norms(slopes, 0), 1e-300)  # a first-order state may be in any unit
-            y = y - self.free @ (least_squares(slopes / columns, left, rcond=1e-10) / columns)
+            if found is not None:
+                moved = np.concatenate([found[0] - self.motion.q, (found[1] - self.motion.u) / self.rate])
+                # What comes back to the reference is none.
+                if float((moved / sizes_of_both) @ asked) > 0.5 * reach * float(asked @ asked):
+                    return True
         return False
 
-    def _vanishes(self, y: Array, left: Array) -> bool:
-        """Return whether a residual is rounding, relative to the force of each single element along it."""
-        sizes, n = self.sizes, len(self.motion.q)
-        state = self._state(y)
-        fastest = max(float(np.max(np.abs(state.u) / sizes)), float(np.max(np.abs(self.motion.u) / sizes)))
-        allowed = TOLERANCES.force_vanishes * fastest + TOLERANCES.force_rounding * self._rates_of_states(y)
-        if float(np.linalg.norm(left[:n])) * self.rate > allowed:
-            return False
-        direction = left[n:] * sizes
-        at = self.system.dynamics(state.q, state.u, self.motion.time)
-        M = at.M
-        push = float(direction @ M @ direction) * self.rate**2
-        still = np.zeros(n)
-        each = each_size = 0.0
-        for element in self.structure.invariance.elements:
-            columns = list(element.columns)
-            force = np.array(element.force(state.q, state.u, still, self.motion.time), dtype=float)
-            # Constant loads must not hide a weak force.
-            before = np.array(element.force(self.motion.q, self.motion.u, still, self.motion.time), dtype=float)
-            each += abs(float((force - before) @ direction[columns]))
-            each_size += float(np.abs(force) @ np.abs(direction[columns]))
-        a, nu = self.structure.balanced(state.q, state.u)
-        each_size += float((np.abs(M @ a) + np.abs(nu) @ np.abs(at.J)) @ np.abs(direction))
-        # Where no force acts at all, the residual is the effect of rounding in the change; a residual that is
-        # zero to the last bit is zero by structure.
-        K, R, _ = self.system.linearize(state.q, state.u, a, nu, self.motion.time)
-        q, u = np.transpose([self.structure.disturbance(x) for x in np.eye(len(y))[y != 0.0]], (1, 2, 0))
-        each_size += float(np.linalg.norm(y)) * float(np.sum(np.abs(direction @ (K @ q + R @ u))))
-        return push <= TOLERANCES.force_vanishes * each + TOLERANCES.force_rounding * each_size
+    def _solved(self, start: Any, inverse: Any, rows: Array, sizes: Array) -> tuple[Array, Array] | None:
+        """Return q and u of a member, by Newton's method with the slopes at the reference; None: it does not converge.
 
-    def _extent(self, y: Array) -> float:
-        direction, rate = self.structure.disturbance(y)
-        sizes = self.sizes
-        return max(float(np.max(np.abs(direction / sizes))), float(np.max(np.abs(rate / sizes))) / self.rate)
+        Raises
+        ------
+        _NoMember
+            If steps end where forces are left, however small: no member is there, nor nearer to the reference.
+        """
+        x, least, best = BALLS.of(start), -float(TOLERANCES.bits_of_member), np.inf
+        left = self.residual(x) / BALLS.of(rows)
+        for _ in range(TOLERANCES.newton_steps_family):
+            before, power = left, float(np.max(BALLS.powers(left), initial=NONE))
+            if not power < best + 4.0:
+                return None
+            best, size = min(best, power), as_ball(2.0) ** (int(power) if power > NONE else 0)
+            step = -inverse @ middle(left / size) / sizes
+            x = BALLS.settled(x + BALLS.of(step * self.units) * size)
+            left = self.residual(x) / BALLS.of(rows)
+            largest = float(np.max(np.abs(step), initial=0.0))
+            if power < least or not largest or np.log2(largest) + power < least:
+                # Rounding changes with the step, a force that no step reaches does not.
+                if any(map(_stays, before, left)):
+                    raise _NoMember
+                return middle(x[self.parts[0]]), middle(self.speeds(x))
+        return None
 
-    def _rates_of_states(self, y: Array) -> float:
-        """Return the size of the terms of which the rates of first-order coordinates are sums, at rest as well."""
-        spaces, n = self.linear.spaces, self.space.n_xi
-        terms = np.abs(spaces.N) @ (np.abs(self.space.A[:n, :n]) @ np.abs(y[:n]))
-        return float(np.linalg.norm(spaces.scale * terms / self.sizes))
 
-    def _state(self, y: Array) -> State:
-        """Return the state nearest to a disturbance that satisfies the constraints."""
-        direction, rate = self.structure.disturbance(y)
-        state = self.structure.invariance.onto_rows(self.motion.q + direction, self.motion.u + rate)
-        if state is None:
-            raise ValueError("no state that satisfies the constraints")
-        return state
-
-    def _left(self, y: Array) -> Array:
-        """Return the residual of speeds and accelerations modulo symmetries, relative to the characteristic sizes."""
-        state = self._state(y)
-        q, u = state.q, state.u
-        a, _ = self.structure.balanced(q, u)
-        # The accelerations of first-order states follow from what else is compared.
-        a[self.system.states[0]] = 0.0
-        sizes, rate_ = self.sizes, self.rate
-        moves = np.concatenate([u / sizes / rate_, a / sizes / rate_**2])
-        fields = [field for _, field in self.structure.invariance.fields] + self.driven
-        columns = [np.concatenate([x.field(q) / sizes, x.slope(q) @ u / sizes / rate_]) for x in fields]
-        basis = span(np.array(columns).reshape(len(columns), len(moves)).T)
-        result: Array = moves - basis @ (basis.T @ moves)
-        return result
+def _stays(before: Any, after: Any) -> bool:
+    """Return whether a number is not zero, and was the same to many digits, as balls."""
+    return bool(abs(after - before) < as_ball(2.0) ** -TOLERANCES.bits_that_stay * abs(after))

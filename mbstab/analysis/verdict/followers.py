@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mbstab.analysis.algebra.stacks import under
 from mbstab.analysis.verdict.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 
@@ -28,7 +29,7 @@ def disturbances(N: Array, Z: Array, P: Array, gamma: Array | float, states: lis
     leading = _leading(allowed, states)
     # Bodies have no speed: those that come with the rows are taken back.
     eta = -_inverse(leading * allowed) @ (leading * (N @ P @ xi))
-    return np.concatenate([xi, eta / np.asarray(gamma)[..., None, None]], axis=-2)
+    return under(xi, eta / np.asarray(gamma)[..., None, None])
 
 
 def led(directions: Array, allowed: Array, states: list[int]) -> tuple[Array, Array]:

@@ -34,7 +34,7 @@ def growing_zeros(structure: Structure, digits: ManyDigits) -> str:
     moves = np.any(linear.motion.u) or (linear.generator is not None and linear.generator.moves)
     if moves or any(x.of.shift is None for x in items):
         return ""
-    if not _all_linear(structure):
+    if not all_linear(structure):
         return ""
     chain = digits.zeros(()).chain
     if chain < 3:
@@ -46,9 +46,11 @@ def growing_zeros(structure: Structure, digits: ManyDigits) -> str:
     )
 
 
-def _all_linear(structure: Structure) -> bool:
+def all_linear(structure: Structure) -> bool:
     """Return whether inertia, forces and rows are linear in the state: written ones as they are written."""
     system, invariance = structure.linear.system, structure.invariance
+    if system.sparse:
+        return False
     exact = Exact(system.scene)
     try:
         written = all(_linear(exact.exact(expression)) for _, expression in with_state(system))

@@ -25,13 +25,14 @@ import numpy as np
 from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.rank import Rank
 from mbstab.analysis.algebra.sparse import dense, scaled
-from mbstab.analysis.algebra.stacks import beside, frobenius, transposed
+from mbstab.analysis.algebra.stacks import beside, complement, frobenius, transposed, unit
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.coefficients import Matrices, matrices_in
 from mbstab.analysis.reference.steady import Generator
-from mbstab.analysis.verdict.directions import Deflated, Ranks, at_given_momenta
+from mbstab.analysis.verdict.directions import Deflated, Ranks, among, at_given_momenta
+from mbstab.analysis.verdict.growth import all_linear
 from mbstab.analysis.verdict.neutral import Separated, Structure
 from mbstab.analysis.verdict.rule import Minimum
 from mbstab.analysis.verdict.tolerances import TOLERANCES
@@ -81,6 +82,7 @@ class SecondVariation:
         self.structure, self.separated = structure, separated
         self.linear = structure.linear
         self.moving = bool(np.any(self.linear.motion.u))
+        self._ranks = Ranks()
 
     # --- the form -----------------------------------------------------------------------------------------------------
 
@@ -147,9 +149,10 @@ class SecondVariation:
 
     @cached_property
     def following(self) -> Array:
-        """Disturbances of states that only follow the others and decay by themselves, as columns; there may be none.
+        """Disturbances of states that only follow the others, and decay but for symmetries; there may be none.
 
-        Where the others stay near the reference, so do these (Vidyasagar 1980): the energy need not contain them.
+        Where the others stay near the reference, so do these, up to symmetries (Vidyasagar 1980): the energy need not
+        contain them.
         """
         linear, spaces, n = self.linear, self.linear.spaces, len(self.separated.S)
         states = linear.system.following
@@ -163,7 +166,23 @@ class SecondVariation:
         scale = spaces.scale[states]
         rows = evaluated * linear.entries.D_q + np.nan_to_num(roundings(linear).errors.D_q, nan=np.inf)
         error = float(np.linalg.norm(known, 2)) + float(np.max(rows[:, states] * scale)) / float(np.min(scale))
-        return columns if decays(inverse @ S @ columns, error) else nothing
+        left = complement(self._explained)
+        return columns if decays(left.T @ inverse @ S @ columns @ left, error) else nothing
+
+    @cached_property
+    def linear_equations(self) -> bool:
+        """Whether the equations of a scene with symmetries are linear: no motion drives others along these."""
+        return bool(self.separated.neutral.symmetries) and all_linear(self.structure)
+
+    @cached_property
+    def _explained(self) -> Array:
+        """Symmetries among the disturbances of states that only follow, as orthonormal parts of these.
+
+        Members of other families may be left, and are not where the equations are linear.
+        """
+        at = self.structure.at
+        T = self.separated.T if self.linear_equations else unit(at.of_symmetries(self.structure.invariance.symmetries))
+        return among(at.followers(self.linear.system.following), T, self._ranks)
 
     @property
     def beside(self) -> str:
@@ -186,29 +205,25 @@ class SecondVariation:
         )
 
     @property
-    def basis(self) -> Array:
-        """Disturbances at the given momenta, modulo symmetries, as orthonormal columns."""
-        return self._based[0]
-
-    @property
     def ranks(self) -> Mapping[str, int]:
-        """Decisions about these, as of `mbstab.analysis.verdict.directions.Ranks`."""
-        return self._based[1].known
+        """Decisions about the basis, as of `mbstab.analysis.verdict.directions.Ranks`."""
+        return self._ranks.known if self.basis.size else {}
 
     @cached_property
-    def _based(self) -> tuple[Array, Ranks]:
-        at, invariance, ranks = self.structure.at, self.structure.invariance, Ranks()
+    def basis(self) -> Array:
+        """Disturbances at the given momenta, modulo symmetries, as orthonormal columns."""
+        at, invariance, ranks = self.structure.at, self.structure.invariance, self._ranks
         columns = at.of_symmetries(invariance.symmetries)
         if self.moving:
-            return at_given_momenta(columns, at.of_momenta(invariance.momenta), ranks), ranks
+            return at_given_momenta(columns, at.of_momenta(invariance.momenta), ranks)
         # Neighbouring rests without a symmetry are kept: along them the energy has no minimum.
-        return at_given_momenta(beside(at.still(columns), self.following), columns.T[:0], ranks), ranks
+        return at_given_momenta(beside(at.still(columns), self.following), columns.T[:0], ranks)
 
     def definite(self) -> int:
-        """Return 1 if H is positive definite, −1 if negative definite, both beyond rounding, and 0 otherwise."""
+        """Return 1 if H is positive definite, −1 if negative definite, beyond rounding; 0 if neither, or on nothing."""
         if self.linear.system.sparse:
             return self._definite_in_large()
-        return sign_of(self.on(self.basis))
+        return sign_of(self.on(self.basis)) if self.basis.size else 0
 
     def on(self, W: Array) -> Array:
         """Return the numbers of positive, negative and doubtful directions of the form on the span of columns."""
@@ -254,7 +269,7 @@ class SecondVariation:
         if sign:
             whole = not self.moving and not self.separated.neutral.count
             whole = whole or (self.moving and not self.structure.invariance.symmetries)
-            return Minimum(name, True, whole, "maximum" if sign < 0 else "minimum")
+            return Minimum(name, True, whole, "maximum" if sign < 0 else "minimum", linear=self.linear_equations)
         if self.structure.work.conserved and self._with_a_multiple():
             return Minimum(name, True, False, "with a multiple")
         return None
@@ -362,6 +377,8 @@ def decays(A: Array, error: float) -> bool:
     """
     from scipy.linalg import solve_continuous_lyapunov
 
+    if not len(A):
+        return True
     if not np.max(np.linalg.eigvals(A).real) < -error:
         return False
     P = solve_continuous_lyapunov(A.T, -np.eye(len(A)))

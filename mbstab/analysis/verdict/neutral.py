@@ -291,8 +291,7 @@ class Structure:
             # Of equal ones the first: rounding names nothing.
             weights = [-round(float(abs(x @ differential)), 9) for _, x in left]
             taken.append(left.pop(weights.index(min(weights)))[0])
-        if self.linear.system.sparse:
-            taken.sort(key=names.index)  # for many equal ones any basis is as good
+        taken.sort(key=names.index)  # of equal ones any basis is as good
         return L, replace(choice, momenta=integrals, energy=moves) if len(L) else choice, taken
 
     def _tumbles(self) -> bool:
@@ -359,7 +358,7 @@ def _combined(c: Array, items: Sequence[Symmetry]) -> Field:
     return first
 
 
-def may_turn(S: Array, generator: Generator | None, rate: float) -> bool:
+def may_turn(S: Array, generator: Generator | None, rate: float, closeness: float = 0.0) -> bool:
     """Return whether some direction is unchanged by S, or turns with the motion, as those of symmetries are or do.
 
     S has eigenvalues 0 or ± iΩ then, with the rates Ω of the motion.
@@ -368,8 +367,10 @@ def may_turn(S: Array, generator: Generator | None, rate: float) -> bool:
     ----------
     rate : float (1/s)
         A characteristic rate of the scene.
+    closeness : float
+        How well S is known, relative to its size.
     """
-    least = TOLERANCES.direction_closure * max(spectral_norm(S), rate)
+    least = max(TOLERANCES.direction_closure, closeness) * max(spectral_norm(S), rate)
     shifted = (
         S - turn * 1j * np.eye(len(S)) if turn else S for turn in (0.0, *(_rates(generator) if generator else ()))
     )

@@ -67,7 +67,7 @@ Zeros = Literal["", "neutral", "critical"]
 Extremum = Literal["minimum", "maximum", "with a multiple"]
 
 LINEAR = "up to symmetries the equations are linear and no solution of theirs grows: motions nearby stay near"
-SLOWLY = "; what they change there may go on growing, more slowly than {}"
+GROWS = "; what they change there may go on growing, "
 NONLINEAR = "whether disturbances stay small in the long run is up to nonlinear terms"
 
 
@@ -115,6 +115,8 @@ class Minimum:
         ``minimum``, ``maximum``, or ``with a multiple`` of the angular momentum a minimum. Damping destroys the
         stability of the last two.
     evidence : str
+    linear : bool
+        Whether the equations are linear.
     """
 
     name: str
@@ -122,6 +124,7 @@ class Minimum:
     in_place: bool
     kind: Extremum = "minimum"
     evidence: Evidence = "numerical"
+    linear: bool = False
 
 
 @dataclass(frozen=True)
@@ -251,6 +254,25 @@ class Facts:
 
 
 @dataclass(frozen=True)
+class IfSymmetric:
+    """The verdict of a scene with more symmetries, whose decimals differ from the file by less than their last digits.
+
+    Attributes
+    ----------
+    about : tuple of str
+        The further symmetries.
+    verdict : str
+    """
+
+    about: tuple[str, ...]
+    verdict: str
+
+    def __str__(self) -> str:
+        """Return it as a sentence."""
+        return f"symmetric within the digits of the file: {', '.join(self.about)}; if exact: {self.verdict}"
+
+
+@dataclass(frozen=True)
 class Verdict:
     """The verdict on the stability of a motion.
 
@@ -272,6 +294,8 @@ class Verdict:
         ``critical``, zeros that nonlinear terms judge; empty: they are not known to be zero.
     spectrum : Spectrum or None
         Where the eigenvalues lie; None where there is no linearization, or nothing to judge.
+    if_symmetric : IfSymmetric or None
+        The verdict of a scene within the digits of the file that has more symmetries; nothing else rests on it.
     """
 
     word: str
@@ -283,6 +307,7 @@ class Verdict:
     warnings: tuple[str, ...] = ()
     zeros: Zeros = ""
     spectrum: Spectrum | None = None
+    if_symmetric: IfSymmetric | None = None
 
     @property
     def modulo(self) -> Modulo:
@@ -314,6 +339,11 @@ class Judged(Answer):
     def spectrum(self) -> Spectrum | None:
         """Where the eigenvalues lie, whatever the verdict; None where there is no linearization."""
         return self.judged.spectrum
+
+    @property
+    def if_symmetric(self) -> IfSymmetric | None:
+        """The verdict of a scene within the digits of the file that has more symmetries; None: there is none."""
+        return self.judged.if_symmetric
 
     @property
     def in_place(self) -> bool | None:
@@ -418,7 +448,8 @@ def _verdict(facts: Facts) -> Verdict:
     if facts.rough:
         return Verdict(UNDECIDED, (facts.rough,), warnings=facts.warnings)
     if not left:
-        return _up_to(facts, STABLE_UP_TO, f"every motion nearby is of the same kind: {_differ(neutral)}")
+        grows = _growing(neutral, True)
+        return _up_to(facts, STABLE_UP_TO, f"every motion nearby is of the same kind: {_differ(neutral)}{grows}")
     on_axis = [d for d in facts.discs if d.side == "axis"]
     rest = [d for d in facts.discs if d.side == "open"]
     warnings = facts.warnings + facts.frequencies()
@@ -520,7 +551,7 @@ def _decaying(facts: Facts) -> Verdict:
     if neutral.tumbling:
         why = "all that momenta do not hold decays, but a body with a small momentum may tumble for ever"
         return _up_to(facts, STABLE_UP_TO, f"{why}: small disturbances stay small, {_except(neutral)}")
-    return _up_to(facts, ASYMPTOTIC_UP_TO, f"all disturbances decay, {_except(neutral)}")
+    return _up_to(facts, ASYMPTOTIC_UP_TO, f"all disturbances decay, {_except(neutral, True)}")
 
 
 def _by_energy(facts: Facts, minimum: Minimum) -> Verdict:
@@ -532,13 +563,16 @@ def _by_energy(facts: Facts, minimum: Minimum) -> Verdict:
     if minimum.in_place and not neutral.count:
         reason = f"{minimum.name} {strict(minimum.kind)} and cannot leave it: small disturbances stay small"
         return Verdict(STABLE, (reason,), in_place=True, evidence=evidence, warnings=warnings)
-    reason = f"{minimum.name} {strict(minimum.kind)}: small disturbances stay small, {_except(neutral)}"
-    if neutral.symmetries and not neutral.drift and any(d.holds_zero for d in facts.discs):
-        reason += SLOWLY.format(power(1))  # speeds along symmetries decay, but perhaps like a root of 1/t
-    verdict = _up_to(facts, STABLE_UP_TO, reason)
-    return Verdict(
-        verdict.word, verdict.reasons, verdict.symmetries, verdict.family, verdict.in_place, evidence, warnings
-    )
+    zeros = [d for d in facts.discs if d.side == "open" and d.holds_zero]
+    wider = facts.family(sum(d.count for d in zeros)) if zeros else None
+    if wider is not None:
+        facts = replace(facts, neutral=wider, discs=tuple(d for d in facts.discs if d not in zeros))
+    decays = minimum.linear or (facts.census is None and all(d.side == "left" for d in facts.discs))
+    exception = _except(facts.neutral, decays)
+    reason = f"{minimum.name} {strict(minimum.kind)}: small disturbances stay small, {exception}"
+    evidence = weakest(facts.neutral.evidence, minimum.evidence)
+    verdict = replace(_up_to(facts, STABLE_UP_TO, reason), evidence=evidence, warnings=warnings)
+    return verdict if wider is None else replace(verdict, spectrum=_spectrum(facts, verdict), zeros="neutral")
 
 
 def _critical(facts: Facts, critical: Critical) -> Verdict:
@@ -546,13 +580,13 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
     reason = critical.reason
     family = (*neutral.family, *([critical.family] if critical.family else []))
     up_to = critical.verdict in (ASYMPTOTIC_UP_TO, STABLE_UP_TO)
-    if up_to and neutral.names:
-        reason += f", {_except(neutral)}"
-    if up_to and critical.family:
-        reason += growing(critical.drift)
-    elif up_to and critical.drift:
-        # A decay like a root of t may sum without bound.
-        reason += SLOWLY.format(power(critical.drift))
+    if up_to:
+        growth = _growing(neutral, critical.verdict == ASYMPTOTIC_UP_TO)
+        if critical.drift:
+            # A decay like a root of t may sum without bound.
+            slowly = f"{GROWS}more slowly than {power(critical.drift)}"
+            growth = growing(critical.drift) if critical.family else slowly
+        reason += f", {_different(neutral, growth)}" if neutral.names else growth
     staying = critical.verdict == ASYMPTOTIC_UP_TO and bool(critical.family) and not critical.drift
     in_place = critical.verdict in (ASYMPTOTIC, STABLE) or staying
     return Verdict(
@@ -565,11 +599,8 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
 def _up_to(facts: Facts, word: str, reason: str) -> Verdict:
     """Return a verdict that holds up to the neutral directions."""
     neutral = facts.neutral
-    # Other motions of a family may move along the symmetries, however slowly: x' = y^2, y' = 0.
+    reasons = [reason, *([f"as far as checked: {neutral.checked}"] if neutral.checked else [])]
     known = bool(neutral.drift) or not (neutral.symmetries and neutral.family)
-    reasons = [reason + (growing(neutral.drift) if known else "; whether that goes on growing is not judged")]
-    if neutral.checked:
-        reasons.append(f"as far as checked: {neutral.checked}")
     in_place = neutral.drift == 0 if known and word == ASYMPTOTIC_UP_TO else None
     return Verdict(word, tuple(reasons), neutral.symmetries, neutral.family, in_place, neutral.evidence, facts.warnings)
 
@@ -578,11 +609,26 @@ def _differ(neutral: Neutral) -> str:
     return f"it differs in {phrases(neutral.names)} only" if neutral.names else "nothing is left to judge"
 
 
-def _except(neutral: Neutral) -> str:
-    """Return what disturbances may change permanently, in words."""
-    if not neutral.names:
-        return "at the given momenta"
-    return f"except that {phrases(neutral.names)} may end up slightly different"
+def _except(neutral: Neutral, decays: bool = False) -> str:
+    """Return what disturbances may change permanently, and how that grows, in words."""
+    return _different(neutral, _growing(neutral, decays)) if neutral.names else "at the given momenta"
+
+
+def _different(neutral: Neutral, growth: str) -> str:
+    slightly = "" if growth.startswith(GROWS) else "slightly "
+    return f"except that {phrases(neutral.names)} may end up {slightly}different{growth}"
+
+
+def _growing(neutral: Neutral, decays: bool) -> str:
+    """Return how changes along neutral directions grow, in words; `decays` says whether all others decay.
+
+    What decays exponentially moves a motion along symmetries by a finite distance. Other motions of a family may go on
+    along them, however slowly (x' = y^2, y' = 0), and so may oscillations (x' = y z': twice the area that y and z
+    enclose in each period), at speeds that stay small: no faster than t. Those of linear equations go to and fro.
+    """
+    if neutral.drift or not neutral.symmetries or (decays and not neutral.family):
+        return growing(neutral.drift)
+    return f"{GROWS}at most like {power(1)}"
 
 
 def weakest(*evidence: Evidence) -> Evidence:

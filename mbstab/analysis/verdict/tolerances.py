@@ -53,16 +53,24 @@ class Tolerances:
 
     # Families of motions
     family_reach: Final = 0.1
-    """Distance to which families are followed: in sizes of the scene and rad, and relative to their rates."""
-    family_parts: Final = (1.0, 1e-2, 1e-4, 1e-6)
-    """Fractions of this distance at which they are searched as well."""
+    """Distance of a member of a family that is looked for: in sizes of the scene and rad, and relative to its rate."""
+    family_parts: Final = (1.0, 1e-1, 1e-2, 1e-4)
+    """Fractions of this distance: that is taken at which one is found."""
     fixed_states: Final = 6
     """States that symmetries of a reference leave alone, at which the work of forces is compared."""
     family_singular_value: Final = 1e-10
     """Singular values of A modulo symmetries are zero below this fraction of its norm; the next follows after a rank
     gap."""
-    newton_steps_family: Final = 12
-    """Gauss-Newton steps for each motion of a family."""
+    newton_steps_family: Final = 150
+    """Steps of Newton's method for a member of a family, with the slopes at the reference …"""
+    bits_of_member: Final = 240
+    """… to so many bits, relative to the slopes."""
+    bits_that_stay: Final = 16
+    """What Newton's steps leave the same to so many bits is a force, not rounding."""
+    family_slope: Final = 1e-18
+    """Slopes that are smaller than this part of the largest are what differences leave of higher powers."""
+    bits_of_difference: Final = 100
+    """These slopes are differences over this negative power of two, in units of the scene."""
     force_vanishes: Final = 1e-9
     """A force along a direction is zero below this fraction of the force of each element along it …"""
     force_rounding: Final = 1e-14

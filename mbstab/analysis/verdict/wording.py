@@ -56,12 +56,17 @@ def phrases(names: Sequence[str]) -> str:
 
     >>> phrases(("translation along x", "translation along y", "rear_wheel.psi", "speed"))
     'the position along x and y, the angle rear_wheel.psi and the speed'
+    >>> phrases(("motion of rotor", "motion of rotor"))
+    'the motion of rotor (2×)'
     """
-    kinds: dict[str, tuple[str, list[str]]] = {}
+    kinds: dict[str, tuple[str, str, list[str]]] = {}
     for name in names[:MOST]:
         one, many, rest = _parts(name)
-        kinds.setdefault(many or one + rest, (one, []))[1].append(rest)
-    found = [one + rests[0] if len(rests) == 1 else many + listed(rests) for many, (one, rests) in kinds.items()]
+        kinds.setdefault(many or one + rest, (one, many, []))[2].append(rest)
+    found = [
+        one + rests[0] if len(rests) == 1 else many + listed(rests) if many else f"{one}{rests[0]} ({len(rests)}×)"
+        for one, many, rests in kinds.values()
+    ]
     return listed([*found, f"{len(names) - MOST} more"] if len(names) > MOST else found)
 
 

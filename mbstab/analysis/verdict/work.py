@@ -87,8 +87,9 @@ class Work:
 
     @property
     def resisting(self) -> frozenset[str]:
-        """The paths of drag: written forces that take energy from every motion near the reference, which is at rest."""
-        return frozenset(element.path for element in self.kinds["drag"])
+        """The paths of written forces that give no energy to any motion near the reference, which is at rest."""
+        drag = self.kinds["drag"] + [x for x in self.kinds["powerless"] if self._resists(x)]
+        return frozenset(element.path for element in drag)
 
     @cached_property
     def decreases(self) -> bool:
@@ -210,12 +211,14 @@ class Work:
         try:
             with many_bits():
                 kind = self._asked(element) if element.analytic else "other"
-                return "drag" if kind == "other" and self._resists(element) else kind
+                if kind != "other" or not self._resists(element):
+                    return kind
+                return "drag" if self._drag.works(element.path) else "potential"
         except NO_VALUE:
             return "other"
 
     def _resists(self, element: Acting) -> bool:
-        """Return whether a written force takes energy from all motions near the reference, which is at rest."""
+        """Return whether a written force gives no energy to any motion near the reference, which is at rest."""
         at_rest = not np.any(self.motion.u) and not self._moves
         if not (element.written and at_rest and np.all(self._drag.resists(element.path))):
             return False

@@ -274,7 +274,7 @@ def _check_path(
     if "path" in pictures and len(parameters) == 1 and model.reference.find is None:
         raise UsageError(
             "--plot path draws a reference that is found, and the coordinates of this one are given or follow from "
-            "the constraints\nhint: reference: has a key find:, see mbstab manual find"
+            "the constraints\nhint: reference: has a key find:, see mbstab manual model-file"
         )
     known = [*model.coordinates(), *model.outputs]
     for name in coordinates:

@@ -26,7 +26,7 @@ CROWDED = 40.0
 
 
 def number_branches(axes: Axes, result: Sweep, curves: SweepCurves, x: Array, y: Array) -> PointLabels:
-    """Return labels with the numbers of branches without names; a picture with one colour needs none."""
+    """Return labels with the numbers of branches without names; a single pair needs none."""
     labels = PointLabels(axes)
     add_branches(labels, result, curves, (x, y))
     return labels
@@ -46,9 +46,9 @@ def add_branches(
         The curves; nan where they are hidden.
     word : str, optional
         Stands before numbers, and names are written too; otherwise only branches without names get their numbers, if
-        there are several families.
+        there are more than those of a pair.
     """
-    if word is None and len(set(curves.ink)) < 2:
+    if word is None and len(set(curves.ink)) < 2 and len(curves.ink) < 3:
         return
     shown, x, y, places, hidden = _seen(labels.axes, *points)
     order = np.linspace(0.0, 1.0, len(places))

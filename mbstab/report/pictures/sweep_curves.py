@@ -43,7 +43,7 @@ class SweepCurves:
     span : float
         Range of the parameter.
     ink : list of str
-        A colour for each branch; conjugate branches share theirs.
+        A colour for each branch; those that are conjugate to each other longest share theirs.
     named : dict
         Names of branches with their colours.
     critical : list of list of Critical
@@ -224,15 +224,20 @@ def _growing(branches: Complex, unstable: npt.NDArray[np.intp]) -> Mask:
 
 
 def _inks(branches: Complex) -> list[str]:
-    """Return colours of branches: the same for those that are conjugate somewhere."""
+    """Return colours of branches, in pairs: the same for those that are conjugate to each other at most points."""
     r = branches.shape[1]
-    group = list(range(r))
     some = branches[:: max(1, len(branches) // 500)]
     size = np.max(np.abs(some), axis=1, initial=0.0)
+    pairs: list[tuple[int, int, int]] = []
     for i in range(r):
         for j in range(i):
             apart = np.abs(some[:, i] - np.conj(some[:, j]))
-            if np.any((apart <= 1e-9 * size) & (np.abs(some[:, i].imag) > 1e-6 * size)):
-                group = [group[j] if g == group[i] else g for g in group]
+            points = np.sum((apart <= 1e-9 * size) & (np.abs(some[:, i].imag) > 1e-6 * size))
+            pairs += [(-int(points), j, i)] * bool(points)
+    partner: dict[int, int] = {}
+    for _, j, i in sorted(pairs):
+        if j not in partner and i not in partner:
+            partner[i], partner[j] = j, j
+    group = [partner.get(i, i) for i in range(r)]
     order = list(dict.fromkeys(group))
     return [branch_ink(order.index(g)) for g in group]
