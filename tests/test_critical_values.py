@@ -14,7 +14,8 @@ from sampling import sample
 import mbstab
 from mbstab import load, loads
 from mbstab.analysis.sweep import batched_spectra
-from mbstab.analysis.sweep.batched_verdict import NOT_COUNTED, WORD, _zeros
+from mbstab.analysis.sweep.batched_verdict import NOT_COUNTED, _zeros
+from mbstab.analysis.sweep.spectra import WORD
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED, WORDS
 from mbstab.cli import main
