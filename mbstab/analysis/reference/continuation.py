@@ -416,6 +416,8 @@ class _Curve(CurveEquations):
         at = replace(low, q=q, c=c, p=low.p + part * (high.p - low.p), tangent=0.5 * (low.tangent + high.tangent))
         if min(at.p - self.low, self.high - at.p) <= TOLERANCES.crossing_distance**2 * self.width:
             return True  # whether it lies within the range is rounding
+        if any(abs(at.p - known) <= TOLERANCES.crossing_distance * self.width for known in run.crossings):
+            return True  # a point of the path lies on it: both steps beside it cross
         run.crossings.append(at.p)
         self.crossed.append(at)
         for pair in ((before, at), (at, after)):
