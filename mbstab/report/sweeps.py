@@ -133,7 +133,7 @@ def _branch(result: Sweep, b: int) -> str:
 
 def _place(c: Critical, result: Sweep, factor: float) -> list[str]:
     """Return a critical value, and where it was to be proven its radius."""
-    value = number(_rounded(c.value, result) / factor, 13, c.error / factor)
+    value = f"{_rounded(c.value, result) / factor:.13g}"
     if c.enclosed is None:
         return [value]
     if c.enclosed.value is None:
@@ -197,12 +197,12 @@ def _rounded(value: float, result: Sweep) -> float:
 
 def _ranges(result: Sweep, factor: float) -> list[str]:
     """Return the verdicts between the critical values, one line for each range of the same word."""
-    lines, runs, errors = [], _in_order(result, result.ranges), {c.value: c.error / factor for c in result.critical}
+    lines, runs = [], _in_order(result, result.ranges)
     for run in runs:
-        ends = _in_order(result, (run.low, run.high))
-        first, last = (number(_rounded(x, result) / factor, 6, errors.get(x, 0.0)) for x in ends)
+        low, high = (_rounded(x, result) / factor for x in (run.low, run.high))
         word, many = WORDS[run.word], f" ({', '.join(map(str, run.counts))})"
-        place = f"{first} to {last}" if run.high > run.low else f"at {first}"
+        first, last = (number(x, 6) for x in _in_order(result, (low, high)))
+        place = f"{first} to {last}" if high > low else f"at {first}"
         lines.append(f"  {place}: {word}{many if word == UNSTABLE and any(run.counts) else _located(result, run)}")
     if any(run.high > run.low for run in runs):
         points = counted(len(result.values) - len(result.problems), "point")

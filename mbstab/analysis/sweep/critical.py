@@ -106,8 +106,6 @@ class Critical:
         What is proven about it; None: no proof was requested.
     slopes : CriticalSlopes or None
         Its derivatives by the other parameters; None: they were not requested.
-    error : float
-        So far from it (SI), on either side, the numbers of unstable eigenvalues are known; 0 if it is no such change.
     """
 
     value: float
@@ -120,11 +118,6 @@ class Critical:
     verdicts: tuple[str, str] = ("", "")
     enclosed: Enclosed | None = None
     slopes: CriticalSlopes | None = None
-    error: float = 0.0
-
-    def at(self, other: Critical) -> bool:
-        """Return whether two values may be one."""
-        return abs(self.value - other.value) <= self.error + other.error
 
 
 def kind_of(reason: PathEnd) -> str:

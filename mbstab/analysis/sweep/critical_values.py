@@ -72,21 +72,10 @@ class CriticalValues(Branches):
             found += self._changes(part, branches)
         # Branches that pass the axis at the same value are found one by one, and described alike.
         different: list[Critical] = []
-        for c in sorted([*found, *self._at_ends(branches)], key=lambda c: c.error):
-            k = next((k for k, other in enumerate(different) if self._same(c, other)), None)
-            if k is None:
+        for c in [*found, *self._at_ends(branches)]:
+            if not any(self.known(c.value, [other]) and replace(c, value=other.value) == other for other in different):
                 different.append(c)
-            else:
-                numbers = {*different[k].branches, *c.branches}
-                different[k] = replace(different[k], branches=tuple(sorted(numbers)))
         return different
-
-    def _same(self, one: Critical, other: Critical) -> bool:
-        """Return whether two critical values are one; all that pass zero at one value do so together."""
-        alike = replace(one, value=other.value, error=other.error, verdicts=other.verdicts)
-        if one.kind == "divergence" and one.at(other):
-            alike = replace(alike, branches=other.branches)
-        return (one.at(other) or self.known(one.value, [other])) and alike == other
 
     def _at_ends(self, branches: Complex) -> list[Critical]:
         """Return where stability changes exactly at an end of the range, as the spectra just beyond it show."""
@@ -103,7 +92,7 @@ class CriticalValues(Branches):
             part = self._stretch(np.sort(np.array([inside, value, beyond])))
             changes = self._changes(part, branches)
             found += [
-                replace(c, value=value, error=max(c.error, abs(c.value - value)))
+                replace(c, value=value)
                 for c in changes
                 if c.kind != "unresolved" and abs(c.value - value) <= TOLERANCES.at_end_of_range * self.width
             ]
@@ -211,7 +200,7 @@ class CriticalValues(Branches):
         left = self._leaving(part, (a, b), (low, high), branches)
         place = self._pole(low, high)
         if place is not None and not left:
-            return [Critical(place[0], "infinity", (), 0.0, counts, error=place[1])]
+            return [Critical(place, "infinity", (), 0.0, counts)]
         return left or self.changed(low, high, counts, branches)
 
     def changed(self, low: float, high: float, counts: tuple[int, int], branches: Complex) -> list[Critical]:
@@ -222,22 +211,20 @@ class CriticalValues(Branches):
         """
         own = self.x[(self.x >= low) & (self.x <= high)]
         value = float(own[0]) if len(own) else 0.5 * (low + high)
-        error = max(value - low, high - value)
         pair, end = self._stretch(np.array([low, high])), int(counts[1] > counts[0])
         moving = np.flatnonzero((pair.sides[0] == RIGHT) != (pair.sides[1] == RIGHT))
         growing, there = pair.values[end, moving], pair.values[0]
         if not len(moving):
-            return [Critical(value, "unresolved", (), 0.0, counts, error=error)]
+            return [Critical(value, "unresolved", (), 0.0, counts)]
         numbers = self._columns_at(low, there, branches)
         if np.any(np.abs(growing.imag) <= np.abs(growing.real)):
-            return [Critical(value, "divergence", tuple(sorted(numbers[moving].tolist())), 0.0, counts, error=error)]
+            return [Critical(value, "divergence", tuple(sorted(numbers[moving].tolist())), 0.0, counts)]
         kind = "collision" if pair.mirrored.all() else "flutter"
         pairs = moving[growing.imag > 0.0].tolist() if kind == "flutter" else [None]
-        found = (self._described(value, kind, pair.values[1 - end], counts, branches, i) for i in pairs)
-        return [replace(c, error=error) for c in found]
+        return [self._described(value, kind, pair.values[1 - end], counts, branches, i) for i in pairs]
 
-    def _pole(self, low: float, high: float) -> tuple[float, float] | None:
-        """Return where between two values a single eigenvalue is infinite, and an error; None if none is.
+    def _pole(self, low: float, high: float) -> float | None:
+        """Return where between two values a single eigenvalue is infinite; None if none is.
 
         The reciprocal of the product of all is zero there, and smooth. Far away a polynomial misses it by its own
         error, nearby eigenvalues are rounding: the distance at which the guess changes least is the best one.
@@ -257,7 +244,7 @@ class CriticalValues(Branches):
             if len(y) == len(x) and y[0] * y[-1] < 0.0 and np.all(np.diff(y) * np.sign(y[-1]) > 0.0):
                 value, error = Search(x, y, each - 1, each).guess()
                 guesses += [(error, value)] if low <= value <= high and error <= high - low else []
-        return min(guesses)[::-1] if guesses else None
+        return min(guesses)[1] if guesses else None
 
     def _beginning(self, part: Stretch, places: tuple[int, int], branches: Complex) -> list[Critical]:
         """Return a change exactly at a point where the spectrum is symmetric, as where damping begins at zero."""
@@ -584,12 +571,7 @@ class CriticalValues(Branches):
             np.abs(part.values[[i, j]])
         ):
             return None
-        place = self._enclosed(value, (a, b), counts)
-        if place is None:
-            return None
         found = replace(self._described(value, kind, there, counts, branches, which), verdicts=words)
-        value, error = place
-        found = replace(found, value=value, error=error)
         if kind == "collision":
             stable = a if counts[0] < counts[1] else b
             found = replace(found, signatures=self._signatures(value, stable, found.frequency))
@@ -649,48 +631,6 @@ class CriticalValues(Branches):
                 below, above = (WORDS[int(self.looked[p].words)] for p in places)
                 return (int(found[0]), int(found[1])), (below, above)
         return (-1, -1), ("", "")
-
-    def _enclosed(self, value: float, ends: tuple[float, float], counts: tuple[int, int]) -> tuple[float, float] | None:
-        """Return where between two points a number of unstable eigenvalues changes to another one, and an error.
-
-        A root of a test function is where rounding puts it. The sides of eigenvalues, which have bounds, tell next to
-        it between which values it can be; among these a point of the sweep is as good as any other.
-        """
-        reach = self.width * 10.0 ** -np.arange(1.0, 1.0 - np.log10(EPS))
-        places = np.unique(np.concatenate([value - reach, value + reach]))
-        places = places[(places > ends[0]) & (places < ends[1])]
-        known = self._settled(places)
-        sure = np.flatnonzero(known >= 0)
-        x, states = [ends[0], *places[sure].tolist(), ends[1]], [counts[0], *known[sure].tolist(), counts[1]]
-        pairs = [(p, q) for p, q, *told in zip(x, x[1:], states, states[1:], strict=False) if (*told,) == counts]
-        if not pairs:
-            return None
-        low, high = min(pairs, key=lambda pair: max(pair[0] - value, value - pair[1]))
-        while not low < value < high and high - low > EPS * self.width:
-            middle = 0.5 * (low + high)
-            count = int(self._settled(np.array([middle]))[0])
-            if count not in counts:
-                value = middle
-                break
-            low, high = (middle, high) if count == counts[0] else (low, middle)
-        value = float(np.clip(value, low, high))
-        # Within some roundings of the place a symmetry may be seen that is not there.
-        rounding = TOLERANCES.roundings_of_place * EPS * self.width
-        low, high = low - rounding, high + rounding
-        alike = (self.counts < 0) | (np.abs(self.x - value) <= rounding)
-        alike |= high - low <= TOLERANCES.meeting_rounding * self.width
-        for k in np.flatnonzero((self.x >= low) & (self.x <= high) & alike).tolist():
-            value = float(self.x[k])
-        return value, max(value - low, high - value)
-
-    def _settled(self, points: Array) -> Index:
-        """Return the numbers of unstable eigenvalues at further points as bounds for many tell them; −1 where open."""
-        if not len(points):
-            return np.zeros(0, dtype=int)
-        found = self._spectra(points, needed=True)
-        counts = settled(found.sides, found.words, self.unplaced)
-        counts[np.any(np.isnan(found.values), axis=1)] = -1
-        return counts
 
     def _signatures(self, value: float, stable: float, frequency: float) -> tuple[int, int] | None:
         """Return the signs of the energies ω² x̄ᵀM x + x̄ᵀK x of the modes that meet, where they are apart.

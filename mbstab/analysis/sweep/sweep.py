@@ -288,7 +288,7 @@ def _answer(
         critical += [tracker.ended(value, reason) for value, reason in path.ends if value != path.start]
     ranges = Ranges(tracker, words)
     critical += ranges.untold(critical, branches)
-    critical.sort(key=lambda c: (c.value, c.branches))
+    critical.sort(key=lambda c: c.value)
     warnings = (*tracker.warnings, *idle(model, [parameter], None if path is None else {parameter: path.start}))
     # What is said of the speeds and the moments of one point holds for the others.
     points = [pattern.linear for pattern in evaluator.patterns[:1]]

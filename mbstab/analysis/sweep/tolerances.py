@@ -141,8 +141,6 @@ class Tolerances:
     """Sweeps with fewer points get intermediate points everywhere."""
     interval_ratio: Final = 100.0
     """Intervals whose ends have a larger ratio are divided geometrically."""
-    roundings_of_place: Final = 4.0
-    """Critical values are known to no less than this many roundings of the largest value of the parameter."""
     beyond_range: Final = 1e-4
     """Distance beyond a range, relative to the parameter, at which the change at its end is tested …"""
     at_end_of_range: Final = 1e-9
