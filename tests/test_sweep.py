@@ -225,7 +225,7 @@ def test_branches_are_what_eig_says_at_the_same_point(name, parameter):
     default = sweep_values(model, parameter)
     rng = np.random.default_rng(len(name))
     x = np.sort(rng.uniform(default.min(), default.max(), 24))
-    result = mechanism.sweep(parameter, x)
+    result = mechanism.sweep(parameter, x, si=True)
     answered = [i for i in range(len(x)) if i not in result.problems]
     assert len(answered) >= 8
     for i in rng.choice(answered, 3, replace=False):
