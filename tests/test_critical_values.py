@@ -14,7 +14,8 @@ from sampling import sample
 import mbstab
 from mbstab import load, loads
 from mbstab.analysis.sweep import batched_spectra
-from mbstab.analysis.sweep.batched_verdict import NOT_COUNTED, WORD, _zeros
+from mbstab.analysis.sweep.batched_verdict import NOT_COUNTED, _zeros
+from mbstab.analysis.sweep.spectra import WORD
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import STRENGTH, UNDECIDED, WORDS
 from mbstab.cli import main
@@ -517,7 +518,7 @@ def test_pairs_that_exchange_stability_between_two_points_are_found(low, high, p
 
 # --- ranges: points at which the spectrum is special speak for themselves only ---------------------------------------
 
-RAIL = """
+RESISTED = """
 mbstab: 1
 parameters: {{p: 0.3}}
 bodies: {{b: {{type: planar_point, mass: 1}}}}
@@ -550,7 +551,7 @@ def said(result):
 )  # fmt: skip
 def test_a_fold_or_crossing_on_a_point_says_nothing_of_the_interval_beside_it(force, guess, ends, ranges, down):
     grid = np.linspace(*ends)
-    result = loads(RAIL.format(force=force, guess=guess)).sweep("p", grid[::-1] if down else grid)
+    result = loads(RESISTED.format(force=force, guess=guess)).sweep("p", grid[::-1] if down else grid)
     assert {x for path in said(result) for x in path} == ranges
     assert "unresolved" not in [c.kind for path in (result, *result.beyond) for c in path.critical]
 

@@ -358,8 +358,8 @@ joints:
 reference: {find: equilibrium, guess: {b: {x: 1, y: -0.2}}}
 """
     message = failure(text, ModelFileError)
-    assert "where joint 'also_short' is satisfied, it is" in message
-    assert "where joint 'short' is satisfied, it is" in message
+    assert "where joint 'also_short' is satisfied, (d² − l²) / 2l" in message
+    assert "where joint 'short' is satisfied, (d² − l²) / 2l" in message
     state, _ = only(text.replace("length: 1.5", "length: 2.5"))
     x = (1.0 - 2.5**2 + 9.0) / 6.0
     assert abs(state["b.x"] - x) < 1e-14

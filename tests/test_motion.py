@@ -1039,7 +1039,7 @@ reference:
 def test_rods_too_short_to_meet_cannot_be_assembled():
     with pytest.raises(
         ModelFileError,
-        match=r"joint '(one|two)' \(distance\): \(d² − l²\) / 2l, .* is \S+ m(.|\n)*no coordinates were found",
+        match=r"joint '(one|two)': where .* is satisfied, \(d² − l²\) / 2l, .* is \S+ m(.|\n)*no coordinates",
     ):
         mbstab.loads(TWO_RODS.replace("REFERENCE", "guess: {p: {x: 0.4, y: 0.1}}")).motion()
 

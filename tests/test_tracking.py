@@ -10,16 +10,8 @@ from scipy.optimize import brentq, linear_sum_assignment
 import mbstab
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.roots import Search, root
-from mbstab.analysis.sweep.batched_verdict import (
-    WORD,
-    eigenvalues,
-    pinned,
-    placed,
-    settled,
-    signs,
-    unplaced,
-    unstable_counts,
-)
+from mbstab.analysis.sweep.batched_verdict import eigenvalues, placed
+from mbstab.analysis.sweep.spectra import WORD, pinned, settled, signs, unplaced, unstable_counts
 from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP
 from mbstab.analysis.sweep.tracking import (
     continuous,

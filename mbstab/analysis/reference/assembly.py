@@ -140,7 +140,7 @@ def _contradiction(
     for unit in {system.rows[i].unit for i in still if system.rows[i].owner == owner} if closed else ():
         own = [i for i in range(system.n_h) if (system.rows[i].owner, system.rows[i].unit) == (owner, unit)]
         gap = float(np.linalg.norm(E[own]))
-        what = "the gap" if all(system.rows[i].residual == Row.residual for i in own) else "it"
+        what = "the gap" if all(system.rows[i].residual == Row.residual for i in own) else system.rows[own[0]].residual
         where = f"{', '.join(closed)} {'is' if len(closed) == 1 else 'are'} satisfied"
         said[unit] = f"where {where}, {what} is {gap:.6g}{unit_of_row(system, system.rows[own[0]])}"
     return said

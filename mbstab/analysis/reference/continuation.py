@@ -173,7 +173,7 @@ class _Curve(CurveEquations):
         """Return a run as a path."""
         values, index = np.unique([point.p for point in run.points], return_index=True)
         q, c = (np.array([getattr(run.points[i], name) for i in index]) for name in ("q", "c"))
-        crossings = tuple(sorted(run.crossings))
+        crossings = tuple(sorted(set(run.crossings)))  # a path may start at one, on which both its parts come
         growing = {end: self._largest(q[np.argmin(np.abs(values - end))]) for end, x in run.ends if x is PathEnd.AWAY}
         return Path(
             self.model.parameters[self.parameter], values, q, c, tuple(run.ends), crossings, start,
@@ -416,6 +416,8 @@ class _Curve(CurveEquations):
         at = replace(low, q=q, c=c, p=low.p + part * (high.p - low.p), tangent=0.5 * (low.tangent + high.tangent))
         if min(at.p - self.low, self.high - at.p) <= TOLERANCES.crossing_distance**2 * self.width:
             return True  # whether it lies within the range is rounding
+        if any(abs(at.p - known) <= TOLERANCES.crossing_distance * self.width for known in run.crossings):
+            return True  # a point of the path lies on it: both steps beside it cross
         run.crossings.append(at.p)
         self.crossed.append(at)
         for pair in ((before, at), (at, after)):

@@ -474,7 +474,7 @@ def _columns(parts: Sequence[Array], used: Sequence[tuple[int, int]]) -> Array:
 def _inverse(S: Array) -> tuple[Array, Array]:
     """Return the pseudo-inverse and the size of the rounding in each of its entries."""
     inverse = np.asarray(np.linalg.pinv(S), dtype=float)
-    rounding = float(EPS * np.linalg.norm(S, 2) * np.linalg.norm(inverse, 2) ** 2)
+    rounding = float(len(S) * EPS * np.linalg.norm(S, 2) * np.linalg.norm(inverse, 2) ** 2)
     return inverse, np.full(inverse.shape, rounding)
 
 

@@ -24,7 +24,7 @@ from mbstab.analysis.algebra.subspaces import Subspaces, decided
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization, entries_of
-from mbstab.analysis.reference.coefficients import Matrices, matrices_in, multiplier_sizes
+from mbstab.analysis.reference.coefficients import matrices_in, multiplier_sizes
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.imbalance import balanced_at, carrying, state_rounding
 from mbstab.analysis.reference.many_points import polished
@@ -64,11 +64,6 @@ class Pattern:
     errors: dict[tuple[float, ...], EntryErrors | None] = field(default_factory=dict, compare=False, repr=False)
 
 
-Terms = tuple[Array, Array]
-"""How much larger the terms of matrices are than their sums, by points: the ratio of norms, and the terms of each entry
-of K by the norm of K, as what cancels in one entry may be small beside another."""
-
-
 class Equations:
     """The equations of points of a pattern, evaluated together.
 
@@ -102,15 +97,15 @@ class Equations:
         if pattern.family is not None:
             self.good &= spins_freely(system, pattern.family.columns)
 
-    def linearized(self, errors: Samples, terms: Terms | None = None) -> tuple[Flags, Points]:
+    def linearized(self, errors: Samples, terms: Samples) -> tuple[Flags, Points]:
         """Return which points fit the pattern, and their linearized equations.
 
         Parameters
         ----------
         errors : Samples
             What the rounding of the file changes in them, as `EntryErrors`.
-        terms : Terms, optional
-            The largest ones of points among which these are; else their own.
+        terms : Samples
+            What `terms` returns of some of them.
         """
         (motion, steady), linear, system = self.motion, self.pattern.linear, self.system
         spaces, scale, light = motion.spaces, motion.spaces.scale, linear.massless
@@ -124,7 +119,6 @@ class Equations:
             most = np.maximum(np.max(np.abs(forces), axis=-1), 1e-300)
             across = np.max(np.abs(times(transposed(J), nu) * scale), axis=-1) / most
         free, inverse, m = spaces.allowed, motion.augmented.inverse, matrices_in(system, motion, steady)
-        self.terms = spread, parts = self._terms(m) if terms is None else terms
         if light is not None:
             M, R = (scaled(x, scale, scale) for x in m[:2])
             moved, basis, alike = light.at_points(M, R, spaces)
@@ -146,10 +140,10 @@ class Equations:
             self.good &= inertias[:, 0] > REFERENCE.massless * inertias[:, -1]
         of_K, of_R, rest = errors.larger()
         data = scaled(of_K, scale, scale), scaled(of_R, scale, scale), rest
-        spread = spread * self._cancelling
+        spread, parts = terms.larger()
+        spread, parts = spread * self._cancelling, parts * frobenius(K)[:, None, None]
         error = self._error((M, R, K, D_q), P, M_z, gamma, inverse, spaces.W.pseudo_inverse, S, data) * spread
         deflated = motion.q, steady, scale, M, R, K, N, Z, P, S, gamma
-        parts = parts * frobenius(K)[:, None, None]
         return self.good, Points(*deflated, system, motion.u, motion.a, data, free, error, across, spread, parts)
 
     @property
@@ -234,16 +228,22 @@ class Equations:
         result: Array = np.maximum(evaluated, given / (TOLERANCES.part_of_margin * TOLERANCES.bounds_from_axis))
         return result
 
-    def _terms(self, m: Matrices) -> Terms:
-        """Return how much larger the terms of scaled matrices are than their sums."""
-        motion, steady = self.motion
-        found = entries_of(self.system, motion, steady, multiplier_sizes(self.system, motion))
-        of_K, of_R, M, R, K = (scaled(x, motion.spaces.scale, motion.spaces.scale) for x in (found.K, found.R, *m[:3]))
+    def terms(self) -> tuple[Array, Array]:
+        """Return how much larger the terms of the matrices of each point are than their sums.
+
+        The ratio of norms, shape (points,), and the terms of each entry of K by the norm of K, (points, n_q, n_q), as
+        what cancels in one entry may be small beside another.
+        """
+        (motion, steady), system = self.motion, self.system
+        found = entries_of(system, motion, steady, multiplier_sizes(system, motion))
+        parts = found.K, found.R, *matrices_in(system, motion, steady)[:3]
+        of_K, of_R, M, R, K = (scaled(x, motion.spaces.scale, motion.spaces.scale) for x in parts)
         M, R, K = (frobenius(x) for x in (M, R, K))
         gamma = np.sqrt(K) + R
         ratio = (frobenius(of_K) + frobenius(of_R) * gamma) / np.maximum(K + R * gamma + M * gamma**2, 1e-300)
         ratio = np.maximum(np.nan_to_num(ratio, nan=1.0, posinf=1e6), 1.0)
-        return ratio, np.nan_to_num(of_K / np.maximum(K, 1e-300)[:, None, None], nan=0.0, posinf=1e300)
+        of_K = np.nan_to_num(of_K / np.maximum(K, 1e-300)[:, None, None], nan=0.0, posinf=1e300)
+        return np.broadcast_to(ratio, (self.points,)), np.broadcast_to(of_K, (self.points, *of_K.shape[1:]))
 
     def _state(self) -> tuple[Array, Generator | None, Array, Dynamics]:
         """Return the coordinates, the steady motion, the speeds and the equations of motion there."""

@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.algebra.stacks import some
 from mbstab.analysis.bounds.location import enclosures
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
 from mbstab.analysis.reference.equations import Balance
@@ -28,17 +27,16 @@ from mbstab.analysis.reference.paths import Path, Sheet, Surface
 from mbstab.analysis.reference.requested import reference_motion
 from mbstab.analysis.reference.steady import Family, spinning_columns
 from mbstab.analysis.spectrum.exactly import Exactly
-from mbstab.analysis.sweep.batched_equations import Equations, Pattern, Terms
+from mbstab.analysis.sweep.batched_equations import Equations, Pattern
 from mbstab.analysis.sweep.batched_structure import Known, coefficients
-from mbstab.analysis.sweep.batched_verdict import NOT_COUNTED, WORD, Judged, judged
+from mbstab.analysis.sweep.batched_verdict import NOT_COUNTED, Judged, judged
 from mbstab.analysis.sweep.data_errors import EntryErrors, Samples, data_errors, entry_errors
 from mbstab.analysis.sweep.open_points import Kind, Part, kinds_of_open_points, nearly_meeting, settle, spread
 from mbstab.analysis.sweep.shapes import Shapes, shapes_of
-from mbstab.analysis.sweep.spectra import Spectra
+from mbstab.analysis.sweep.spectra import NO_EIGENVALUE, WORD, Spectra, usual
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import NO_EIGENVALUE
 from mbstab.analysis.verdict.facts import Grounds
-from mbstab.analysis.verdict.rule import AXIS, NAMES, OPEN, UNDECIDED, Sides, Verdict, judge, place
+from mbstab.analysis.verdict.rule import NAMES, OPEN, UNDECIDED, Sides, Verdict, judge, place
 from mbstab.analysis.verdict.tolerances import TOLERANCES as VERDICT
 from mbstab.compiler.system import Array, System
 from mbstab.errors import MbstabError, UsageError
@@ -71,7 +69,7 @@ class Evaluator:
         self.patterns = list(patterns)
         self.tried: list[Pattern] = []  # those of them that have fitted few points
         self.errors: Samples | None = None
-        self.terms: Terms | None = None
+        self.terms: Samples | None = None
         self.solutions: dict[tuple[float, ...], tuple[Array, Array] | None] = {}
         """Coordinates and rates of points that are solved by themselves, by the values of the parameters."""
         self.alone = 0
@@ -252,12 +250,13 @@ class _Work:
         done = alike[pending]
         alike_ones = pending[done]
         errors = self._errors(pattern, alike_ones) if len(alike_ones) else None
-        if errors is None:
+        terms = None if errors is None else self._terms(pattern, alike_ones)
+        if errors is None or terms is None:
             return np.zeros(len(pending), dtype=bool)
         block, fits = max(64, TOLERANCES.block_entries // pattern.linear.M.size), []
         for start in range(0, len(alike_ones), block):
             part = slice(start, start + block)
-            fits.append(self._block(pattern, alike_ones[part], errors.at(part)))
+            fits.append(self._block(pattern, alike_ones[part], (errors.at(part), terms.at(part))))
             self.progress(1.0 - (len(pending) - start) / self.points)
         done[done] = np.concatenate(fits)
         return done
@@ -378,44 +377,24 @@ class _Work:
 
     def gathered(self, count: int | None = None) -> Spectra:
         """Return the spectra; the number of neutral eigenvalues is `count`, or the smallest of all points."""
+        n_f, neutral = self._sizes(count)
         mirrored, sizes = np.zeros(self.points, dtype=bool), np.zeros(self.points)
         words = np.full(self.points, WORD[UNDECIDED], dtype=np.int8)
-        n_f, neutral = self._sizes(count)
         width = 2 * len(self.evaluator.model.coordinates()) * (self.path is not None)
         values, motion = np.full((self.points, n_f - neutral), NO_EIGENVALUE), np.full((self.points, width), np.nan)
         sides = np.full(values.shape, OPEN, dtype=np.int8)
         for part in self.found:
-            index, other = part.index, part.known.neutral.count
-            if part.total != n_f:
-                many = "eigenvalue exists" if part.total == 1 else "eigenvalues exist"
-                text = f"{part.total} finite {many} here, elsewhere {n_f}"
-                self.problems |= {int(i): text for i in index}
-                continue
-            if other == neutral:
-                values[index], sides[index] = part.found.values, part.found.sides
-            else:
-                # Additional zeros, or eigenvalues that are zero elsewhere.
-                full = np.hstack([part.found.values, np.zeros((len(index), other), dtype=complex)])
-                places = np.hstack([part.found.sides, np.full((len(index), other), AXIS, dtype=np.int8)])
-                order = np.argsort(-np.abs(full), axis=1, kind="stable")[:, : n_f - neutral]
-                values[index] = np.take_along_axis(full, order, axis=1)
-                sides[index] = np.take_along_axis(places, order, axis=1)
-            words[index], mirrored[index] = part.found.words, bool(part.known.mirrored)
-            sizes[index] = part.found.sizes
-            motion[index] = part.found.motion[:, :width]
+            index, own = part.index, part.found.fitted(n_f, neutral)
+            values[index], sides[index], words[index] = own.values, own.sides, own.words
+            mirrored[index], sizes[index], motion[index] = own.mirrored, own.sizes, own.motion[:, :width]
+            self.problems |= {int(index[i]): text for i, text in own.problems.items()}
         lost = list(self.problems)
         values[lost], sides[lost], words[lost], motion[lost] = NO_EIGENVALUE, OPEN, WORD[UNDECIDED], np.nan
         return Spectra(values, sides, words, mirrored, self.problems, neutral, sizes, motion)
 
     def _sizes(self, count: int | None) -> tuple[int, int]:
         """Return the number of eigenvalues at most points, and the number of neutral ones."""
-        counts: dict[tuple[int, int], int] = {}
-        for part in self.found:
-            key = part.total, part.known.neutral.count
-            counts[key] = counts.get(key, 0) + len(part.index)
-        if not counts:
-            return count or 0, 0
-        n_f, neutral = max(counts, key=lambda key: counts[key])
+        n_f, neutral = usual(part.found for part in self.found)
         if count is not None:
             return max(n_f, count), max(n_f - count, 0)
         # At single points symmetries may be missing: eigenvalues that are zero elsewhere are small there.
@@ -495,7 +474,10 @@ class _Work:
             sides[0, list(own.members)] = numbers[disc.side]
         sizes, motion = np.array([np.linalg.norm(grounds.S)]), np.hstack([grounds.motion.q, grounds.motion.u])
         words = np.array([WORD[verdict.word]], dtype=np.int8)
-        found = Judged(placed.values[None], sides, words, sizes, motion[None], np.array([NOT_COUNTED]))
+        mirrored, neutral = np.array([bool(grounds.mirrored)]), separated.neutral.count
+        found = Judged(
+            placed.values[None], sides, words, mirrored, {}, neutral, sizes, motion[None], np.array([NOT_COUNTED])
+        )
         # Earlier results for the point are discarded.
         for n, part in enumerate(self.found):
             if len(part.index) and i in part.index:
@@ -544,12 +526,11 @@ class _Work:
 
     # --- many points ------------------------------------------------------------------------------------------------
 
-    def _block(self, pattern: Pattern, index: Index, errors: Samples) -> Flags:
+    def _block(self, pattern: Pattern, index: Index, known: tuple[Samples, Samples]) -> Flags:
         """Compute points of a pattern together; return which of them fit it."""
         with np.errstate(all="ignore"):
             try:
-                equations, known = self._equations(pattern, index, self.scene(index)), self.evaluator.terms
-                good, points = equations.linearized(errors, None if self.sampled else known)
+                good, points = self._equations(pattern, index, self.scene(index)).linearized(*known)
                 separation = pattern.known.separated(points)
                 for x in self.values.values():
                     good = good & ((x[index] == 0.0) | (np.abs(x[index]) >= VERDICT.number_lost))
@@ -557,11 +538,6 @@ class _Work:
                 found = judged(pattern.known, points, separation)
             except (MbstabError, ArithmeticError, np.linalg.LinAlgError):
                 return np.zeros(len(index), dtype=bool)
-        if np.any(good) and self.sampled:  # further points between these take the largest
-            own = [some(x, good, 0) for x in equations.terms]
-            both = zip(own, own if known is None else known, strict=True)
-            ratio, parts = (np.max(np.concatenate(x), axis=0, keepdims=True) for x in both)
-            self.evaluator.terms = ratio, parts
         if np.any(good):
             self.found.append(Part(index[good], found.at(good), pattern.known))
         return good
@@ -569,9 +545,10 @@ class _Work:
     def separated(self, pattern: Pattern, index: Index, count: int, of: Callable[..., Iterable[T]]) -> dict[int, T]:
         """Return what is told of the equations of points with `count` eigenvalues, by their numbers, if they fit."""
         with np.errstate(all="ignore"), contextlib.suppress(MbstabError, ArithmeticError, np.linalg.LinAlgError):
-            if len(index) and (errors := self._errors(pattern, index)) is not None:
+            errors, terms = (f(pattern, index) if len(index) else None for f in (self._errors, self._terms))
+            if errors is not None and terms is not None:
                 equations = self._equations(pattern, index, self.scene(index))
-                good, points = equations.linearized(errors.at(slice(0, len(index))), self.evaluator.terms)
+                good, points = equations.linearized(*(x.at(slice(len(index))) for x in (errors, terms)))
                 separation = pattern.known.separated(points)
                 if separation.A.shape[-1] == count:
                     told = zip(index.tolist(), (good & separation.good).tolist(), of(points, separation), strict=True)
@@ -604,6 +581,19 @@ class _Work:
 
     def _start(self, index: Index) -> tuple[Array, Array] | None:
         return None if self.path is None else self.path.predicted({k: x[index] for k, x in self.values.items()})
+
+    def _terms(self, pattern: Pattern, index: Index) -> Samples | None:
+        """Return how much cancels in the equations, from some of the points; None if unknown."""
+        earlier, points = self.evaluator.terms, len(index)
+        if earlier is not None and (not self.sampled or points < TOLERANCES.points_of_lonely_pattern):
+            return earlier
+        some = np.unique(np.linspace(0, points - 1, TOLERANCES.points_with_terms).round().astype(int))
+        with np.errstate(all="ignore"), contextlib.suppress(MbstabError, ArithmeticError, np.linalg.LinAlgError):
+            parts = self._equations(pattern, index[some], self.scene(index[some])).terms()
+            found = Samples.of(some, parts, points)
+            self.evaluator.terms = found.largest(earlier)
+            return found
+        return earlier
 
     def _errors(self, pattern: Pattern, index: Index) -> Samples | None:
         """Return how much the rounding of the file changes the equations, from some of the points; None if unknown."""

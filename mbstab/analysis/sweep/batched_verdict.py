@@ -8,7 +8,7 @@ the code of `mbstab eig`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.bounds.eigenpairs import eigenpairs
 from mbstab.analysis.sweep.batched_structure import Known, Separation
 from mbstab.analysis.sweep.points import Points
+from mbstab.analysis.sweep.spectra import WORD, Spectra
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import (
     AXIS,
@@ -28,8 +29,6 @@ from mbstab.analysis.verdict.rule import (
     OPEN,
     RIGHT,
     UNDECIDED,
-    UNSTABLE,
-    WORDS,
     Disc,
     Extremum,
     Facts,
@@ -46,55 +45,35 @@ MINIMUM, MAXIMUM, MULTIPLE = 1, -1, 2
 """Extremum of the energy: a minimum, a maximum, a minimum with a multiple of a momentum added."""
 EXTREMA: dict[int, Extremum] = {MINIMUM: "minimum", MAXIMUM: "maximum", MULTIPLE: "with a multiple"}
 
-WORD = {word: number for number, word in enumerate(WORDS)}
-"""Numbers of the words of verdicts."""
-
 NOT_COUNTED = -1
 """Stands for the number of zeros where it was not asked for, or no gap tells it."""
 
 
 @dataclass(frozen=True)
-class Judged:
-    """Eigenvalues of many points and their verdicts.
+class Judged(Spectra):
+    """Spectra of points of a pattern.
 
     Attributes
     ----------
-    values : ndarray of complex, shape (points, r)
-    sides : ndarray of int8, shape (points, r)
-        `RIGHT`, `LEFT`, `AXIS` or `OPEN`.
-    words : ndarray of int8, shape (points,)
-        Numbers of the verdicts among `mbstab.analysis.verdict.rule.WORDS`.
-    sizes : ndarray, shape (points,)
-        Norms of the matrices (1/s).
-    motion : ndarray, shape (points, 2 n_q)
-        Coordinates and rates of the reference.
     zeros : ndarray of int, shape (points,)
         Number of singular values of the matrices left to judge that are zero; `NOT_COUNTED` where the verdict is known.
     """
 
-    values: Complex
-    sides: Sides
-    words: npt.NDArray[np.int8]
-    sizes: Array
-    motion: Array
     zeros: Index
-
-    def at(self, index: Any) -> Judged:
-        """Return some of the points."""
-        columns = self.values, self.sides, self.words, self.sizes, self.motion, self.zeros
-        return Judged(*(x[index] for x in columns))
 
 
 def judged(known: Known, points: Points, separation: Separation) -> Judged:
     """Return eigenvalues, their sides and verdicts of points of a pattern."""
     A, error = separation.A, separation.error
     size, r = A.shape[0], A.shape[-1]
-    motion = np.hstack([points.q, points.u])
+    about: dict[str, Any] = {
+        "mirrored": np.full(size, bool(known.mirrored)), "problems": {}, "neutral": known.neutral.count,
+        "sizes": points.size, "motion": np.hstack([points.q, points.u]), "zeros": np.full(size, NOT_COUNTED),
+    }  # fmt: skip
     if not r:
         empty = np.zeros((size, 0))
         words_ = _words(known, np.zeros((size, 5), dtype=int))
-        none = np.full(size, NOT_COUNTED)
-        return Judged(empty.astype(complex), empty.astype(np.int8), words_, points.size, motion, none)
+        return Judged(empty.astype(complex), empty.astype(np.int8), words_, **about)
     least = np.broadcast_to(error, (size,)) + r * EPS * np.linalg.norm(A, axis=(1, 2))
     minima = np.zeros(size, dtype=int)
     counts = known.stiffness(points, r)
@@ -114,10 +93,9 @@ def judged(known: Known, points: Points, separation: Separation) -> Judged:
                 if known.grounds.structure.work.conserved:
                     sides[minima != 0] = AXIS
     words_ = words(known, sides, minima)
-    zeros = np.full(size, NOT_COUNTED)
     asked = np.flatnonzero(words_ == WORD[UNDECIDED])
-    zeros[asked] = _zeros(A[asked])
-    return Judged(values, sides, words_, points.size, motion, zeros)
+    about["zeros"][asked] = _zeros(A[asked])
+    return Judged(values, sides, words_, **about)
 
 
 def _zeros(A: Array) -> Index:
@@ -172,64 +150,6 @@ def _facts(known: Known, counts: list[int], minimum: int) -> Facts:
         minimum=energy,
         reversible=known.grounds.reversible,
     )
-
-
-def signs(sides: Sides) -> Sides:
-    """Return 1 and −1 for eigenvalues right and left of the axis, 0 for all others."""
-    return np.where(sides == OPEN, np.int8(0), sides)
-
-
-def touching(before: Sides, now: Sides, after: Sides) -> Sides:
-    """Return 1 or −1 for eigenvalues that come from that side of the axis to it, or near it, and do not pass it.
-
-    They are at a point between two others, one of which may have them near the axis, too.
-    """
-    from_, to = signs(before), signs(after)
-    return np.where((signs(now) == 0) & (from_ * to >= 0), np.sign(from_ + to), np.int8(0))
-
-
-def unstable_counts(sides: Sides, words: npt.NDArray[np.int8]) -> Index:
-    """Return the numbers of unstable eigenvalues of points, by the sides of all; −1 where the verdict is open."""
-    counts = np.where(words == WORD[UNSTABLE], np.sum(sides == RIGHT, axis=1), 0)
-    return np.where(words == WORD[UNDECIDED], -1, counts)
-
-
-def unplaced(sides: Sides, words: npt.NDArray[np.int8], problems: Container[int]) -> int:
-    """Return the number of eigenvalues that are undecided at all of many points: unexplained zeros.
-
-    A single point at which fewer are is special: terms of the equations vanish there. Where a family of motions
-    explains them at some points, and the motion is unstable at others, only the latter count: no family is searched
-    there.
-    """
-    asked = np.array([i not in problems for i in range(len(words))], dtype=bool)
-    if np.any((words != WORD[UNSTABLE]) & (words != WORD[UNDECIDED])):
-        asked &= words == WORD[UNSTABLE]
-    if not asked.any():
-        return 0
-    number = np.sum(sides == OPEN, axis=1)[asked]
-    if len(number) > 3:
-        beside = np.stack([np.roll(number, 1), np.roll(number, -1)])
-        beside[0, 0], beside[1, -1] = number[2], number[-3]
-        number = np.maximum(number, np.min(beside, axis=0))
-    return int(np.min(number))
-
-
-def settled(sides: Sides, words: npt.NDArray[np.int8], number: int) -> Index:
-    """Return the numbers of unstable eigenvalues; −1 where more than `number` of them are undecided."""
-    decided = (words != WORD[UNDECIDED]) & (words != WORD[UNSTABLE])
-    found = decided | (np.sum(sides == OPEN, axis=1) <= number)
-    return np.where(found, np.sum(sides == RIGHT, axis=1), -1)
-
-
-def pinned(values: Complex, sides: Sides, sizes: Array, number: int) -> Complex:
-    """Return spectra, shape (points, r), with `number` unexplained zeros set to zero: their values are noise.
-
-    Where more may be zero, nothing tells which of them are; their sum is known much better than each of them.
-    """
-    if not number:
-        return values
-    tiny = (sides == OPEN) & (np.abs(values) <= TOLERANCES.unexplained_zero * sizes[:, None])
-    return np.where(tiny & (np.sum(tiny, axis=1, keepdims=True) <= number), 0.0, values)
 
 
 # --- eigenvalues ------------------------------------------------------------------------------------------------------

@@ -18,11 +18,10 @@ from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import Sheet, Surface
 from mbstab.analysis.sweep.batched_equations import Pattern
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import WORD, pinned, signs, touching, unplaced
-from mbstab.analysis.sweep.spectra import Spectra
+from mbstab.analysis.sweep.spectra import WORD, Spectra, pinned, signs, touching, unplaced, usual
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, continuous, follow, turning
-from mbstab.analysis.verdict.rule import OPEN, UNDECIDED, Sides
+from mbstab.analysis.sweep.tracking import continuous, follow, turning
+from mbstab.analysis.verdict.rule import UNDECIDED, Sides
 from mbstab.compiler.system import Array
 from mbstab.model.parameters import bound
 from mbstab.model.reader import read_model_text
@@ -210,12 +209,7 @@ def tasks(
 
 def merged(blocks: list[Block]) -> Block:
     """Return consecutive blocks as one, with the most frequent number of neutral eigenvalues."""
-    sizes: dict[tuple[int, int], int] = {}
-    for block in blocks:
-        if len(block.problems) < len(block.values):
-            key = block.values.shape[1] + block.neutral, block.neutral
-            sizes[key] = sizes.get(key, 0) + len(block.values)
-    total, neutral = max(sizes, key=lambda key: sizes[key]) if sizes else (0, 0)
+    total, neutral = usual(blocks)
     fitted = [_fitted(block, total, neutral) for block in blocks]
     clear: list[Flags] = []
     problems: dict[int, str] = {}
@@ -241,24 +235,6 @@ def undecided(raw: Block) -> Index:
 
 
 def _fitted(block: Block, total: int, neutral: int) -> Block:
-    """Return a block with given numbers of all and of neutral eigenvalues."""
-    points, here = len(block.values), block.values.shape[1] + block.neutral
-    count, own = total - neutral, block.values.shape[1]
-    if here != total or len(block.problems) == points:
-        text = f"{here} finite eigenvalues exist here, elsewhere {total}"
-        return replace(
-            block, values=np.full((points, count), NO_EIGENVALUE), sides=np.full((points, count), OPEN, dtype=np.int8),
-            words=np.full(points, WORD[UNDECIDED], dtype=np.int8), clear=np.zeros(points - 1, dtype=bool),
-            problems={i: block.problems.get(i, text) for i in range(points)}, neutral=neutral,
-            motion=np.full_like(block.motion, np.nan),
-        )  # fmt: skip
-    if own == count:
-        return block
-    # Zeros of a symmetry that does not exist elsewhere, or eigenvalues that are zero elsewhere.
-    width = max(count - own, 0)
-    values = np.pad(block.values, ((0, 0), (0, width)))
-    sides = np.pad(block.sides, ((0, 0), (0, width)))
-    order = np.argsort(-np.abs(values), axis=1, kind="stable")[:, :count] if own > count else np.arange(count)[None]
-    order = np.broadcast_to(order, (points, count))
-    values, sides = np.take_along_axis(values, order, axis=1), np.take_along_axis(sides, order, axis=1)
-    return replace(block, values=values, sides=sides, clear=np.zeros(points - 1, dtype=bool), neutral=neutral)
+    """Return a block with given numbers of all and of neutral eigenvalues, in other columns if need be."""
+    found = block.fitted(total, neutral)
+    return found if found is block else replace(found, clear=np.zeros_like(block.clear))

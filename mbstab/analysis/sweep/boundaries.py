@@ -17,9 +17,8 @@ import numpy.typing as npt
 from mbstab.analysis.algebra.arrays import Flags, Index
 from mbstab.analysis.reference.paths import Sheet
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import settled
 from mbstab.analysis.sweep.blocks import Block
-from mbstab.analysis.sweep.spectra import Spectra
+from mbstab.analysis.sweep.spectra import Spectra, settled
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import discriminant, symmetric_product
 from mbstab.analysis.verdict.rule import RIGHT

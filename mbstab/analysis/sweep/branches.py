@@ -13,12 +13,11 @@ from mbstab.analysis.algebra.arrays import Complex, Flags, Index
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import WORD, pinned, settled, unplaced
 from mbstab.analysis.sweep.blocks import Block
 from mbstab.analysis.sweep.shapes import Shapes, Told, told
-from mbstab.analysis.sweep.spectra import Spectra
+from mbstab.analysis.sweep.spectra import NO_EIGENVALUE, WORD, Spectra, pinned, settled, unplaced
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, doubtful, follow, has_twins, together, uncertain
+from mbstab.analysis.sweep.tracking import doubtful, follow, has_twins, together, uncertain
 from mbstab.analysis.verdict.rule import OPEN, UNDECIDED, Sides
 from mbstab.compiler.system import Array
 from mbstab.model.schema import after_number

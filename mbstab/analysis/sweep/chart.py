@@ -21,12 +21,12 @@ from mbstab.analysis.reference.guesses import idle
 from mbstab.analysis.reference.paths import Path, Sheet, Surface, meet
 from mbstab.analysis.reference.sheets import follow_all, joined_rows
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import WORD, unstable_counts
-from mbstab.analysis.sweep.batched_verdict import unplaced as unplaced_of
 from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks, undecided
 from mbstab.analysis.sweep.boundaries import Edge, Grid, changing, counts, traced, untold
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
+from mbstab.analysis.sweep.spectra import WORD, unstable_counts
+from mbstab.analysis.sweep.spectra import unplaced as unplaced_of
 from mbstab.analysis.verdict.rule import UNDECIDED, WORDS
 from mbstab.compiler.system import Array
 from mbstab.errors import UsageError, counted

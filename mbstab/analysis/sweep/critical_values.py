@@ -14,12 +14,12 @@ from mbstab.analysis.algebra.roots import Search
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.paths import PathEnd
-from mbstab.analysis.sweep.batched_verdict import settled, signs, touching
 from mbstab.analysis.sweep.brackets import Bracket, RealPart, Stretch, Test, far_apart, needed, spaced
 from mbstab.analysis.sweep.branches import Branches
 from mbstab.analysis.sweep.critical import Critical, kind_of
+from mbstab.analysis.sweep.spectra import NO_EIGENVALUE, settled, signs, touching
 from mbstab.analysis.sweep.tolerances import TOLERANCES
-from mbstab.analysis.sweep.tracking import NO_EIGENVALUE, discriminant, follow, product, symmetric_product, turning
+from mbstab.analysis.sweep.tracking import discriminant, follow, product, symmetric_product, turning
 from mbstab.analysis.verdict.rule import AXIS, RIGHT, WORDS, Sides
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError

@@ -8,7 +8,8 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Index
 from mbstab.analysis.sweep.batched_structure import Known
-from mbstab.analysis.sweep.batched_verdict import WORD, Judged
+from mbstab.analysis.sweep.batched_verdict import Judged
+from mbstab.analysis.sweep.spectra import WORD
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import AXIS, LEFT, OPEN, RIGHT, UNDECIDED
 from mbstab.records import dataclass

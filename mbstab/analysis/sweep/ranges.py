@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex
 from mbstab.analysis.reference.paths import Path
-from mbstab.analysis.sweep.batched_verdict import WORD, unstable_counts
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
+from mbstab.analysis.sweep.spectra import WORD, unstable_counts
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import UNDECIDED, UNSTABLE
 from mbstab.compiler.system import Array

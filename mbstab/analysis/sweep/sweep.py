@@ -31,7 +31,6 @@ from mbstab.analysis.reference.motion import motion_at
 from mbstab.analysis.reference.paths import Path as Solutions
 from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.sweep.batched_spectra import Evaluator
-from mbstab.analysis.sweep.batched_verdict import unstable_counts
 from mbstab.analysis.sweep.blocks import Block, Progress, home_of, merged, patterns_at, tasks, undecided
 from mbstab.analysis.sweep.critical import Critical
 from mbstab.analysis.sweep.critical_values import CriticalValues
@@ -39,6 +38,7 @@ from mbstab.analysis.sweep.detail import Detail, detailed
 from mbstab.analysis.sweep.jobs import run, stored
 from mbstab.analysis.sweep.ranges import Range, Ranges
 from mbstab.analysis.sweep.settings import HERE, SweepSettings
+from mbstab.analysis.sweep.spectra import unstable_counts
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.rule import AXIS, LEFT, OPEN, RIGHT, WORDS
 from mbstab.compiler.system import Array, System
@@ -257,10 +257,13 @@ def sweep(
     with stored(all_tasks, settings) as store:
         blocks = iter(run(all_tasks, store, settings, progress))
         found = [
-            _at(x, _answer(model, parameter, more, path, merged(list(islice(blocks, len(group)))), (meetings, detail)))
+            _at(
+                np.flatnonzero(np.isin(more, x))[order],
+                _answer(model, parameter, more, path, merged(list(islice(blocks, len(group)))), (meetings, detail)),
+            )
             for x, more, path, group in zip(grids, closer, paths, groups, strict=True)
         ]
-    return replace(_ordered(found[0], order), beyond=tuple(_ordered(result, order) for result in found[1:]))
+    return replace(found[0], beyond=tuple(found[1:]))
 
 
 def _answer(
@@ -336,30 +339,12 @@ def _outputs(model: Model, parameter: str, x: Array, motion: Array) -> dict[str,
     return dict(zip(model.outputs, found.T, strict=True))
 
 
-def _at(x: Array, result: Sweep) -> Sweep:
-    """Return a sweep at some of its points."""
-    kept = np.flatnonzero(np.isin(result.values, x))
-    problems = {n: result.problems[int(i)] for n, i in enumerate(kept) if int(i) in result.problems}
+def _at(index: Index, result: Sweep) -> Sweep:
+    """Return a sweep at some of its points, in this order."""
     return replace(
-        result, values=x, branches=result.branches[kept], unstable=result.unstable[kept], words=result.words[kept],
-        problems=problems, reference={name: x[kept] for name, x in result.reference.items()},
-        outputs={name: x[kept] for name, x in result.outputs.items()},
-        located=result.located[kept],
+        result, values=result.values[index], branches=result.branches[index], unstable=result.unstable[index],
+        words=result.words[index], located=result.located[index],
+        problems={n: result.problems[i] for n, i in enumerate(index.tolist()) if i in result.problems},
+        reference={name: x[index] for name, x in result.reference.items()},
+        outputs={name: x[index] for name, x in result.outputs.items()},
     )  # fmt: skip
-
-
-def _ordered(result: Sweep, order: slice) -> Sweep:
-    """Return a sweep over ascending values in the requested order."""
-    last = len(result.values) - 1
-    problems = {last - i if order.step else i: text for i, text in result.problems.items()}
-    return replace(
-        result,
-        values=result.values[order],
-        branches=result.branches[order],
-        unstable=result.unstable[order],
-        words=result.words[order],
-        problems=dict(sorted(problems.items())),
-        reference={name: x[order] for name, x in result.reference.items()},
-        outputs={name: x[order] for name, x in result.outputs.items()},
-        located=result.located[order],
-    )

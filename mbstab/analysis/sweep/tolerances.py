@@ -15,8 +15,10 @@ class Tolerances:
     """S maps directions of symmetries out of their span by less than this fraction of its norm."""
     block_entries: Final = 600_000
     """Entries of a matrix over all points evaluated together: enough to amortize Python, few enough for the caches."""
+    points_with_terms: Final = 17
+    """Number of points of a block at which the terms of the matrices are formed …"""
     points_tried_for_errors: Final = 17
-    """At so many points it is tried to propagate the rounding of the file, from both ends on, until one has any."""
+    """… and at which it is tried to propagate the rounding of the file, from both ends on, until one has any."""
     points_with_errors: Final = 6
     """Number of points at which that is done, at most: these two, and others …"""
     errors_alike: Final = 100.0

@@ -12,8 +12,6 @@ from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 
-NO_EIGENVALUE = complex("nan+nanj")
-
 
 def squares(values: Complex) -> Complex:
     """Return λ² of a symmetric spectrum of an even number of eigenvalues, each one once."""

@@ -142,6 +142,10 @@ def _speeds(structure: Structure, moved: Array) -> list[str]:
     return names if len(names) == moved.shape[1] else []
 
 
+class _NoMember(Exception):
+    """Forces are left where a motion was looked for."""
+
+
 class _Members:
     """The equations E(q, ω, ν) = 0 of motions whose speeds are those of symmetries, u = Σ ω_k X_k(q), in balls."""
 
@@ -226,7 +230,11 @@ class _Members:
         for part in TOLERANCES.family_parts:
             reach = TOLERANCES.family_reach * part / float(np.max(np.abs(asked)))
             q, u = self.motion.q + reach * direction, self.motion.u + reach * rate
-            found = self._solved(np.concatenate([q, self._rates(q, u), self.motion.nu]), inverse, rows, sizes)
+            start = np.concatenate([q, self._rates(q, u), self.motion.nu])
+            try:
+                found = self._solved(start, inverse, rows, sizes)
+            except _NoMember:
+                return False
             if found is not None:
                 moved = np.concatenate([found[0] - self.motion.q, (found[1] - self.motion.u) / self.rate])
                 # What comes back to the reference is none.
@@ -235,17 +243,32 @@ class _Members:
         return False
 
     def _solved(self, start: Any, inverse: Any, rows: Array, sizes: Array) -> tuple[Array, Array] | None:
-        """Return q and u of a member, by Newton's method with the slopes at the reference; None: there is none."""
-        x, least, before = BALLS.of(start), -float(TOLERANCES.bits_of_member), np.inf
+        """Return q and u of a member, by Newton's method with the slopes at the reference; None: it does not converge.
+
+        Raises
+        ------
+        _NoMember
+            If steps end where forces are left, however small: no member is there, nor nearer to the reference.
+        """
+        x, least, best = BALLS.of(start), -float(TOLERANCES.bits_of_member), np.inf
+        left = self.residual(x) / BALLS.of(rows)
         for _ in range(TOLERANCES.newton_steps_family):
-            left = self.residual(x) / BALLS.of(rows)
-            power = float(np.max(BALLS.powers(left), initial=NONE))
-            if power < least:
-                q = middle(x[self.parts[0]])
-                return q, middle(self.speeds(x))
-            if not power < before + 4.0:
+            before, power = left, float(np.max(BALLS.powers(left), initial=NONE))
+            if not power < best + 4.0:
                 return None
-            before, size = min(before, power), as_ball(2.0) ** int(power)
-            step = -inverse @ middle(left / size) / sizes * self.units
-            x = BALLS.settled(x + BALLS.of(step) * size)
+            best, size = min(best, power), as_ball(2.0) ** (int(power) if power > NONE else 0)
+            step = -inverse @ middle(left / size) / sizes
+            x = BALLS.settled(x + BALLS.of(step * self.units) * size)
+            left = self.residual(x) / BALLS.of(rows)
+            largest = float(np.max(np.abs(step), initial=0.0))
+            if power < least or not largest or np.log2(largest) + power < least:
+                # Rounding changes with the step, a force that no step reaches does not.
+                if any(map(_stays, before, left)):
+                    raise _NoMember
+                return middle(x[self.parts[0]]), middle(self.speeds(x))
         return None
+
+
+def _stays(before: Any, after: Any) -> bool:
+    """Return whether a number is not zero, and was the same to many digits, as balls."""
+    return bool(abs(after - before) < as_ball(2.0) ** -TOLERANCES.bits_that_stay * abs(after))

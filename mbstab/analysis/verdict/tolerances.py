@@ -65,6 +65,8 @@ class Tolerances:
     """Steps of Newton's method for a member of a family, with the slopes at the reference …"""
     bits_of_member: Final = 240
     """… to so many bits, relative to the slopes."""
+    bits_that_stay: Final = 16
+    """What Newton's steps leave the same to so many bits is a force, not rounding."""
     family_slope: Final = 1e-18
     """Slopes that are smaller than this part of the largest are what differences leave of higher powers."""
     bits_of_difference: Final = 100
