@@ -173,7 +173,7 @@ class _Curve(CurveEquations):
         """Return a run as a path."""
         values, index = np.unique([point.p for point in run.points], return_index=True)
         q, c = (np.array([getattr(run.points[i], name) for i in index]) for name in ("q", "c"))
-        crossings = tuple(sorted(set(run.crossings)))  # a path may start at one, on which both its parts come
+        crossings = tuple(sorted(run.crossings))
         growing = {end: self._largest(q[np.argmin(np.abs(values - end))]) for end, x in run.ends if x is PathEnd.AWAY}
         return Path(
             self.model.parameters[self.parameter], values, q, c, tuple(run.ends), crossings, start,

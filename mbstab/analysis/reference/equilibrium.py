@@ -264,9 +264,11 @@ class Problem:
             at = at if sharpened is None else search.state(*sharpened)
         finder = Finder(self.system, self.massless)
         finder.solved = [name for name, held in zip(self.system.names, self.held, strict=True) if not held]
-        if np.any(excess(search, at) > 1.0):
+        over = excess(search, at)
+        if np.any(over > 1.0):
             at = search.softened(at)
-        small = np.all(np.abs(at.residual) <= TOLERANCES.residual) and np.all(excess(search, at) <= 1.0)
+            over = excess(search, at)
+        small = np.all(np.abs(at.residual) <= TOLERANCES.residual) and np.all(over <= 1.0)
         if not (small and self._closed(at)) or undetermined(search, at)[1]:
             raise Failure(self, search).error(at)
         self._require_rates(search, at)

@@ -14,7 +14,7 @@ of the coordinates and speeds that it contains.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import cached_property, partial
@@ -67,13 +67,22 @@ class Identities:
         balance it.
     exact : System, optional
         The scene in balls, if its numbers are others than those of the file.
+    states : Identities, optional
+        Those at whose random states these are asked.
     """
 
-    def __init__(self, near: ElementComparison, alone: Identities | None = None, exact: System | None = None) -> None:
+    def __init__(
+        self,
+        near: ElementComparison,
+        alone: Identities | None = None,
+        exact: System | None = None,
+        states: Identities | None = None,
+    ) -> None:
+        states = states or alone
         self.near, self.alone, self.together, self._given = near, alone, alone is not None, exact
         self.system, self.motion, self.rate = near.system, near.motion, near.rate_of_states
         self.basis = Basis(self.system)
-        self._found: dict[tuple[int, int, float], list[State]] = {} if alone is None else alone._found
+        self._found: dict[tuple[int, int, float], list[State]] = {} if states is None else states._found
 
     @cached_property
     def _exact(self) -> System:
@@ -375,21 +384,28 @@ class Identities:
             np.max(np.abs(step)) > TOLERANCES.field_felt * np.max(np.abs(np.array(c, dtype=float) / self.scale))
         )
 
+    def _tested(self) -> Iterator[tuple[Cluster, At]]:
+        """Yield clusters at as many random states as it takes to see all their fields."""
+        for own in self._searched:
+            for visit in range(TOLERANCES.states_beyond + len(own.fields) // own.least):
+                for at in self._visited(own, visit):
+                    yield own, at
+
+    def changes(self, c: Array) -> Array:
+        """Return what fields, as columns of balls, do to all elements at random states, as rows."""
+        found = [self._along(own, at, c[own.fields], "along") for own, at in self._tested()]
+        return np.concatenate([BALLS.zeros((0, c.shape[1])), *found])
+
     def _refined(self, space: Array, pivots: Array) -> Array:
         """Return fields that doubles propose with all digits, by Newton's method; others do not converge."""
         free = np.flatnonzero(~np.any(pivots & (np.sum(pivots, axis=1, keepdims=True) == 1), axis=1))
         parts, slopes = list[tuple[Cluster, At, Array]](), [np.zeros((0, self.basis.size))]
-        for own in self._searched:
-            every = BALLS.of(np.diag(self.scale[own.fields]))
-            for visit in range(TOLERANCES.states_beyond + len(own.fields) // own.least):
-                for at in self._visited(own, visit):
-                    value = self._along(own, at, every, "along")
-                    size = np.where(excludes_zero(value), BALLS.powers(value), NONE)
-                    most = np.max(size, axis=1, initial=NONE)
-                    units = BALLS.of(np.where(most > NONE, np.exp2(-np.where(most > NONE, most, 0.0)), 0.0)[:, None])
-                    slopes.append(np.zeros((len(value), self.basis.size)))
-                    slopes[-1][:, own.fields] = middle(value * units)
-                    parts.append((own, at, units))
+        for own, at in self._tested():
+            value = self._along(own, at, BALLS.of(np.diag(self.scale[own.fields])), "along")
+            units = row_units(np.where(excludes_zero(value), BALLS.powers(value), NONE))
+            slopes.append(np.zeros((len(value), self.basis.size)))
+            slopes[-1][:, own.fields] = middle(value * units)
+            parts.append((own, at, units))
         # What the rows leave open stays as proposed: a step along it would be rounding that no step takes away.
         matrix = np.concatenate(slopes)[:, free]
         solved = independent(matrix.T, np.any(space[free] != 0, axis=1))
@@ -733,6 +749,12 @@ class Identities:
                 return np.zeros((self.basis.size, 0), dtype=object)
             found, _ = reduced(BALLS.multiplied(space, combinations), self.scale, self.basis.lengths)
             return np.asarray(np.frompyfunc(_short_ball, 1, 1)(found), dtype=object)
+
+
+def row_units(powers: Array) -> Array:
+    """Return powers of two that bring the largest entry of each row to about one, as a column; 0 for rows of zeros."""
+    most = np.max(powers, axis=1, initial=NONE)
+    return BALLS.of(np.where(most > NONE, np.exp2(-np.where(most > NONE, most, 0.0)), 0.0)[:, None])
 
 
 def null_space(parts: Sequence[tuple[list[int], Array]], size: int, least: float) -> Array:

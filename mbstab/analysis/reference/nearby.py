@@ -16,7 +16,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.ball_arrays import BALLS, NONE, as_ball, many_bits, middle
 from mbstab.analysis.reference.element_comparison import ElementComparison
-from mbstab.analysis.reference.identities import NO_VALUE, Identities
+from mbstab.analysis.reference.identities import NO_VALUE, Identities, row_units
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, System
 from mbstab.model.balls import ball_arithmetic, decimal
@@ -70,7 +70,7 @@ class _Moved:
         """
         every, still = BALLS.of(np.eye(len(fields))), BALLS.zeros((len(self.units),))
         changes = self.changes(every, still)
-        weights, slopes = _weights(changes), []
+        weights, slopes = row_units(BALLS.powers(changes)), []
         changes = changes * weights
         for k in range(len(still)):
             step = still.copy()
@@ -106,19 +106,7 @@ class _Moved:
         with uncollected(), many_bits(TOLERANCES.bits_of_scene):
             moved = {x: y + z * u for x, y, z, u in zip(self.names, self.given, off, self.units, strict=True)}
             exact = self.system.renumbered(evaluate(self.model, moved, ball_arithmetic(), checked=True))
-        scene, C = Identities(self.near, exact=exact), C * self.scale
-        scene._found = self.identities._found
-        found = [BALLS.zeros((0, C.shape[1]))]
-        for own in scene._searched:
-            for visit in range(TOLERANCES.states_beyond + len(own.fields) // own.least):
-                found += [scene._along(own, at, C[own.fields], "along") for at in scene._visited(own, visit)]
-        return np.concatenate(found)
-
-
-def _weights(A: Array) -> Array:
-    """Return powers of two that bring the largest entry of each row to about one, as a column."""
-    most = np.max(BALLS.powers(A), axis=1, initial=NONE)
-    return BALLS.of(np.where(most > NONE, np.exp2(-np.where(most > NONE, most, 0.0)), 0.0)[:, None])
+        return Identities(self.near, exact=exact, states=self.identities).changes(C * self.scale)
 
 
 def _written(text: str, off: Any) -> str:

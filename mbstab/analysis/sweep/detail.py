@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
+from mbstab.analysis.algebra.matching import together
 from mbstab.analysis.sweep.branches import Branches
-from mbstab.analysis.sweep.shapes import groups
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import certain_links
 from mbstab.analysis.verdict.rule import RIGHT, Sides
@@ -124,7 +124,7 @@ def _between(values: Complex, links: Index) -> Index:
     one, other = (np.take_along_axis(values, order, axis=1) for order in (ahead, back))
     jump, places = np.abs(one[:-1] - other[1:]), np.argsort(back[-1])[ahead[-1]]
     moves = places[:, None] == np.arange(len(places))
-    for group in groups(moves | moves.T):
+    for group in together(moves | moves.T):
         best = int(np.argmin(np.sum(jump[:, group], axis=1)))
         ahead[best + 1 :, group] = back[best + 1 :, group]
     return ahead

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.algebra.matching import assigned
+from mbstab.analysis.algebra.matching import assigned, together
 from mbstab.analysis.algebra.stacks import beside, transposed, under
 from mbstab.analysis.sweep.batched_structure import Separation
 from mbstab.analysis.sweep.points import Points
@@ -154,7 +154,7 @@ def _resolved(link: Index, rows: Index, ends: tuple[Complex, Complex], overlap: 
     coupled = near & (np.minimum(np.abs(H), np.abs(H.T)) > TOLERANCES.uncoupled * size)
     same = least <= TOLERANCES.twin_distance * size
     found, approaches = link.copy(), list[Approach]()
-    for group in groups(coupled | same):
+    for group in together(coupled | same):
         within = np.ix_(group, group)
         # What the vectors of others have is lost.
         if np.any(np.abs(np.sum(share[within], axis=1) - 1.0) > TOLERANCES.other_vectors):
@@ -183,14 +183,6 @@ def _passing(a: Complex, b: Complex) -> Flags:
         t = np.clip(np.nan_to_num(-(start * step.conj()).real / np.abs(step) ** 2), 0.0, 1.0)
     found: Flags = (np.abs(start + t * step) <= TOLERANCES.pass_near * np.abs(step)) & (step != 0.0)
     return found
-
-
-def groups(joined: Flags) -> list[Index]:
-    """Return the members of each set of eigenvalues that are joined, directly or through others."""
-    reach = joined | np.eye(len(joined), dtype=bool)
-    for _ in range(len(reach).bit_length()):
-        reach = reach @ reach
-    return [np.flatnonzero(row) for i, row in enumerate(reach) if int(np.argmax(row)) == i]
 
 
 def _pair(a: Complex, H: Complex, b: Complex) -> tuple[bool, list[tuple[float, bool]]]:
