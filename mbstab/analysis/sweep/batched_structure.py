@@ -26,10 +26,10 @@ from mbstab.analysis.sweep.points import Points, seen_from
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.verdict.directions import (
     Ranks,
-    among,
     at_given_momenta,
     energy_form,
     misfit,
+    not_driven,
     own_speed,
     rests,
     span,
@@ -332,10 +332,8 @@ class Known:
         still = points.still(columns)
         if self.grounds.second_variation.following.size:
             followers = points.followers(self.grounds.system.following)
-            T = unit(columns)
-            if self.grounds.second_variation.linear_equations:
-                T = self._directions(points, Ranks(self.choice.ranks, len(points.S)))[0]
-            ranks.require(_decaying(points, followers, complement(among(followers, T, ranks))))
+            kept = not_driven(followers, unit(columns), self.grounds.second_variation.constant, ranks)
+            ranks.require(_decaying(points, followers, complement(kept)))
             still = beside(still, followers)
         return at_given_momenta(still, np.zeros((1, 0, points.S.shape[-1])), ranks)
 

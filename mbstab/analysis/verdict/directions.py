@@ -312,8 +312,12 @@ def speeds_along(
     return columns @ c, c / transposed(lengths), directions @ c
 
 
-def among(F: Array, T: Array, ranks: Ranks) -> Array:
-    """Return the directions among unit columns T that the span of columns F contains, as orthonormal parts of these."""
+def not_driven(F: Array, T: Array, constant: list[int], ranks: Ranks) -> Array:
+    """Return the disturbances of states that need not decay, as orthonormal combinations of columns F.
+
+    They are those among unit columns T of symmetries, and those of states that are constant, of given numbers.
+    """
+    T = beside(T, unit(F[..., constant]))
     parts = np.linalg.pinv(F) @ T
     _, s, right = np.linalg.svd(T - F @ parts)
     parts = parts @ transposed(right[..., ranks.of("directions beyond states", s) :, :])

@@ -31,7 +31,7 @@ from mbstab.analysis.linear.linearize import Linearization
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.reference.coefficients import Matrices, matrices_in
 from mbstab.analysis.reference.steady import Generator
-from mbstab.analysis.verdict.directions import Deflated, Ranks, among, at_given_momenta
+from mbstab.analysis.verdict.directions import Deflated, Ranks, at_given_momenta, not_driven
 from mbstab.analysis.verdict.growth import all_linear
 from mbstab.analysis.verdict.neutral import Separated, Structure
 from mbstab.analysis.verdict.rule import Minimum
@@ -175,14 +175,31 @@ class SecondVariation:
         return bool(self.separated.neutral.symmetries) and all_linear(self.structure)
 
     @cached_property
-    def _explained(self) -> Array:
-        """Symmetries among the disturbances of states that only follow, as orthonormal parts of these.
+    def constant(self) -> list[int]:
+        """Which of the states that only follow are constant, and neutral directions, where the equations are linear.
 
-        Members of other families may be left, and are not where the equations are linear.
+        Others of a family may be driven: z' = w, w' = x of x' = 0 goes on like t².
         """
-        at = self.structure.at
-        T = self.separated.T if self.linear_equations else unit(at.of_symmetries(self.structure.invariance.symmetries))
-        return among(at.followers(self.linear.system.following), T, self._ranks)
+        linear, T = self.linear, self.separated.T
+        rows = dict(zip(*(x.tolist() for x in linear.system.states), strict=True))
+        own = [rows[i] for i in linear.system.following]
+        columns = unit(self.structure.at.followers(linear.system.following))
+        apart = np.linalg.norm(columns - T @ (T.T @ columns), axis=0)
+        found = [
+            k
+            for k, row in enumerate(own)
+            if not np.any(linear.D_q[row - linear.n_h])
+            and np.count_nonzero(linear.J[row]) == 1
+            and apart[k] <= TOLERANCES.direction_closure
+        ]
+        return found if found and self.linear_equations else []
+
+    @cached_property
+    def _explained(self) -> Array:
+        """Symmetries and constants among the disturbances of states that only follow, as orthonormal parts of these."""
+        at, symmetries = self.structure.at, self.structure.invariance.symmetries
+        followers = at.followers(self.linear.system.following)
+        return not_driven(followers, unit(at.of_symmetries(symmetries)), self.constant, self._ranks)
 
     @property
     def beside(self) -> str:

@@ -413,10 +413,11 @@ def settled(S: Array, T: Array, L: Array, B: Array) -> tuple[Array, Array]:
     if not d or not 0 < d * r <= TOLERANCES.unknowns_of_correction:
         return T, B
     inner = T.T @ S @ T
-    left = B.T @ (S @ T)
-    if float(np.max(np.abs(left))) <= TOLERANCES.roundings_of_directions * EPS * float(np.max(np.abs(S) @ np.abs(T))):
+    left, rows = B.T @ (S @ T), B.T @ S
+    # Where forces along T cancel, what is left of them is rounding of the others.
+    if np.all(np.abs(left) <= TOLERANCES.roundings_of_directions * EPS * np.linalg.norm(rows, axis=1)[:, None]):
         return T, B
-    matrix = np.kron(B.T @ S @ B, np.eye(d)) - np.kron(np.eye(r), inner.T)
+    matrix = np.kron(rows @ B, np.eye(d)) - np.kron(np.eye(r), inner.T)
     try:
         step = least_squares(matrix, -left.ravel(), rcond=TOLERANCES.direction_closure).reshape(r, d)
     except np.linalg.LinAlgError:
