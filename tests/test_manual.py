@@ -254,6 +254,26 @@ def test_links_between_pages_and_models_exist():
             assert target.startswith("https://") or (Path(FOLDER) / target).exists(), f"{topic} links to {target}"
 
 
+CHANGES = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.M)
+
+
+@pytest.mark.parametrize("version", CHANGES[1:], ids=[text.partition("\n")[0] for text in CHANGES[1:]])
+def test_the_changes_of_a_version_are_a_page_by_command(version):
+    assert len(version.splitlines()) <= 40
+    kinds, entries = re.findall(r"^### (\w+)$", version, flags=re.M), re.findall(r"^- (.+)$", version, flags=re.M)
+    assert kinds == [kind for kind in ("Added", "Changed", "Fixed") if kind in kinds]
+    first = {word for entry in entries for word in re.findall(r"^`([a-z]+)", entry)}
+    assert len(first) >= 5
+    assert first <= {*COMMANDS}
+
+
+def test_the_versions_of_the_changelog_have_their_numbers():
+    versions = [head.partition("]")[0].removeprefix("[") for head in CHANGES[1:]]
+    heads = re.findall(r"^## (.*?): ", PAGES["changed-numbers"], flags=re.M)
+    newest = next(x for x in versions if x != "Unreleased")
+    assert set(heads) == {*versions} - {"Unreleased"} | ({f"After {newest}"} if "Unreleased" in versions else set())
+
+
 def test_the_version_is_the_same_wherever_it_stands():
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     heads = re.findall(r"^## \[(.*?)\]", (ROOT / "CHANGELOG.md").read_text(), flags=re.M)

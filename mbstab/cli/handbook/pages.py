@@ -15,7 +15,7 @@ FOLDER = Path(__file__).resolve().parents[2] / "manual"
 
 WRITTEN = (
     "tutorial", "how-to", "model-file", "python", "coming-from", "verdicts", "theory", "limits", "examples", "digits",
-    "glossary", "inside", "citing",
+    "glossary", "inside", "changed-numbers", "citing",
 )  # fmt: skip
 """Pages that are files, in the order in which they are best read."""
 
