@@ -599,7 +599,11 @@ def test_a_kernel_has_the_same_value_at_a_special_state_as_next_to_it(name):
                 continue
             for (function, extra), expected in zip(calls, beside, strict=True):
                 floats = [[float(x) for x in group] for group in (q, u, p, s)]
-                exact = getattr(kernel, function)(FLOAT, *floats, *[[float(x) for x in group] for group in extra])
+                try:
+                    exact = getattr(kernel, function)(FLOAT, *floats, *[[float(x) for x in group] for group in extra])
+                except ZeroDivisionError:
+                    assert jumps  # the sense of a wheel that does not roll
+                    continue
                 assert [float(x) for x in expected] == pytest.approx(list(exact), rel=1e-12, abs=1e-12)
                 tried += 1
     assert tried >= 6
