@@ -590,7 +590,7 @@ def test_a_kernel_has_the_same_value_at_a_special_state_as_next_to_it(name):
                 others = [getattr(kernel, function)(f, *away, *extra) for function, extra in calls]
             except ValueError:  # a root of what is not positive next to here
                 continue
-            jumps = "signum" in inspect.getsource(kernel)
+            jumps = any(name in inspect.getsource(kernel) for name in ("signum", "atan2"))
             if jumps and any(x != pytest.approx(y, abs=1e-12) for x, y in zip(others, beside, strict=True)):
                 continue
             if any(abs(x) > 1e12 for values in beside for x in values):  # the definition itself has no value here
@@ -602,7 +602,7 @@ def test_a_kernel_has_the_same_value_at_a_special_state_as_next_to_it(name):
                 try:
                     exact = getattr(kernel, function)(FLOAT, *floats, *[[float(x) for x in group] for group in extra])
                 except ZeroDivisionError:
-                    assert jumps  # the sense of a wheel that does not roll
+                    assert jumps  # the sense of a wheel that does not roll, the angle of a direction that is none
                     continue
                 assert [float(x) for x in expected] == pytest.approx(list(exact), rel=1e-12, abs=1e-12)
                 tried += 1
