@@ -561,6 +561,8 @@ def states(name):
                 p += [mpmath.mpf(0)] * count
             elif parameter == "semi_axes":
                 p += [mpmath.mpf(x) for x in SEMI_AXES]
+            elif count == 10:  # of an angle: the direction it counts from, those it counts in, half turns
+                p += [mpmath.mpf(i == (axis + trial) % 3) for axis in (0, 0, 1) for i in range(3)] + [mpmath.mpf(0)]
             elif parameter == "inertia":
                 p += [mpmath.mpf(x) for x in ([1, 1, 2, 0, 0, 0] if trial % 2 else [1, 2, 2, 0, 0, 0])]
             else:
