@@ -481,6 +481,7 @@ class Mechanism(Ports):
 
         return check_scene(self._affordable("motion", parameters))
 
+    @asked
     def symbolic(self, track: Track = list) -> SymbolicBlocks:
         """Return the blocks of the composite matrices with symbols (Pappalardo et al. 2020, Eqs. (62)-(67)).
 

@@ -126,7 +126,7 @@ def vanishing_rows(system: System, at: tuple[Array, Array, float], J: Any, sizes
         left = float(np.linalg.norm(gradient + H @ way))
         if np.linalg.norm(way) <= TOLERANCES.vanishing_derivative and left <= 1e-3 * np.linalg.norm(gradient):
             row = system.rows[i]
-            message = f"the derivative of {row} vanishes where it holds, as that of a square: it says nothing of speeds"
+            message = f"the derivative of {row} vanishes where it holds, as that of a square: it constrains no velocity"
             hint = "write what must be zero without a power, such as a.x for a.x**2, one constraint for each"
             problems.append(
                 system.scene.model.document.problem(row.location, f"{row.section}.{row.name}", message, hint)
