@@ -132,20 +132,6 @@ def _onwards(points: Sequence[Point], sign: float, start: float) -> Sequence[Poi
 class _Curve(CurveEquations):
     """The curve of solutions through one of them."""
 
-    def __init__(
-        self,
-        model: Model,
-        parameter: str,
-        ends: tuple[float, float],
-        start: float,
-        near: tuple[Array, Array] | None,
-    ) -> None:
-        super().__init__(model, parameter, ends, start, near)
-        self.folds: list[Point] = []
-        self.branchings: list[Point] = []
-        self.crossed: list[Point] = []
-        self.usual = self.first.least  # of a curve that branches off, too, which begins where equations are singular
-
     def smooth(self, start: float, wanted: float) -> Path | None:
         """Return the path over the whole range if it is smooth, for so many values on it."""
         if self.low == self.high:
