@@ -65,7 +65,8 @@ class CriticalValues(Branches):
             found += self._changes(part, branches)
         # Branches that pass the axis at the same value are found one by one, and described alike.
         different: list[Critical] = []
-        for c in [*found, *self._at_ends(branches)]:
+        ends = self._at_ends(branches)
+        for c in [*(x for x in found if x.kind != "unresolved" or not self.known(x.value, ends)), *ends]:
             if not any(
                 self.known(c.value, [other]) and replace(c, value=other.value, error=other.error) == other
                 for other in different
@@ -77,7 +78,7 @@ class CriticalValues(Branches):
         """Return where stability changes exactly at an end of the range, as the spectra just beyond it show."""
         found: list[Critical] = []
         for end, inner in ((0, 1), (-1, -2)):
-            if not self.good[end] or self.counts[end] >= 0 or not self.good[inner] or self.counts[inner] < 0:
+            if not (self.good[end] and self.good[inner]) or self.counts[inner] in (-1, self.counts[end]):
                 continue
             value = float(self.x[end])
             step = min(TOLERANCES.beyond_range * self.width, abs(float(self.x[inner]) - value))
