@@ -228,7 +228,8 @@ class CriticalValues(Branches):
         beside = float(x[end] + np.copysign(TOLERANCES.crossing_interval * self.width, x[1 - end] - x[end]))
         if int(self._counted(np.array([beside]), needed=True)[0]) != counts[1 - end]:
             return []
-        return self.changed(*sorted((x[end], beside)), (counts[0], counts[1]), branches)
+        low, high = sorted((x[end], beside))
+        return self.changed(low, high, (counts[0], counts[1]), branches)
 
     def _unexplained(
         self, part: Stretch, found: list[Critical], doubtful: list[tuple[int, int]]
