@@ -75,7 +75,7 @@ class Mechanism(Ports):
         starts : int
             Number of starts; the first is the reference of the file.
         seed : int
-            Of the random starts.
+            Seed of the random starts.
         track : callable
             Takes the list of starts and returns them one by one, for a progress bar.
 

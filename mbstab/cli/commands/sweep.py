@@ -239,7 +239,7 @@ def _check_options(
         first, _, last = value.partition("..")
         span = f"--from {first.strip()} --to {last.strip()}" if first.strip() and last.strip() else "--from … --to …"
         one = "" if ".." in value else f"; one value: mbstab eig --set {name}={value}"
-        message = f"--param {valued[0]}: a sweep takes the name of a parameter, and its range apart"
+        message = f"--param {valued[0]}: give the name only, and the range by --from and --to"
         raise UsageError(f"{message}\nhint: --param {name.strip()} {span}{one}")
     if joined := [name for name in parameters if "," in name]:
         separate = " ".join(f"--param {part.strip()}" for part in joined[0].split(","))
