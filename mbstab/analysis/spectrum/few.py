@@ -32,6 +32,9 @@ from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
+COLUMNS = ("values", "bounds", "condition", "backward_error", "vectors")
+"""What `Few` has for each eigenvalue."""
+
 
 @dataclass(frozen=True)
 class Few:
@@ -60,18 +63,12 @@ class Few:
 
     def joined(self, other: Few) -> Few:
         """Return these and others."""
-        values, bounds, condition, backward_error = (
-            np.concatenate([getattr(self, x), getattr(other, x)])
-            for x in ("values", "bounds", "condition", "backward_error")
-        )
-        return Few(values, bounds, condition, backward_error, np.hstack([self.vectors, other.vectors]), self.reach)
+        parts = (np.concatenate([getattr(x, name) for x in (self, other)], axis=-1) for name in COLUMNS)
+        return Few(*parts, self.reach)
 
     def only(self, chosen: Index | Flags) -> Few:
         """Return some of them."""
-        return Few(
-            self.values[chosen], self.bounds[chosen], self.condition[chosen], self.backward_error[chosen],
-            self.vectors[:, chosen], self.reach,
-        )  # fmt: skip
+        return Few(*(getattr(self, name)[..., chosen] for name in COLUMNS), self.reach)
 
 
 def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool) -> Few:
