@@ -128,7 +128,7 @@ class Identities:
         return Work(self.invariance, self.reference.state.field, ALGEBRA.bits_of_zero)
 
     def _worked(self, name: str) -> Finding:
-        """Return what an attribute of the work rests on, if balls verify it; what is not known in doubles is refuted."""
+        """Return what a fact about the work rests on, if balls verify it; what doubles do not show is refuted."""
         if getattr(self.exact_work, name):
             return "enclosed" if self.exact_work.asked else "structural"
         return "open" if getattr(self.grounds.structure.work, name) else "refuted"

@@ -225,7 +225,7 @@ class _Members:
         return np.where(sizes > TOLERANCES.family_slope * most, sizes, most)
 
     def reached(self, y: Array) -> bool:
-        """Return whether there are members along a disturbance y in the coordinates of S, at a finite distance and nearer."""
+        """Return whether there are members along a disturbance y of S, at a finite distance and nearer."""
         matrix, rows, sizes, change = self._slopes
         direction, rate = self.structure.disturbance(y)
         sizes_of_both = np.tile(self.motion.sizes, 2)
