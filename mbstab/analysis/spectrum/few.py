@@ -19,6 +19,8 @@ Values whose vectors cannot be separated are treated together, with bases of the
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
@@ -63,12 +65,12 @@ class Few:
 
     def joined(self, other: Few) -> Few:
         """Return these and others."""
-        parts = (np.concatenate([getattr(x, name) for x in (self, other)], axis=-1) for name in COLUMNS)
-        return Few(*parts, self.reach)
+        pairs = {name: (getattr(self, name), getattr(other, name)) for name in COLUMNS}
+        return replace(self, **{name: np.concatenate(pair, axis=-1) for name, pair in pairs.items()})
 
     def only(self, chosen: Index | Flags) -> Few:
         """Return some of them."""
-        return Few(*(getattr(self, name)[..., chosen] for name in COLUMNS), self.reach)
+        return replace(self, **{name: getattr(self, name)[..., chosen] for name in COLUMNS})
 
 
 def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool) -> Few:
