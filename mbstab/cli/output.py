@@ -18,10 +18,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from mbstab.errors import OutputError, UsageError, suggestion, visible
+from mbstab.cli.mistakes import Choice
+from mbstab.cli.terminal import shown
+from mbstab.errors import MbstabError, OutputError, UsageError, suggestion, visible
 from mbstab.records import dataclass
 from mbstab.report import WIDTH, set_width
 from mbstab.report.files import whole_file
+from mbstab.report.messages import error_text, message_text
 from mbstab.report.picture_sizes import SIZES, sized
 
 if TYPE_CHECKING:
@@ -78,7 +81,12 @@ def quiet() -> bool:
 def say(text: str) -> None:
     """Write a line to stderr; an answer does not depend on whether that can be written."""
     with contextlib.suppress(OSError):
-        click.echo(visible(text), err=True)
+        click.echo(shown(text, sys.stderr), err=True, color=True)
+
+
+def say_error(error: MbstabError) -> None:
+    """Write an error to stderr."""
+    say(error_text(error))
 
 
 def note(text: str) -> None:
@@ -90,7 +98,7 @@ def note(text: str) -> None:
 def warn(warnings: tuple[str, ...] | list[str]) -> None:
     """Write warnings to stderr."""
     for text in warnings:
-        say(f"warning: {text}")
+        say(message_text("warning", text))
 
 
 def show(text: str) -> None:
@@ -102,7 +110,7 @@ def show(text: str) -> None:
         If stdout is closed or full.
     """
     try:
-        click.echo(visible(text), nl=False)
+        click.echo(shown(text, sys.stdout), nl=False, color=True)
         sys.stdout.flush()
     except OSError as error:
         raise stdout_failure(error) from None
@@ -346,7 +354,7 @@ def output_options(*formats: str, unnamed: str = "") -> Callable[[F], F]:
         @click.option(
             "--format",
             "format_",
-            type=click.Choice(formats),
+            type=Choice(formats),
             help=f"Told by the suffix of --output, else {formats[0]}.",
         )
         @functools.wraps(command)
@@ -372,7 +380,7 @@ def _remember_size(context: click.Context, _: click.Parameter, value: str | None
 
 size_option = click.option(
     "--size",
-    type=click.Choice(tuple(SIZES)),
+    type=Choice(tuple(SIZES)),
     expose_value=False,
     callback=_remember_size,
     help="Size of the pictures: a column (85 mm wide) or the width (170 mm) of a page, a slide (254 mm x 143 mm); "

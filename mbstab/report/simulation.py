@@ -13,6 +13,7 @@ from mbstab.model.schema import Model
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
 from mbstab.report.export import Rows, attributes
+from mbstab.report.styles import document
 from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
@@ -183,7 +184,7 @@ def simulation_text(sim: Simulation, model: Model, full: bool = False) -> str:
         ]
     if not sim.complete:
         lines += ["", *wrap_lines(f"ended early, at t = {number(float(sim.times[-1]), 9)} s")]
-    return "\n".join(lines) + "\n"
+    return document(lines)
 
 
 def _shown(value: float, size: float) -> str:

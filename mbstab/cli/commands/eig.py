@@ -12,6 +12,7 @@ import click
 
 from mbstab.analysis.linear.methods import DEFAULT, METHODS
 from mbstab.cli.common import failure_of, files_argument, force_option, listed, load_model, progress_bar, set_option
+from mbstab.cli.mistakes import Choice
 from mbstab.cli.output import (
     Answer,
     Output,
@@ -45,7 +46,7 @@ MOST_SHAPES = 8
 @force_option
 @click.option(
     "--method",
-    type=click.Choice(tuple(METHODS)),
+    type=Choice(tuple(METHODS)),
     default=DEFAULT,
     show_default=True,
     help="; ".join(f"{name}: {method.description}" for name, method in METHODS.items()) + ".",
@@ -97,7 +98,7 @@ MOST_SHAPES = 8
 @click.option(
     "--plot",
     "pictures",
-    callback=listed(click.Choice(PICTURES)),
+    callback=listed(Choice(PICTURES)),
     metavar="[" + "|".join(PICTURES) + "]",
     multiple=True,
     help="Pictures to draw, separated by commas or repeated. spectrum: the eigenvalues in the complex plane, with "
@@ -107,7 +108,7 @@ MOST_SHAPES = 8
 @pictures_option
 @click.option(
     "--require",
-    type=click.Choice(tuple(REQUIRED)),
+    type=Choice(tuple(REQUIRED)),
     help="Exit with 3 unless at least this stable, if only up to symmetry: position, heading, speed. "
     "marginal: at least no disturbance grows in the linearized equations; linear: none grows exponentially there.",
 )
@@ -264,13 +265,15 @@ def _join(replies: list[_Reply]) -> Answer:
     """Return the answers for several models by format; each names its model."""
     from mbstab.report.answers import content
     from mbstab.report.export import to_csv, to_json
+    from mbstab.report.styles import joined
 
     def contents(form: str) -> list[Any]:
         return [content(x.answer, x.model, form, x.options.get(form)) for x in replies]
 
     def table() -> str:
         names = (visible(x.model.name, lines=False) for x in replies)
-        return "\n".join(f"{name}\n\n{text}" for name, text in zip(names, contents("table"), strict=True))
+        titled = (f"{name}: " if x.model.title else f"{name}\n\n" for name, x in zip(names, replies, strict=True))
+        return joined(joined(x, "") for x in zip(titled, contents("table"), strict=True))
 
     def csv() -> str:
         found = [(x.model.name, *rows) for x, rows in zip(replies, contents("csv"), strict=True)]

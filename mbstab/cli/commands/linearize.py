@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mbstab.cli.common import load_model, model_command, tracked
+from mbstab.cli.mistakes import Choice
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -33,7 +34,7 @@ FORMS = (*EQUATIONS, "pencil", "state-space")
 @model_command
 @click.option(
     "--form",
-    type=click.Choice(FORMS),
+    type=Choice(FORMS),
     default=FORMS[0],
     show_default=True,
     help="Which matrices a table shows; the other formats hold all of them.",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mbstab.cli.common import listed, load_model, model_command, progress_bar
+from mbstab.cli.mistakes import Choice
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -55,7 +56,7 @@ PICTURES = ("bode", "nyquist", "step", "impulse", "unbalance")
 @click.option(
     "--plot",
     "pictures",
-    callback=listed(click.Choice(PICTURES)),
+    callback=listed(Choice(PICTURES)),
     metavar="[" + "|".join(PICTURES) + "]",
     multiple=True,
     help="Pictures to draw, separated by commas or repeated: bode or nyquist; step, impulse or unbalance with "

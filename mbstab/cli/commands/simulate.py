@@ -22,6 +22,7 @@ from mbstab.cli.common import (
     refuse_given,
     set_option,
 )
+from mbstab.cli.mistakes import Choice
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -31,7 +32,7 @@ from mbstab.cli.output import (
     picture_stem,
     pictures_option,
     save_picture,
-    say,
+    say_error,
     warn,
 )
 from mbstab.errors import SimulationError
@@ -55,7 +56,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 @force_option
 @click.option(
     "--method",
-    type=click.Choice(METHODS),
+    type=Choice(METHODS),
     default=METHODS[0],
     show_default=True,
     help="projection: accelerations and a --solver, back onto the constraints after each step; alpha: "
@@ -63,7 +64,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 )
 @click.option(
     "--solver",
-    type=click.Choice(SOLVERS),
+    type=Choice(SOLVERS),
     help="Of the projection method: DOP853 (order 8, the default), RK45, or for stiff motions Radau, BDF.",
 )
 @click.option("--tol", type=float, default=1e-8, show_default=True, help="Error of the result, relative to the scene.")
@@ -175,7 +176,7 @@ def _run(mechanism: Mechanism, settings: SimulationSettings) -> tuple[Simulation
         if error.partial is None or not len(error.partial.times):
             raise
         stopped, result = error, error.partial
-        say(str(error))  # before what is kept of the motion
+        say_error(error)  # before what is kept of the motion
     warn([text for text in result.warnings if text not in told])
     return result, stopped
 

@@ -13,6 +13,7 @@ import click
 from mbstab.analysis.sweep.settings import SweepSettings
 from mbstab.cli import completion
 from mbstab.cli.common import file_argument, force_option, listed, load_model, progress_bar, set_option
+from mbstab.cli.mistakes import Choice
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -73,7 +74,7 @@ CHART_POINTS = 101
 @click.option(
     "--plot",
     "pictures",
-    callback=listed(click.Choice(PICTURES)),
+    callback=listed(Choice(PICTURES)),
     metavar="[" + "|".join(PICTURES) + "]",
     multiple=True,
     help="Pictures to draw, separated by commas or repeated; map and locus if not given, none for none.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from mbstab.cli.common import failure_of, load_model, model_argument
-from mbstab.cli.output import Output, output_options, quiet, say
+from mbstab.cli.output import Output, output_options, quiet, say_error
 from mbstab.errors import ExpectationError, MbstabError, SeveralErrors, UsageError, counted
 
 
@@ -31,7 +31,7 @@ def test(names: tuple[str, ...], output: Output) -> None:
             models.append(outcomes.Tested(name, found))
         except Exception as error:
             failure = failure_of(name, error)
-            say(str(failure))
+            say_error(failure)
             models.append(outcomes.Tested(name, [], str(failure)))
             errors.append(failure)
     output.write(
