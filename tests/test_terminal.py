@@ -10,13 +10,16 @@ import sys
 import termios
 from contextlib import chdir
 from contextvars import copy_context
+from pathlib import Path
 from threading import Thread
 from unittest import mock
+from urllib.parse import unquote, urlsplit
 
 import pytest
 from click.testing import CliRunner
 
 from mbstab.cli import main
+from mbstab.cli.common import duration, progress_bar
 from mbstab.cli.terminal import LOOKS, is_coloured, painted
 from mbstab.model.words import WORDS
 from mbstab.report import set_width
@@ -166,6 +169,62 @@ def test_a_warning_has_a_colour():
     assert painted(message_text("warning", "rank 2\nhint: x")) == (
         f"{look('warning', 'warning:')} rank 2\n{look('hint', 'hint:')} x"
     )
+
+
+@pytest.mark.parametrize("name", ["a b.csv", "ü%.csv"])
+def test_a_written_file_is_a_link(name, tmp_path):
+    _, _, told = on_terminal("eig", "pendulum.yaml", "-o", name, cwd=tmp_path)
+    (line,) = (line for line in told.splitlines() if "wrote" in line)
+    target, shown = re.fullmatch(r"wrote \x1b]8;[^;]*;([^\x1b]*)\x1b\\(.*)\x1b]8;;\x1b\\", line).groups()
+    assert plain(shown) == name
+    assert Path(unquote(urlsplit(target).path)) == tmp_path / name
+    plainly = CliRunner().invoke(main, ["eig", "pendulum.yaml", "-o", str(tmp_path / name)]).stderr
+    assert f"wrote {tmp_path / name}\n" in plainly
+
+
+# --- progress -------------------------------------------------------------------------------------------------------
+
+
+def test_progress_tells_the_count_and_the_time_left(monkeypatch):
+    screen, now = Screen(80), [100.0]
+    monkeypatch.setattr("click._termui_impl.time.time", lambda: now[0])
+    monkeypatch.setenv("TERM", "xterm")
+    with open(screen.other, "w", encoding="utf-8", closefd=False) as stderr, mock.patch.object(sys, "stderr", stderr):
+        with progress_bar("sweeping", 401) as show:
+            show(0.0)
+            now[0] += 2.0
+            show(37 / 401)
+        with progress_bar("simulating") as show:
+            show(0.25)
+    assert re.search(r"sweeping  \[##-+\]  37/401, 20 s left", text := screen.text())
+    assert re.search(r"simulating  \[#{7}-+\]  25%\x1b", text)
+
+
+def test_a_sweep_counts_its_points():
+    sweep = (
+        "sweep",
+        "pendulum.yaml",
+        "--param",
+        "L",
+        "--from",
+        "0.1",
+        "--to",
+        "0.3",
+        "--points",
+        "41",
+        "--plot",
+        "none",
+    )
+    assert "41/41" in on_terminal(*sweep)[2]
+    assert "41/41" not in on_terminal(*sweep, TERM="dumb")[2]
+    assert "41/41" not in on_terminal(*sweep, "--quiet")[2]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(0.4, "0 s"), (89.0, "89 s"), (90.0, "1.5 min"), (1200.0, "20 min"), (9000.0, "2.5 h")]
+)
+def test_times_are_short(seconds, text):
+    assert duration(seconds) == text
 
 
 # --- whether --------------------------------------------------------------------------------------------------------

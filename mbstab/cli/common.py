@@ -14,7 +14,8 @@ import click
 from click.core import ParameterSource
 
 from mbstab.cli import completion
-from mbstab.cli.output import files, note, quiet, remembered, remembered_flag
+from mbstab.cli.output import files, note, quiet, remembered, remembered_flag, with_file
+from mbstab.cli.terminal import draws
 from mbstab.errors import MbstabError, UnforeseenError, UsageError
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def _loaded(file: str) -> Mechanism:
     else:
         found = find_model(file)
         if found.installed:
-            note(f"using the example model {found.path}")
+            note(with_file("using the example model", found.path))
         model = read_model(found.path, opened)
     files().keep_apart()
     return Mechanism(model, remembered(_FORCE))
@@ -148,32 +149,53 @@ def refuse_given(names: tuple[str, ...], where: str) -> None:
 
 def tracked(items: list[Any], label: str) -> Iterator[Any]:
     """Yield the items, with a progress bar on stderr when it is a terminal."""
-    if quiet() or not sys.stderr.isatty():
-        yield from items
-        return
-    with click.progressbar(items, label=label, file=sys.stderr) as bar:
-        yield from bar
+    with progress_bar(label, len(items)) as show:
+        for number, item in enumerate(items, 1):
+            yield item
+            show(number / len(items))
 
 
 @contextlib.contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """Yield a function of the fraction done, from 0 to 1, which draws a bar on stderr if it is a terminal."""
-    if quiet() or not sys.stderr.isatty():
+def progress_bar(label: str, count: int = 0) -> Iterator[Callable[[float], None]]:
+    """Yield a function of the fraction done, from 0 to 1, which draws a bar on stderr if it is a terminal.
+
+    Beside it stands how many of `count` parts are done, or the percentage, and the time left: ``37/401, 12 s left``.
+    """
+    if quiet() or not draws(sys.stderr):
         yield lambda done: None
         return
     bar: Any = None
 
+    def state(_: object) -> str:
+        done = bar.pos / bar.length
+        part = f"{round(done * count)}/{count}" if count else f"{done:.0%}"
+        return f"{part}, {duration(bar.eta)} left" if bar.eta_known and not bar.finished else part
+
     def show_part(done: float) -> None:
         nonlocal bar
         if bar is None:  # not before the first call
-            bar = click.progressbar(length=1000, label=label, file=sys.stderr).__enter__()
-        bar.update(max(0, round(1000 * done) - bar.pos))
+            own = {"label": label, "file": sys.stderr, "width": BAR, "item_show_func": state}
+            bar = click.progressbar(length=PARTS, show_percent=False, show_eta=False, **own)  # type: ignore[arg-type]
+            bar.__enter__()
+        bar.update(max(0, round(PARTS * done) - bar.pos))
 
     try:
         yield show_part
     finally:
         if bar is not None:
             bar.__exit__(None, None, None)
+
+
+BAR, PARTS = 30, 10_000
+"""Width of a progress bar (columns), and its steps."""
+
+
+def duration(seconds: float) -> str:
+    """Return a time in seconds, or in minutes or hours where it is long."""
+    for size, unit in ((3600.0, "h"), (60.0, "min")):
+        if seconds >= 1.5 * size:
+            return f"{seconds / size:.{seconds < 10.0 * size:d}f} {unit}"
+    return f"{seconds:.0f} s"
 
 
 def one_thread_by_default() -> None:

@@ -26,6 +26,7 @@ from mbstab.report import WIDTH, set_width
 from mbstab.report.files import whole_file
 from mbstab.report.messages import error_text, message_text
 from mbstab.report.picture_sizes import SIZES, sized
+from mbstab.report.styles import Text, joined, styled
 
 if TYPE_CHECKING:
     from mbstab.model.schema import Model
@@ -93,6 +94,11 @@ def note(text: str) -> None:
     """Write a line to stderr, unless --quiet is given."""
     if not quiet():
         say(text)
+
+
+def with_file(what: str, path: Path) -> Text:
+    """Return a line about a file; where there are colours the file is a link."""
+    return joined([what, styled(visible(str(path), lines=False), "file")], " ")
 
 
 def warn(warnings: tuple[str, ...] | list[str]) -> None:
@@ -223,7 +229,7 @@ def save(path: Path, write: Callable[[Path], object], option: str, content: byte
         kept = _rescued(content, path) if content is not None else ""
         where = f"; the content is kept in {kept}" if kept else ""
         raise OutputError(f"{path}: cannot be written: {error.strerror}{where}") from None
-    note(f"wrote {path}")
+    note(with_file("wrote", path))
 
 
 def write_bytes(path: Path, content: bytes) -> None:

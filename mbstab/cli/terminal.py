@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 from mbstab.errors import visible
@@ -22,7 +23,7 @@ LOOKS: dict[Style, str] = {
     "undecided": "black on cyan",
     "grows": "red", "open": "magenta", "faint": "dim",
     "good": "green", "bad": "red", "title": "bold",
-    "error": "bold red", "warning": "bold magenta", "hint": "bold cyan", "place": "bold",
+    "error": "bold red", "warning": "bold magenta", "hint": "bold cyan", "place": "bold", "file": "underline",
 }  # fmt: skip
 """The look of each style, in the colours that every terminal sets for its own background."""
 
@@ -38,6 +39,11 @@ def is_coloured(stream: Any, environment: Mapping[str, str] = os.environ) -> boo
         return False
     if environment.get("FORCE_COLOR", "0") not in ("", "0"):
         return True
+    return draws(stream, environment)
+
+
+def draws(stream: Any, environment: Mapping[str, str] = os.environ) -> bool:
+    """Whether a stream is a terminal that can do more than write line by line."""
     return bool(stream.isatty()) and environment.get("TERM", "").lower() not in ("dumb", "unknown")
 
 
@@ -49,6 +55,8 @@ def painted(text: str) -> str:
     parts, at = [], 0
     for first, stop, style in getattr(text, "spans", ()):
         look = Look.parse(LOOKS[style])
+        if style == "file":
+            look += Look(link=Path(text[first:stop]).absolute().as_uri())
         parts += [visible(text[at:first]), look.render(visible(text[first:stop]), color_system=ColorSystem.STANDARD)]
         at = stop
     return "".join([*parts, visible(text[at:])])

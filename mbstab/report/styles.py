@@ -12,6 +12,7 @@ Style = Literal[
     "stable", "marginal", "unstable", "undecided",  # verdicts
     "grows", "open", "faint",  # rows: what grows, what is undecided, what is beside the point
     "good", "bad", "title", "error", "warning", "hint", "place",
+    "file",  # its name, to which a terminal adds a link
 ]  # fmt: skip
 
 

@@ -87,7 +87,7 @@ def design(
     ranges, box = (
         parse_settings(given, option, "RANGE", "0.9..1.1") for given, option in ((vary, "--vary"), (over, "--over"))
     )
-    with progress_bar("designing") as progress:
+    with progress_bar("designing", steps) as progress:
         found = mechanism.design(ranges, goal, progress, over=box, least=least, steps=steps)
     from mbstab.analysis.design.search import STOPPED
 

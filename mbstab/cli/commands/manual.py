@@ -11,7 +11,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from mbstab.cli.common import progress_bar
-from mbstab.cli.output import note, quiet_option, show
+from mbstab.cli.output import note, quiet_option, show, with_file
 from mbstab.cli.terminal import is_coloured
 from mbstab.errors import UsageError
 from mbstab.report import width
@@ -68,9 +68,9 @@ def _write_site(folder: Path, group: click.Group, names: tuple[str, ...], search
     if search:
         raise UsageError("--search and --html exclude each other")
     models = [find_model(name).path for name in names] or installed_models()
-    with progress_bar("pages of models") as progress:
+    with progress_bar("pages of models", len(models)) as progress:
         write_site(folder, group, models, progress)
-    note(f"wrote {folder / 'index.html'}")
+    note(with_file("wrote", folder / "index.html"))
 
 
 def _show_page(text: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -185,7 +186,8 @@ def _sweep(
     """
     model = mechanism.model
     with _kept(run.directory, output.path):
-        with progress_bar("sweeping") as progress:
+        alone = not (asked["certify"] or asked["sensitivity"])
+        with progress_bar("sweeping", alone * len(grids[parameter])) as progress:
             answer = mechanism.sweep(parameter, grids[parameter], progress, si=True, **asked, **vars(run))
         derived = {"sensitivity": asked["sensitivity"]}
         output.answer(answer, model, True, table=derived, json=derived, csv=derived)
@@ -204,7 +206,7 @@ def _chart(
     """Compute a chart, write and draw it; return the same as `_sweep`."""
     model = mechanism.model
     with _kept(run.directory, output.path):
-        with progress_bar("sweeping") as progress:
+        with progress_bar("sweeping", math.prod(map(len, grids.values()))) as progress:
             answer = mechanism.chart(grids, progress, si=True, **vars(run))
         output.answer(answer, model, True)
         for path in paths.values() if len(answer.problems) < answer.unstable.size else ():
