@@ -360,15 +360,15 @@ def test_what_is_required_is_an_order_of_verdicts():
         ("simulate", "{m}", "--to", "0.1", "--format", "csv", "-o", "{gif}", "--animate", "{gif}"),
         ("simulate", "{picture}", "--to", "0.1", "--plot", "rod.theta", "--pictures", "{stem}"),
         ("sweep", "{map}", "--param", "L", "--from", "1", "--to", "2", "--points", "3", "--pictures", "{stem}"),
-        ("compare", "{svg}", "--plot", "{svg}"),
-        ("compare", "{m}", "--format", "csv", "-o", "{svg}", "--plot", "{svg}"),
+        ("compare", "{error}", "--plot", "error", "--pictures", "{stem}"),
+        ("compare", "{m}", "--format", "csv", "-o", "{error}", "--plot", "error", "--pictures", "{stem}"),
         ("test", "{m}", "--format", "json", "-o", "{m}"),
     ],
     ids=" ".join,
 )
 def test_no_file_of_a_call_is_overwritten_by_another(arguments, tmp_path):
     text = run("models", "show", "pendulum").stdout
-    names = {"m": "m.yaml", "json": "m.json", "gif": "m.gif", "svg": "m.svg", "map": "s-map.png"}
+    names = {"m": "m.yaml", "json": "m.json", "gif": "m.gif", "error": "s-error.png", "map": "s-map.png"}
     names |= {"picture": "s-rod.theta.png", "stem": "s"}
     paths = {key: tmp_path / name for key, name in names.items()}
     for key in set(names) - {"stem"}:

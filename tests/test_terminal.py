@@ -20,6 +20,7 @@ from click.testing import CliRunner
 
 from mbstab.cli import main
 from mbstab.cli.common import duration, progress_bar
+from mbstab.cli.main import COMMANDS, GROUPS, SUMMARY
 from mbstab.cli.terminal import LOOKS, is_coloured, painted
 from mbstab.model.words import WORDS
 from mbstab.report import set_width
@@ -359,3 +360,88 @@ def test_a_table_styles_whole_rows_of_several_lines():
 def test_every_look_has_only_colours_that_a_terminal_sets_for_its_background(style):
     codes = re.search(r"\x1b\[([\d;]+)m", look(style, "x"))[1].split(";")
     assert not {"38", "48"} & {*codes}
+
+
+# --- calls ----------------------------------------------------------------------------------------------------------
+
+
+def test_commands_are_listed_in_groups_each_with_a_whole_sentence():
+    assert sorted(name for names in GROUPS.values() for name in names) == list(COMMANDS)
+    shown = CliRunner().invoke(main, ["--help"]).stdout
+    assert [line[:-1] for line in shown.splitlines() if line[:-1] in GROUPS] == list(GROUPS)
+    for name in COMMANDS:
+        (summary,) = re.findall(rf"^  {name} +(.*)$", shown, flags=re.M)
+        assert len(summary) <= SUMMARY
+        assert "..." not in summary
+        assert summary == re.split(r"\.\s", f"{main.get_command(None, name).help} ")[0] + "." * summary.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("eig pendulum.yaml --require stabel", "--require: 'stabel' is none of asymptotic, stable, marginal, linear\n"
+         "hint: did you mean 'stable'?"),
+        ("eig pendulum.yaml --plot spectrun", "--plot: 'spectrun' is none of spectrum, modes, sensitivity\n"
+         "hint: did you mean 'spectrum'?"),
+        ("eig pendulum.yaml --requir stable", "mbstab eig has no option --requir\nhint: did you mean --require?"),
+        ("eig pendulum.yaml --json", "mbstab eig has no option --json\nhint: --format json"),
+        ("eig pendulum.yaml --color red", "mbstab eig has no option --color\nhint: --color auto, always or never"),
+        ("egi pendulum.yaml", "no such command 'egi'\nhint: did you mean 'eig'?"),
+        ("sweep pendulum.yaml", "--param is missing\nhint: mbstab sweep --help shows arguments and options"),
+        ("eig", "FILES... is missing\nhint: mbstab eig --help shows arguments and options"),
+        ("check a.yaml b.yaml", "got unexpected extra argument (b.yaml)\n"
+         "hint: mbstab check --help shows arguments and options"),
+        ("sweep pendulum.yaml --param L --jobs 0", "--jobs: 0 is not in the range 1<=x<=1024\n"
+         "hint: mbstab sweep --help shows arguments and options"),
+        ("sweep pendulum.yaml --param L --points x", "--points: 'x' is not a valid integer range\n"
+         "hint: mbstab sweep --help shows arguments and options"),
+        ("models lst", "no such command 'lst'\nhint: mbstab models --help shows arguments and options"),
+        ("compare pendulum.yaml --plot a.svg", "--plot: 'a.svg' is no picture but where one goes\n"
+         "hint: --plot error --pictures a.svg"),
+        ("linearize pendulum.yaml --pictures a.svg", "--pictures goes with --plot"),
+    ],
+)  # fmt: skip
+def test_mistakes_in_a_call_are_told_as_all_others(arguments, told):
+    found = CliRunner().invoke(main, arguments.split(), prog_name="mbstab")
+    assert found.exit_code == 2
+    assert found.stdout == ""
+    assert found.stderr.rstrip("\n").partition("\n")[::2] == f"error: {told}".partition("\n")[::2]
+
+
+@pytest.mark.parametrize(
+    ("span", "apart"),
+    [
+        ("L=0.1..0.3", ("L", "--from", "0.1", "--to", "0.3")),
+        ("L = 0.3 .. 0.1", ("L", "--from", "0.3", "--to", "0.1")),
+        ("L=50%", ("L", "--from", "0.2-0.1", "--to", "0.2+0.1")),
+        ("L=0.1..2*0.15", ("L", "--from", "0.1", "--to", "0.3")),
+    ],
+)
+def test_a_range_stands_behind_its_name_or_apart(span, apart):
+    rest = ("--points", "3", "--plot", "none", "--format", "csv")
+    told = CliRunner().invoke(main, ["sweep", "pendulum.yaml", "--param", span, *rest])
+    assert told.exit_code == 0, told.stderr
+    assert told.stdout == CliRunner().invoke(main, ["sweep", "pendulum.yaml", "--param", *apart, *rest]).stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("L=1..2", "--from", "1"), "L=1..2 gives both ends\nhint: leave out --from and --to"),
+        (("L=1..1",), "the range of L is empty"),
+        (("L=1..2", "--values", "1,2"), "--values gives the whole range"),
+        (("L=1..2..3",), "L=1..2..3: a range is written FIRST..LAST"),
+    ],
+)
+def test_a_range_that_is_none_is_refused(arguments, told):
+    found = CliRunner().invoke(main, ["sweep", "pendulum.yaml", "--plot", "none", "--param", *arguments])
+    assert found.exit_code == 2
+    assert told in found.stderr
+
+
+def test_a_chart_takes_two_ranges():
+    rest = ("--points", "3,3", "--plot", "none", "--format", "csv")
+    one = CliRunner().invoke(main, ["sweep", "pendulum.yaml", "--param", "L=1..2", "--param", "m=1..3", *rest])
+    other = ("--param", "L", "--param", "m", "--from", "1,1", "--to", "2,3")
+    assert one.exit_code == 0, one.stderr
+    assert one.stdout == CliRunner().invoke(main, ["sweep", "pendulum.yaml", *other, *rest]).stdout

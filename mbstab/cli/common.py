@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import re
 import sys
@@ -14,7 +15,19 @@ import click
 from click.core import ParameterSource
 
 from mbstab.cli import completion
-from mbstab.cli.output import files, note, quiet, remembered, remembered_flag, with_file
+from mbstab.cli.mistakes import Choice
+from mbstab.cli.output import (
+    PICTURES,
+    check_pictures,
+    check_size,
+    files,
+    note,
+    pictures_option,
+    quiet,
+    remembered,
+    remembered_flag,
+    with_file,
+)
 from mbstab.cli.terminal import draws
 from mbstab.errors import MbstabError, UnforeseenError, UsageError
 
@@ -118,6 +131,26 @@ def parse_settings(
     return found
 
 
+def parse_ranges(texts: tuple[str, ...], option: str) -> dict[str, str | None]:
+    """Return options such as ``--param d=0.1..10`` or ``--param d`` as names with ranges, None where there is none.
+
+    Raises
+    ------
+    UsageError
+        If a value is no range, or a name is given twice.
+    """
+    found: dict[str, str | None] = {}
+    for text in texts:
+        name, equals, span = (part.strip() for part in text.partition("="))
+        if equals and not (re.fullmatch(r".*[^.\s].*\.\..*[^.\s].*", span) or span.endswith("%")):
+            one = f"; one value: mbstab eig --set {text}" if span and ".." not in span else ""
+            raise UsageError(f"{option} {text}: {span or 'nothing'!r} is no range\nhint: {name}=FIRST..LAST{one}")
+        if name in found:
+            raise UsageError(f"{option} {name} is given twice")
+        found[name] = span or None
+    return found
+
+
 def refuse_given(names: tuple[str, ...], where: str) -> None:
     """Refuse options that would be ignored.
 
@@ -217,3 +250,43 @@ def listed(one: Any = click.STRING) -> Callable[[click.Context, click.Parameter,
         return tuple(one.convert(part, option, context) for part in parts)
 
     return callback
+
+
+def plot_option(*names: str, meaning: str) -> Callable[[F], F]:
+    """Add --plot, --pictures and --size to a command, which takes the first two as ``pictures`` and ``place``.
+
+    The names are those of the pictures, `meaning` says in a help text what they show. With ``none`` among them the
+    command draws also where nothing is asked for.
+    """
+    always = "none" in names
+
+    def read(context: click.Context, option: click.Parameter, given: tuple[str, ...]) -> tuple[Any, ...]:
+        for text in given:
+            if Path(text).suffix in PICTURES:
+                hint = f"hint: --plot {names[0]} --pictures {text}"
+                raise click.BadParameter(f"{text!r} is no picture but where one goes\n{hint}", context, option)
+        return listed(Choice(names))(context, option, given)
+
+    def decorated(command: F) -> F:
+        @functools.wraps(command)
+        def run(*arguments: Any, pictures: tuple[str, ...], place: Path | None, **options: Any) -> Any:
+            check_pictures(place)
+            if not always:
+                check_size(bool(pictures))
+                if place is not None and not pictures:
+                    raise UsageError("--pictures goes with --plot")
+            elif "none" in pictures and (len(pictures) > 1 or place is not None):
+                raise UsageError("--plot none goes with no other picture")
+            return command(*arguments, pictures=pictures, place=place, **options)
+
+        option = click.option(
+            "--plot",
+            "pictures",
+            callback=read,
+            metavar=f"[{'|'.join(names)}]",
+            multiple=True,
+            help=f"Pictures to draw, separated by commas or repeated; --pictures says where to. {meaning}.",
+        )
+        return option(pictures_option(run))  # type: ignore[return-value]
+
+    return decorated

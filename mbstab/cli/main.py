@@ -25,9 +25,8 @@ from mbstab.cli.common import one_thread_by_default
 from mbstab.cli.mistakes import Choice, call_error
 from mbstab.cli.output import say, say_error, show, stdout_failure
 from mbstab.cli.terminal import COLOURS, WHEN
-from mbstab.errors import MbstabError, OutputError, suggestion
+from mbstab.errors import MbstabError, OutputError, UsageError, suggestion
 from mbstab.report import set_width
-from mbstab.report.messages import message_text
 
 STREAM = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 """Errors of writing to a stream."""
@@ -36,6 +35,17 @@ STREAM = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno
 COMMANDS = tuple(sorted(path.stem for path in Path(commands.__file__).parent.glob("[!_]*.py")))
 """Each is the function of the name of its module in `mbstab.cli.commands`, imported at first use."""
 
+
+GROUPS = {
+    "Ask": ("eig", "equilibrium", "energy", "simulate", "response", "linearize"),
+    "Explore": ("sweep", "design"),
+    "Check": ("check", "test", "compare"),
+    "Files": ("new", "models", "schema", "manual"),
+}
+"""The commands as ``--help`` lists them."""
+
+SUMMARY = 60
+"""Characters of the first sentence about a command at most."""
 
 OTHERWISE = {
     "campbell": "mbstab sweep FILE --param SPIN --plot campbell draws a Campbell diagram",
@@ -60,6 +70,15 @@ class _Group(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands."""
         return list(COMMANDS)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the summaries of the commands, in groups."""
+        wide = max(map(len, COMMANDS))
+        for title, names in GROUPS.items():
+            commands = [(name, self.get_command(ctx, name)) for name in names]
+            rows = [(f"{name:{wide}}", command.get_short_help_str(SUMMARY)) for name, command in commands if command]
+            with formatter.section(title):
+                formatter.write_dl(rows)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command."""
@@ -165,7 +184,7 @@ def _answered(run: Callable[[], Any]) -> int:
                 raise
             raise stdout_failure(error) from None
     except click.ClickException as error:
-        say(message_text("error", call_error(error)))
+        say_error(UsageError(call_error(error)))
         return error.exit_code
     except click.Abort:
         say("stopped")
@@ -173,7 +192,7 @@ def _answered(run: Callable[[], Any]) -> int:
         say_error(error)
     except MemoryError as error:
         text = f"there is not enough memory{f': {error}' if str(error) else ''}"
-        say(message_text("error", f"{text}\nhint: a smaller model, or fewer points"))
+        say_error(OutputError(f"{text}\nhint: a smaller model, or fewer points"))
     return 1
 
 

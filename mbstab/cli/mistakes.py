@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from mbstab.cli.terminal import COLOURS
 from mbstab.errors import nearest, suggestion
 
 FORMATS = ("table", "json", "csv", "npz", "md", "html")
 """What commands write; those who ask for --json are told how."""
 
 
-class Choice(click.Choice[str]):
+if TYPE_CHECKING:
+    _Choice = click.Choice[str]
+else:
+    _Choice = click.Choice  # generic from click 8.2 on
+
+
+class Choice(_Choice):
     """One of some words; for another one the nearest of them is suggested."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
@@ -54,11 +61,13 @@ def _name(parameter: click.Parameter | None) -> str:
     """Return what a parameter is called on the command line."""
     if isinstance(parameter, click.Option):
         return max(parameter.opts, key=len)
-    return "an argument" if parameter is None else parameter.make_metavar(click.get_current_context(silent=True))  # type: ignore[arg-type]
+    return "an argument" if parameter is None else parameter.human_readable_name
 
 
 def _option_hint(name: str, context: click.Context | None) -> str:
     """Return what an unknown option may mean: a format, a file whose name begins with a dash, a known option."""
+    if name == "--color":
+        return f"--color {', '.join(COLOURS[:-1])} or {COLOURS[-1]}"
     if name.removeprefix("--") in FORMATS:
         return f"--format {name.removeprefix('--')}"
     for given in sys.argv[1:]:

@@ -24,7 +24,6 @@ from mbstab.errors import MbstabError, OutputError, UsageError, suggestion, visi
 from mbstab.records import dataclass
 from mbstab.report import WIDTH, set_width
 from mbstab.report.files import whole_file
-from mbstab.report.messages import error_text, message_text
 from mbstab.report.picture_sizes import SIZES, sized
 from mbstab.report.styles import Text, joined, styled
 
@@ -87,6 +86,8 @@ def say(text: str) -> None:
 
 def say_error(error: MbstabError) -> None:
     """Write an error to stderr."""
+    from mbstab.report.messages import error_text
+
     say(error_text(error))
 
 
@@ -103,6 +104,8 @@ def with_file(what: str, path: Path) -> Text:
 
 def warn(warnings: tuple[str, ...] | list[str]) -> None:
     """Write warnings to stderr."""
+    from mbstab.report.messages import message_text
+
     for text in warnings:
         say(message_text("warning", text))
 

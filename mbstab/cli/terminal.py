@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -18,10 +19,21 @@ COLOURS: tuple[When, ...] = get_args(When)
 WHEN: ContextVar[When] = ContextVar("colours", default="auto")
 """When there are colours; auto: on a terminal."""
 
+
+@contextlib.contextmanager
+def without_colours() -> Iterator[None]:
+    """Write no colours within, whatever is asked for."""
+    before = WHEN.set("never")
+    try:
+        yield
+    finally:
+        WHEN.reset(before)
+
+
 LOOKS: dict[Style, str] = {
     "stable": "black on green", "marginal": "black on yellow", "unstable": "bright_white on red",
     "undecided": "black on cyan",
-    "grows": "red", "open": "magenta", "faint": "dim",
+    "grows": "bold red", "open": "magenta", "faint": "dim",
     "good": "green", "bad": "red", "title": "bold",
     "error": "bold red", "warning": "bold magenta", "hint": "bold cyan", "place": "bold", "file": "underline",
 }  # fmt: skip

@@ -47,7 +47,7 @@ def with_verdict(line: str, word: str, more: str = "") -> Text:
 
 def grounds_lines(judged: Verdict) -> list[str]:
     """Return what a verdict rests on, and where the eigenvalues lie, in sentences."""
-    lines = [f"Why {judged.word}:"] if judged.reasons else []
+    lines: list[str] = [styled(f"Why {judged.word}:", "title")] if judged.reasons else []
     for reason in judged.reasons:
         lines += wrap_lines(reason, "  ", "  ")
     for sentence in () if judged.spectrum is None else judged.spectrum.sentences():

@@ -75,7 +75,7 @@ def design(
     settings: tuple[str, ...],
     output: Output,
 ) -> None:
-    """Change parameters within ranges so that a goal is met as well as possible.
+    """Find values of parameters that meet a goal best.
 
     The search follows exact derivatives from the values of the file to a local optimum: the best that was found, not
     the best that exists. Ctrl-C ends it with the best so far. As yaml it writes the model file with the new values.

@@ -14,7 +14,7 @@ from mbstab.cli.common import progress_bar
 from mbstab.cli.output import note, quiet_option, show, with_file
 from mbstab.cli.terminal import is_coloured
 from mbstab.errors import UsageError
-from mbstab.report import width
+from mbstab.report import WIDTH, set_width, width
 
 SHOWN = 20
 """Places that a search shows."""
@@ -67,6 +67,7 @@ def _write_site(folder: Path, group: click.Group, names: tuple[str, ...], search
 
     if search:
         raise UsageError("--search and --html exclude each other")
+    set_width(WIDTH)  # of texts in the pages, whatever the terminal
     models = [find_model(name).path for name in names] or installed_models()
     with progress_bar("pages of models", len(models)) as progress:
         write_site(folder, group, models, progress)

@@ -102,10 +102,10 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     metavar="WHAT",
     multiple=True,
     shell_complete=completion.quantities,
-    help="Draw over time: rod.theta, an output of the file, rate(rod.theta), acceleration(…), angle(pivot) or "
-    "displacement(…) of a joint, "
-    "rate(angle(pivot)), force(pivot), torque(pivot.z), effort(spring), kinetic, …, several separated by commas; "
-    "energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
+    help="Pictures to draw, repeated for several ones; --pictures says where to. Over time: rod.theta, an output of "
+    "the file, rate(rod.theta), acceleration(…), angle(pivot) or displacement(…) of a joint, rate(angle(pivot)), "
+    "force(pivot), torque(pivot.z), effort(spring), kinetic, …, several with commas in one picture; energy; residuals; "
+    "or phase:rod.theta.",
 )
 @pictures_option
 @animation_options
@@ -122,7 +122,7 @@ def simulate(
     output: Output,
     **options: Any,
 ) -> None:
-    """Follow the nonlinear motion that starts as the file says, with joint reactions, energies and residuals.
+    """Follow the nonlinear motion, with reactions and energies.
 
     It starts at the reference of the file, or where its initial: block says, with what --perturb adds. --tol holds for
     the result: it is computed again with smaller steps until the estimate of its error is below. What is finished
