@@ -187,4 +187,4 @@ reference: {{coordinates: {{{places}}}}}
 """
     if weak:
         return text, frozenset({UNSTABLE} if weak > 0 else {ASYMPTOTIC} if damped else {STABLE, MARGINAL})
-    return text, frozenset({ASYMPTOTIC_UP_TO if damped else STABLE_UP_TO})
+    return text, frozenset({ASYMPTOTIC_UP_TO} if damped else {STABLE_UP_TO, MARGINAL})

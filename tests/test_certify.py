@@ -544,8 +544,8 @@ def test_what_is_reversible_and_what_is_up_to_nonlinear_terms():
     found = point("-b.x + rate(b.x)**3").certify()
     assert found.verdict == "marginally stable"
     assert {e.why for e in found.eigenvalues} == {"the linearized equations are reversible"}
-    assert "up to nonlinear terms" in found.notes[0]
-    assert "up to nonlinear terms" in run("top.yaml", "--certify").output.replace("\n", " ")
+    assert "depends on nonlinear terms" in found.notes[0]
+    assert "depends on nonlinear terms" in run("top.yaml", "--certify").output.replace("\n", " ")
     assert point("-b.x*(1 + p*p) + rate(b.x)**3").certify(p="[0, 1]").notes
     assert point("-b.x*(1 + p*p)").certify(p="[0, 1]").verdict == "stable"
     assert not point("-b.x - rate(b.x)").certify().notes

@@ -513,8 +513,8 @@ FALLING = "mbstab: 1\ngravity: [0, -9.81]\nbodies: {b: {type: planar_point, mass
 @pytest.mark.parametrize(
     ("text", "arguments", "code", "message"),
     [
-        (FALLING, (), 1, "nothing holds b.y"),
-        (FALLING, ("--starts", "3"), 1, "nothing holds b.y"),
+        (FALLING, (), 1, "no spring or joint resists b.y"),
+        (FALLING, ("--starts", "3"), 1, "no spring or joint resists b.y"),
         (FALLING.replace("equilibrium", "rest"), (), 2, "reference.find"),
         (FALLING.replace("equilibrium", "steady"), (), 2, "a steady motion needs its symmetry"),
         (HANGING, ("--starts", "0"), 2, "--starts"),

@@ -415,7 +415,8 @@ def test_weave_and_capsize_of_the_bicycle():
     weave, capsize = swept(bicycle, "v", 4.0, 6.5)
     assert (weave.kind, capsize.kind) == ("flutter", "divergence")
     assert_slopes(weave, {"g": weave.value / (2 * 9.81)}, 1e-11)
-    assert_slopes(capsize, {"g": capsize.value / (2 * 9.81)}, 1e-8)
+    # Interpolated between neighbouring values: to 1e-7 of the largest derivative, as it is asked for.
+    assert_slopes(capsize, {"g": capsize.value / (2 * 9.81)}, 1e-7)
 
 
 @pytest.mark.long

@@ -381,7 +381,9 @@ def test_rows_to_which_the_first_column_does_not_lead_are_reached_from_those_bes
     # Every row ends on the edge of the region, and what else is drawn is where the damping changes its sign.
     drawn = np.concatenate(chart.boundaries)
     on_edge = np.abs(eval(room, {"a": drawn[:, 0], "b": drawn[:, 1], "cos": np.cos})) < 1e-9
-    assert set(b[np.any(exists, axis=1)]) == set(drawn[on_edge, 1])
+    # Those whose solutions lie between the points of the grid may be found, too.
+    between = ~np.isnan(solution(room, np.linspace(a[0], a[-1], 10001)[None, :], b[:, None])).all(axis=1)
+    assert set(b[np.any(exists, axis=1)]) <= set(drawn[on_edge, 1]) <= set(b[between])
     assert np.all(np.abs(0.3 + drawn[~on_edge, 0] / 2 - drawn[~on_edge, 1] / 3) < 1e-6)
 
 

@@ -207,7 +207,7 @@ def test_help_imports_no_numerics():
     ("model", "more"),
     [
         ("pendulum.yaml", set()),
-        ("top.yaml", set()),
+        ("top.yaml", {"flint"}),
         ("trailer.yaml", {"flint"}),
         ("rolling_torus.yaml", {"flint"}),
         ("whipple_bicycle.yaml", {"flint"}),

@@ -1,5 +1,6 @@
 """The manual: all its blocks run, all that the program knows is found in it, and it fits a terminal of 80 columns."""
 
+import ast
 import re
 import tomllib
 from pathlib import Path
@@ -13,6 +14,8 @@ from click.testing import CliRunner
 from mbstab.analysis.linear.methods import METHODS
 from mbstab.analysis.proof.critical_values import LOCATED
 from mbstab.analysis.sweep.critical_slopes import WITHOUT
+from mbstab.analysis.verdict.rule import Disc
+from mbstab.analysis.verdict.wording import unplaced
 from mbstab.cli import main
 from mbstab.cli.handbook.lookup import found_places, places
 from mbstab.cli.handbook.pages import FOLDER, TOPICS, WRITTEN, page
@@ -56,8 +59,17 @@ def test_what_a_simulation_writes_is_there(tmp_path, monkeypatch):
     assert {path.name for path in tmp_path.iterdir() if path.stat().st_size} == names
 
 
+def test_the_cheat_sheet_has_every_section_and_command():
+    listed = {
+        word
+        for row in re.findall(r"^\| (`.*?) \|", PAGES["cheat-sheet"], flags=re.M)
+        for word in re.findall(r"`(\w+)`", row)
+    }
+    assert {*SECTIONS, *COMMANDS} <= listed
+
+
 def test_the_tutorial_and_the_how_to_are_commands_to_type():
-    for topic in ("tutorial", "how-to", "verdicts"):
+    for topic in ("tutorial", "cheat-sheet", "how-to", "verdicts"):
         assert sum(len(sessions(text)) for kind, text in blocks(PAGES[topic]) if kind == "console") > 5
 
 
@@ -219,6 +231,55 @@ def test_what_is_not_there_is_refused_with_a_hint(words, message):
     assert message in answer.stderr
 
 
+REPORTS = ROOT / "mbstab" / "report"
+
+
+def heads_of(name):
+    """Yield the heads of the tables of an answer, without units."""
+    for node in ast.walk(ast.parse((REPORTS / f"{name}.py").read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "table":
+            lists = node.args[:1]
+        else:
+            lists = [node.value] if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "heads" else []
+        for x in (x for one in lists if isinstance(one, ast.List) for x in one.elts if isinstance(x, ast.Constant)):
+            yield " ".join(re.sub(r"\(.*", "", x.value).split())
+
+
+def test_every_column_and_every_word_of_the_output_is_explained():
+    from mbstab.report.pictures.spectrum import MARKERS
+
+    names = ("eigenvalues", "sweeps", "simulation", "responses", "designs", "modes", "verification")
+    heads = {head for name in names for head in heads_of(name) if head}
+    assert {"doubles or halves in s", "unstable eigenvalues", "error of gain", "best found"} < heads
+    text = PAGES["reading-the-output"].replace("\n", " ")
+    assert {head for head in heads if head not in text} == set()
+    assert {word for word in (*LOCATED, *WITHOUT, *MARKERS, *BLANK) if word not in text} == set()
+
+
+BLANK = ("stable node", "unstable focus", "saddle", "center", "½", "2×", "unknown", "no answer", "jump: ")
+
+
+def test_the_reasons_that_are_explained_are_those_of_the_program():
+    words = []
+    for path in (ROOT / "mbstab" / "analysis").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            parts = node.values if isinstance(node, ast.JoinedStr) else [node]
+            words.append(
+                "".join(str(getattr(part, "value", "")) if isinstance(part, ast.Constant) else "…" for part in parts)
+            )
+    discs = (Disc(c, r, n, "open") for c in (0j, 1j) for r in (0.0, 1e-3, float("inf")) for n in (1, 2))
+    known = "\n".join([*words, *map(unplaced, discs)])
+    told = re.findall(r"^\| (.+?) \|", PAGES["why-undecided"], flags=re.M)
+    pieces = {piece.strip(" ,:;()") for row in told for piece in re.split("…|; ", row)} - {
+        "reason",
+        "message",
+        "verdict",
+        "",
+    }
+    assert len(pieces) > 50
+    assert {piece for piece in pieces if piece not in known} <= {*WORDS, "up to symmetry"}
+
+
 def test_every_example_is_told():
     listed = set(re.findall(r"^\| `(\w+)\.yaml` \|", PAGES["examples"], flags=re.M))
     assert listed == {path.stem for path in installed_models()}
@@ -244,6 +305,26 @@ def test_links_between_pages_and_models_exist():
     for topic, text in PAGES.items():
         for target in re.findall(r"\]\(([^)#]+)\)", text):
             assert target.startswith("https://") or (Path(FOLDER) / target).exists(), f"{topic} links to {target}"
+
+
+CHANGES = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.M)
+
+
+@pytest.mark.parametrize("version", CHANGES[1:], ids=[text.partition("\n")[0] for text in CHANGES[1:]])
+def test_the_changes_of_a_version_are_a_page_by_command(version):
+    assert len(version.splitlines()) <= 40
+    kinds, entries = re.findall(r"^### (\w+)$", version, flags=re.M), re.findall(r"^- (.+)$", version, flags=re.M)
+    assert kinds == [kind for kind in ("Added", "Changed", "Fixed") if kind in kinds]
+    first = {word for entry in entries for word in re.findall(r"^`([a-z]+)", entry)}
+    assert len(first) >= 5
+    assert first <= {*COMMANDS}
+
+
+def test_the_versions_of_the_changelog_have_their_numbers():
+    versions = [head.partition("]")[0].removeprefix("[") for head in CHANGES[1:]]
+    heads = re.findall(r"^## (.*?): ", PAGES["changed-numbers"], flags=re.M)
+    newest = next(x for x in versions if x != "Unreleased")
+    assert set(heads) == {*versions} - {"Unreleased"} | ({f"After {newest}"} if "Unreleased" in versions else set())
 
 
 def test_the_version_is_the_same_wherever_it_stands():

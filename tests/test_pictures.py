@@ -12,7 +12,9 @@ from test_cli import run
 
 import mbstab
 from mbstab.analysis.sweep.critical import Critical
+from mbstab.analysis.sweep.ranges import Range
 from mbstab.analysis.sweep.sweep import OrderCrossing, Sweep, sweep
+from mbstab.analysis.verdict.rule import STABLE, UNSTABLE, WORDS
 from mbstab.errors import UsageError
 from mbstab.model.units import is_angular_velocity
 from mbstab.report.picture_sizes import sized
@@ -296,12 +298,28 @@ def test_four_eigenvalues_that_meet_at_zero_stay_on_the_axes():
     np.testing.assert_allclose(picture.imag[:, 1], np.sqrt(np.maximum(picture.x, 0.0)), atol=0.05)
 
 
-def test_an_unstable_range_ends_at_a_critical_value_on_a_point():
-    x = np.linspace(-2.0, 2.0, 5)
-    result = made(x, (-x - 0.0)[:, None], [Critical(0.0, "divergence", (0,), 0.0, (1, 0))])
-    for unstable in ([1, 1, 0, 0, 0], [1, 1, -1, 0, 0]):
-        swept = replace(result, unstable=np.array(unstable))
-        assert list(SweepCurves(swept, Axis("p")).ranges()) == [(-2.0, 0.0, 1)]
+@pytest.mark.parametrize("values", [np.linspace(-2.0, 2.0, 5), np.linspace(2.0, -2.0, 5), np.linspace(-2.0, 2.0, 4)])
+def test_an_unstable_range_ends_at_a_critical_value_on_a_point_or_between(values):
+    model = mbstab.loads(
+        """
+        mbstab: 1
+        parameters: {k: 1}
+        bodies: {p: {type: planar_point, mass: 1}}
+        constraints: {line: {holonomic: p.y}}
+        forces: {f: {type: expression, on: {p.x: -k*p.x - rate(p.x)}}}
+        reference: {coordinates: {p: {x: 0}}}
+        """
+    )
+    found = list(SweepCurves(model.sweep("k", values), Axis("k")).ranges())
+    assert found == [(-2.0, pytest.approx(0.0, abs=1e-12), 1)]
+
+
+def test_points_without_an_answer_leave_open_what_lies_around_them():
+    known = [(0.0, 0.18, STABLE), (0.24, 1.0, STABLE), (1.0, 1.8, UNSTABLE)]
+    ranges = tuple(Range(low, high, WORDS.index(word), (2 * (word == UNSTABLE),)) for low, high, word in known)
+    swept = replace(oscillator(gap=[10, 11, *range(95, 101)]), ranges=ranges)
+    found = list(SweepCurves(swept, Axis("p")).ranges())
+    assert found == [pytest.approx(piece) for piece in ((0.18, 0.24, -1), (1.0, 1.8, 1), (1.88, 2.0, -1))]
 
 
 @pytest.mark.parametrize("power", [2.0, 4.0])

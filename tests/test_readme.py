@@ -14,6 +14,7 @@ from blocks import blocks, run, sessions
 
 import mbstab
 from mbstab.cli import main
+from mbstab.cli.handbook.pages import WRITTEN
 from mbstab.cli.main import COMMANDS
 from mbstab.model.library import installed_models
 
@@ -104,6 +105,10 @@ def test_links_and_pictures_exist_and_pictures_are_small():
 def test_the_pictures_are_made_by_their_commands(tmp_path):
     make_pictures.make(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == make_pictures.PICTURES.keys()
+
+
+def test_every_page_of_the_manual_is_linked():
+    assert {Path(link).stem for link in re.findall(r"\]\((mbstab/manual/[^)]+\.md)\)", TEXT)} == {*WRITTEN}
 
 
 def test_the_readme_is_short():

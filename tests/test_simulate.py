@@ -1105,7 +1105,7 @@ def test_the_energy_that_the_drift_is_a_part_of_is_named():
 
 
 def test_a_motion_that_stays_at_rest_says_so_and_shows_no_rounding(tmp_path):
-    said = "nothing moves: the motion starts at rest"
+    said = "the simulation starts in equilibrium, so nothing moves"
     path = tmp_path / "own.yaml"
     path.write_text(SOURCE.replace("{x: 0, y: -L, theta: 3*pi/2}", "{theta: -pi/2}"))
     assert start_of(mbstab.load(path).system()).motion.q[0] != 0.0

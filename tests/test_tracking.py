@@ -327,16 +327,19 @@ def test_columns_that_are_followed_are_continuous(m):
     assert np.all(np.abs(np.diff(found, axis=0)) < 0.011)
 
 
-def test_eigenvalues_that_pass_each_other_in_the_middle_of_an_interval_are_doubtful():
-    x = np.arange(6.0)
-    values = np.stack([x - 2.5, 2.5 - x], axis=1) * 1j
+@pytest.mark.parametrize("short", [1.0, 0.01])
+def test_eigenvalues_that_pass_each_other_in_the_middle_of_an_interval_are_doubtful(short):
+    """Also between short intervals, in which they move little."""
+    x = np.cumsum([0.0, 1.0, short, 1.0, short, 1.0])
+    x -= 0.5 * (x[2] + x[3])
+    values = np.stack([x, -x], axis=1) * 1j
     links, clear = follow(values[:-1], values[1:])
-    assert clear[2]
+    assert clear.tolist() == [short == 1.0, short < 1.0, True, short < 1.0, short == 1.0]
     assert links[2].tolist() == [1, 0]
-    assert doubtful(clear)[2]
-    assert doubtful(np.array([True, True, False, True, True])).tolist() == [False] * 5
-    assert doubtful(np.array([True, False, True, True, False])).tolist() == [True] + [False] * 4
-    assert doubtful(np.array([True])).tolist() == [True]
+    assert doubtful(clear, x)[2]
+    assert doubtful(np.array([True, True, False, True, True]), np.arange(6.0)).tolist() == [False] * 5
+    assert doubtful(np.array([True, False, True, True, False]), np.arange(6.0)).tolist() == [True] + [False] * 4
+    assert doubtful(np.array([True]), np.arange(2.0)).tolist() == [True]
 
 
 @pytest.mark.parametrize("r", [0, 1])

@@ -398,7 +398,7 @@ def test_a_contradiction_is_answered_and_has_an_exit_code(form):
 
 def test_neutral_directions_are_in_the_table_and_in_json():
     shown = " ".join(run("rolling_disk.yaml").stdout.split())
-    assert "4 neutral directions tried: 2 stay, 2 drift with the power 2 of time, as the linearized equations" in shown
+    assert "4 neutral directions tried: 2 stay constant, 2 drift like t^2, as the linearized equations" in shown
     found = json.loads(run("rolling_disk.yaml", "--format", "json").stdout)["verification"]["neutral"]
     assert (found["count"], found["staying"], found["power"], found["verdict"]) == (4, 2, 2, "confirmed")
     assert json.loads(run("pendulum.yaml", "--format", "json").stdout)["verification"]["neutral"] is None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields, is_dataclass, replace
 from decimal import Decimal
 from typing import Any
@@ -26,12 +26,20 @@ def rounded_literals(model: Model) -> dict[str, float]:
     What is equal in the file stays equal: each text counts once. Exponents, points of tables and settings are left out.
     """
     found = dict[str, float]()
+
+    def note(node: Number) -> Node:
+        if "." in node.text:
+            _, digits, exponent = Decimal(node.text).as_tuple()
+            if len(digits) >= LEAST_DIGITS and isinstance(exponent, int) and any(digits):
+                found[node.text] = 10.0**exponent
+        return node
+
+    def expression(x: Expression) -> Expression:
+        _changed(x.root, note)
+        return x
+
     for name in PHYSICAL:
-        for root in _roots(getattr(model, name)):
-            for text in (x for x in _literals(root) if "." in x):
-                _, digits, exponent = Decimal(text).as_tuple()
-                if len(digits) >= LEAST_DIGITS and isinstance(exponent, int) and any(digits):
-                    found[text] = 10.0**exponent
+        _mapped(getattr(model, name), expression)
     return found
 
 
@@ -54,30 +62,32 @@ def named_literals(model: Model, texts: Iterable[str]) -> tuple[Model, list[str]
 
 
 def _with_nodes(model: Model, nodes: Mapping[str, Node]) -> Model:
-    """Return a model with other nodes in the place of some decimals, but for exponents and tables."""
-
-    def put(node: Node) -> Node:
-        match node:
-            case Number():
-                return nodes.get(node.text, node)
-            case Call():
-                first = 1 if CALLED[node.function].knots >= 0 else len(node.arguments)
-                return replace(node, arguments=(*map(put, node.arguments[:first]), *node.arguments[first:]))
-            case Binary():
-                return replace(
-                    node, left=put(node.left), right=node.right if node.operator == "**" else put(node.right)
-                )
-            case Negative():
-                return replace(node, operand=put(node.operand))
-        return node
+    """Return a model with other nodes in the place of some decimals."""
 
     def expression(x: Expression) -> Expression:
         if not any(isinstance(node, Number) and node.text in nodes for node in x.walk()):
             return x
-        return replace(x, root=put(x.root))
+        return replace(x, root=_changed(x.root, lambda node: nodes.get(node.text, node)))
 
     names = [x.name for x in fields(model) if x.name != "document"]
     return replace(model, **{name: _mapped(getattr(model, name), expression) for name in names})
+
+
+def _changed(node: Node, change: Callable[[Number], Node]) -> Node:
+    """Return an expression with its decimals changed, but for exponents and the points of tables."""
+    match node:
+        case Number():
+            return change(node)
+        case Call():
+            first = 1 if CALLED[node.function].knots >= 0 else len(node.arguments)
+            changed = (_changed(part, change) for part in node.arguments[:first])
+            return replace(node, arguments=(*changed, *node.arguments[first:]))
+        case Binary():
+            right = node.right if node.operator == "**" else _changed(node.right, change)
+            return replace(node, left=_changed(node.left, change), right=right)
+        case Negative():
+            return replace(node, operand=_changed(node.operand, change))
+    return node
 
 
 def _mapped(x: Any, change: Callable[[Expression], Expression]) -> Any:
@@ -95,32 +105,3 @@ def _mapped(x: Any, change: Callable[[Expression], Expression]) -> Any:
         changed = {name: y for name, y in parts.items() if y is not getattr(x, name)}
         return replace(x, **changed) if changed else x
     return x
-
-
-def _roots(x: Any) -> Iterator[Node]:
-    """Yield the expressions in something of a model."""
-    found = list[Expression]()
-
-    def note(expression: Expression) -> Expression:
-        found.append(expression)
-        return expression
-
-    _mapped(x, note)
-    return (expression.root for expression in found)
-
-
-def _literals(node: Node) -> Iterator[str]:
-    """Yield the decimals of an expression, without exponents and the points of tables."""
-    match node:
-        case Number():
-            yield node.text
-        case Call():
-            tabulated = CALLED[node.function].knots >= 0
-            for part in node.arguments[:1] if tabulated else node.arguments:
-                yield from _literals(part)
-        case Binary():
-            yield from _literals(node.left)
-            if node.operator != "**":
-                yield from _literals(node.right)
-        case Negative():
-            yield from _literals(node.operand)

@@ -177,7 +177,7 @@ def simulation_text(sim: Simulation, model: Model, full: bool = False) -> str:
     if sim.charts:
         lines.append(f"orientation   Euler angles replaced by others {counted(sim.charts, 'time')}")
     if sim.complete and np.all(np.ptp(sim.q, axis=0) <= STILL * sim.sizes):
-        text = "nothing moves: the motion starts at rest, and all is in balance there"
+        text = "the simulation starts in equilibrium, so nothing moves"
         lines += [
             "",
             *wrap_lines(f"{text}; --perturb, such as mode:1=0.1, or initial: in the file disturb it"),

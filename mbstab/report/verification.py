@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from mbstab.analysis.compare.tolerances import TOLERANCES as COMPARE
+from mbstab.analysis.verdict.wording import power
 from mbstab.errors import counted
 from mbstab.model.schema import Model
 from mbstab.report.eigenvalue_data import eigen_data
@@ -57,8 +58,8 @@ def _neutral(x: Drift) -> str:
     if x.verdict == "contradicted":
         return f"{many}: contradicted: {x.reason}"
     moving = x.count - x.staying
-    how = {-1: "with the turning frame", 1: "in proportion to time"}.get(x.power, f"with the power {x.power} of time")
-    ways = [f"{x.staying} {'stay' if x.staying > 1 else 'stays'}"] if x.staying else []
+    how = "with the turning frame" if x.power == -1 else f"like {power(x.power)}"
+    ways = [f"{x.staying} {'stay' if x.staying > 1 else 'stays'} constant"] if x.staying else []
     ways += [f"{moving} {'drift' if moving > 1 else 'drifts'} {how}"] if moving else []
     return (
         f"{many} tried: {', '.join(ways)}, as the linearized equations say, to {x.error:.0e} of the displacement in "

@@ -152,6 +152,16 @@ def sparse_rank(J: Any, tolerance: float = TOLERANCES.singular_value_zero) -> Sp
     return SparseRank(J, kept, least, float(np.max(s[null], initial=0.0)), dependent, doubtful)
 
 
+def rank_decisions(J: Any, n_h: int) -> list[tuple[SparseRank, Index]]:
+    """Return the decision about the first rows, and about the independent ones of them with the others, if any.
+
+    Each with the numbers of its rows: those that the last one keeps are independent and span all.
+    """
+    C = sparse_rank(J[:n_h])
+    found, both = [(C, np.arange(n_h))], np.concatenate([C.kept, np.arange(n_h, J.shape[0])]).astype(np.intp)
+    return found if n_h == J.shape[0] else [*found, (sparse_rank(J[both]), both)]
+
+
 def smallest_singular_values(
     J: Any, tolerance: float = TOLERANCES.singular_value_zero, most: int | None = None
 ) -> tuple[Array, Array]:

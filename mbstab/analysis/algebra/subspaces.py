@@ -344,17 +344,22 @@ def require_gap(rank: Rank | SparseRank, rows: Sequence[Row]) -> None:
     )
 
 
+def repetitions(rank: SparseRank, rows: Sequence[Row]) -> list[Redundancy]:
+    """Return the rows of a decision about sparse ones that earlier rows imply, with these."""
+    found = [
+        (last, np.flatnonzero(np.abs(x) > TOLERANCES.row_weight_dependent)) for last, x in last_rows(rank.left_null)
+    ]
+    return [Redundancy(rows[last], tuple(rows[k] for k in used.tolist() if k != last)) for last, used in found]
+
+
 def redundancies(J: Any, spaces: Subspaces, n_h: int, rows: Sequence[Row]) -> list[Redundancy]:
     """Return the rows that earlier rows imply, with these rows."""
     count = len(spaces.row_scale) - spaces.C.rank - spaces.W.rank
     if count == 0:
         return []
-    unit = scaled(J, spaces.scale, spaces.row_scale)
     if is_sparse(J):
-        return [
-            Redundancy(rows[last], tuple(rows[k] for k in np.flatnonzero(np.abs(weights) > 1e-7).tolist() if k != last))
-            for last, weights in last_rows(spaces.C.left_null)
-        ]
+        return repetitions(spaces.C, rows)
+    unit = scaled(J, spaces.scale, spaces.row_scale)
     found: list[Redundancy] = []
     basis = np.zeros((0, unit.shape[1]))
     kept: list[int] = []

@@ -156,6 +156,7 @@ class Clusters:
         """Correct blocks and bases by their residuals in the unreduced equations."""
         judge = self.judge
         blocks = self.of[:, None] == self.of
+        single = np.sum(blocks, axis=0) == 1
         best = math.inf
         for _ in range(TOLERANCES.vector_improvements):
             x, V = judge.motions(judge.B @ self.W, self.C)
@@ -177,7 +178,9 @@ class Clusters:
             amount = float(np.max(np.nan_to_num(worst, nan=np.inf), initial=0.0))
             if best == math.inf or amount < best:
                 best = amount
-                self.E, self.T, self.s = data + np.abs(outside) + left, T, spectrum
+                # Blocks are known to their own rounding at best.
+                own = np.where(blocks & ~single, TOLERANCES.roundings_of_block * EPS * np.abs(T), 0.0)
+                self.E, self.T, self.s = data + np.abs(outside) + left + own, T, spectrum
                 self.V, self.rows, self.x, self.w, self.F, self.data = V, rows, x, w, F, data
                 kept = self.W, self.C
             else:

@@ -31,6 +31,8 @@ class Tolerances:
     """A value of another method is wrong if it is this many times farther from an eigenvalue than its vector allows."""
     cluster_singular_value: Final = 1e-11
     """Vectors of a cluster span its subspace if the smallest singular value of their unit vectors is larger."""
+    roundings_of_block: Final = 4.0
+    """The entries of a block are known to so many roundings, and so is its resolvent."""
     cluster_circle_points: Final = 48
     """Number of points of a circle on which a block is shown to have no eigenvalue …"""
     cluster_circle_product: Final = 0.8

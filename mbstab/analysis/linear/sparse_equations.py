@@ -17,7 +17,7 @@ import numpy as np
 from mbstab.analysis.algebra.inertia import ConstrainedForms
 from mbstab.analysis.algebra.shift_invert import SparseQuadratic
 from mbstab.analysis.algebra.sparse import scaled
-from mbstab.analysis.algebra.sparse_rank import sparse_rank
+from mbstab.analysis.algebra.sparse_rank import rank_decisions
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.linear.linearize import Linearization
@@ -102,15 +102,15 @@ class SparseEquations:
         spaces, n_h = linear.spaces, linear.n_h
         columns, rows = spaces.scale, spaces.row_scale
         J = linear.J * columns * rows[:, None]
-        C = sparse_rank(csr_array(J[:n_h])).kept
-        both = np.concatenate([C, np.arange(n_h, len(J))]).astype(np.intp)
-        kept = both[sparse_rank(csr_array(J[both])).kept]
+        decisions = rank_decisions(csr_array(J), n_h)
+        (C, _), (last, both) = decisions[0], decisions[-1]
+        kept = both[last.kept]
 
         def chosen(m: Matrices) -> Matrices:
             weights = columns * columns[:, None]
             D_q = m.D_q * columns * rows[n_h:, None]
             parts = (m.M * weights, m.R * weights, m.K * weights, (m.J * columns * rows[:, None])[kept])
-            return Matrices(*(csr_array(x) for x in (*parts, D_q[kept[len(C) :] - n_h])))
+            return Matrices(*(csr_array(x) for x in (*parts, D_q[kept[C.rank :] - n_h])))
 
         plain = Matrices(linear.M, linear.R, linear.K, linear.J, linear.D_q)
         known, found = roundings(linear), chosen(plain)
@@ -118,7 +118,7 @@ class SparseEquations:
         terms = Matrices(*map(abs, found))
         sizes = _covering(terms, chosen(Matrices(*errors)))
         forms = ConstrainedForms(found.J, _known(sizes.J))
-        return cls(found, terms, sizes, None, (), forms, columns, len(C), linear.n_f, linear.names)
+        return cls(found, terms, sizes, None, (), forms, columns, C.rank, linear.n_f, linear.names)
 
     @cached_property
     def problem(self) -> SparseQuadratic:

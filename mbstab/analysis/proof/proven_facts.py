@@ -195,7 +195,7 @@ class Case:
 
     def _stacked(self, vectors: Sequence[Matrix]) -> Matrix:
         """Return vectors in the coordinates of S as rows."""
-        return np.array(vectors, dtype=object).reshape(-1, len(self.proof.reduced.S))
+        return np.array(vectors, dtype=object).reshape(len(vectors), len(self.proof.reduced.S))
 
     def _vanishing(self, rows: Matrix, columns: Matrix, turned: bool = False) -> Matrix:
         """Return combinations of rows that vanish along columns; `turned`: of columns on which the rows vanish."""

@@ -295,8 +295,9 @@ class ElementComparison:
             left[columns] = element.force(q, u, a, time, BALLS.f)
             q, u, a = (BALLS.within(x, e) for x, e in zip((there.q, there.u, there.a), errors, strict=True))
             moved[columns] = element.force(q, u, a, time, BALLS.f)
-            # T is rounded, too.
-            turned = T.T if plain else BALLS.within(T.T, rounded * size.T)
+            # T is rounded, too, and levers in it may cancel.
+            levers = self.motion.sizes[:, None] / self.motion.sizes
+            turned = T.T if plain else BALLS.within(T.T, rounded * np.maximum(size, levers).T)
             left = left - BALLS.multiplied(BALLS.prepared(turned), moved[:, None])[:, 0]
             return all(as_ball(x).contains(0) for x in left)
 

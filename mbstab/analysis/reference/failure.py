@@ -140,7 +140,7 @@ class Failure:
         if open_there and (problems := unclosed(self.system, self.finder.sizes, self.start, ~self.held)):
             return ModelFileError(problems)
         if pulled := self._nothing_holds(state):
-            lines.append(f"nothing holds {pulled}: whatever the position, the force along it stays")
+            lines.append(f"no spring or joint resists {pulled}: the net force along it does not depend on position")
             hint = "hold it with a joint, a spring or a contact; a body in free fall has no equilibrium"
         elif drained := self._drained(state):
             lines.append(drained)
@@ -167,7 +167,7 @@ class Failure:
         if not balanced:
             return self._unbalanced(state, int(np.argmax(load)))
         return self._left_out(state) or (
-            "forces balance, but " + (str(cause) if cause else "the search did not settle"),
+            "forces balance, but " + (str(cause) if cause else "the iteration did not converge"),
             "other starting values under reference.guess, or --starts 20",
         )
 
@@ -200,7 +200,7 @@ class Failure:
         far = int(np.argmax(ways))
         if ways[far] > TOLERANCES.search_ran_off:
             there = f"{self.system.names[far]} = {state.q[far]:.6g} {self.system.units[far]}"
-            said = f"the search ran off to {there} without a balance of forces: {left} unbalanced on {name}"
+            said = f"the iteration diverged to {there} without a balance of forces: {left} unbalanced on {name}"
         else:
             said = f"no balance of forces was found: at best, {left} unbalanced on {name}"
         hint = "other starting values under reference.guess, or --starts 20"

@@ -13,14 +13,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import others
 from mbstab.analysis.algebra.augmented import Augmented, mobility, sparse_mobility
-from mbstab.analysis.algebra.rank import Rank, last_rows, rank_of
-from mbstab.analysis.algebra.sparse import congruent, dense, identity, largest, scaled, sizes_times
+from mbstab.analysis.algebra.rank import Rank, rank_of
+from mbstab.analysis.algebra.sparse import dense, identity, largest, scaled, sizes_times
 from mbstab.analysis.algebra.stacks import times, transposed
 from mbstab.analysis.algebra.subspaces import Redundancy, Subspaces, fewest, redundancies, subspaces
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
@@ -36,7 +37,7 @@ from mbstab.analysis.reference.read_speeds import misread
 from mbstab.analysis.reference.refusals import (
     inertias_too_far_apart,
     redundant_rows,
-    singular_configuration,
+    require_constant_rank,
     turns_and_degrees,
     vanishing_rows,
 )
@@ -393,7 +394,10 @@ class Finder:
         a, nu = augmented.refined(force, bias, TOLERANCES.balance_refinements)
         self.warnings += [*self._held_controls(spaces), *self._measured(q, u, spaces)]
         if redundant:
-            self._check_constant_rank(q, u, time, spaces, state.M)
+            C, at = spaces.C, (q, u, time)
+            allowed = (lambda x: C.null @ (C.null.T @ x)) if isinstance(C, Rank) else C.rows.allowed
+            explained = partial(self._refuse_inertias_too_far_apart, state.M)
+            require_constant_rank(system, at, C.left_null, allowed, (scale, row_scale), explained)
             self.warnings += redundant_rows(redundant, max(spaces.C.largest_dropped, spaces.W.largest_dropped))
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant, tuple(self.solved),
@@ -563,34 +567,6 @@ class Finder:
         text = inertias_too_far_apart(self.system, M, self.sizes)
         if text:
             raise MassError(f"{self.scene.model.reference.location}: {text}")
-
-    def _check_constant_rank(self, q: Array, u: Array, time: float, spaces: Subspaces, M: Any) -> None:
-        """Refuse redundancy that does not persist nearby: Nᵀ (Σ δ_i ∇²C_i) N = 0 must hold for every dependence δ."""
-        n_h, zero = self.system.n_h, np.zeros(self.system.n_q)
-        straight = self.system.linearize(q, u, zero, np.zeros(self.system.n_c), time)[0]
-
-        def curvature(weights: Array) -> Any:
-            nu = np.zeros(self.system.n_c)
-            nu[:n_h] = weights * spaces.row_scale[:n_h]
-            return scaled(self.system.linearize(q, u, zero, nu, time)[0] - straight, spaces.scale, spaces.scale)
-
-        # Where rows are straight, the rest of their curvatures is rounding.
-        sample = (
-            np.eye(n_h)
-            if n_h < TOLERANCES.curvatures_together_from
-            else np.random.default_rng(3).choice([-1.0, 1.0], (4, n_h))
-        )
-        rounding = 1e-12 * max((largest(curvature(row)) for row in sample), default=0.0)
-        left = spaces.C.left_null
-        for combination in (
-            left.T if n_h < TOLERANCES.curvatures_together_from else [weights for _, weights in last_rows(left)]
-        ):
-            total = largest(congruent(curvature(combination), spaces.N))
-            acting = np.flatnonzero(np.abs(combination) > 1e-9 * np.max(np.abs(combination)))
-            single = max(largest(curvature(combination * (np.arange(n_h) == i))) for i in acting)
-            if total > max(TOLERANCES.curvature_of_dependent_rows * single, rounding):
-                self._refuse_inertias_too_far_apart(M)
-                raise singular_configuration(total / single, combination, self.system.rows)
 
 
 def balanced(system: System, motion: Motion, left: Array) -> bool:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import least_squares
+from mbstab.analysis.algebra.arrays import RandomNumbers, least_squares
 from mbstab.analysis.algebra.failures import FAILURES
-from mbstab.analysis.algebra.sparse import dense
+from mbstab.analysis.algebra.sparse import dense, largest, scaled
 from mbstab.analysis.algebra.subspaces import Redundancy
 from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
 from mbstab.analysis.reference.tolerances import TOLERANCES
@@ -30,6 +30,71 @@ def singular_configuration(curvature: float, combination: Array, rows: Sequence[
         f"each other here (curvature {curvature:.3g})\nthe rows involved: {'; '.join(named)}\n"
         "hint: eigenvalues do not exist at such a point; move the reference away from it"
     )
+
+
+def require_constant_rank(
+    system: System,
+    at: tuple[Array, Array, float],
+    left_null: Array,
+    allowed: Callable[[Array], Array],
+    scales: tuple[Array, Array],
+    instead: Callable[[], None] = lambda: None,
+) -> None:
+    """Refuse redundancy that does not persist nearby, along random motions.
+
+    Nᵀ (Σ δ_i ∇²C_i) N = 0 must hold for every dependence δ.
+
+    Parameters
+    ----------
+    at : tuple
+        q, u and the time.
+    left_null : ndarray, shape (n_h, k)
+        The dependences of the scaled holonomic rows.
+    allowed : callable
+        Returns what the rows allow of motions in scaled coordinates, as columns.
+    scales : tuple of ndarray, shapes (n_q,) and (n_c,)
+        Of the coordinates and of the rows.
+    instead : callable, optional
+        Raises an error that explains the dependence better, if there is one.
+
+    Raises
+    ------
+    ConstraintError
+        Names the rows of a dependence that does not persist.
+    """
+    (q, u, time), (scale, row_scale), n_h, still = at, scales, len(left_null), np.zeros(system.n_q)
+    if not left_null.size:
+        return
+    probes = allowed(RandomNumbers(9).uniform(-1.0, 1.0, system.n_q, TOLERANCES.curvature_probes))
+
+    def stiffness(nu: Array) -> tuple[Any, Any]:
+        return system.linearize(q, u, still, nu, time)[0], system.terms(q, u, still, nu, time)["K"]
+
+    plain = stiffness(np.zeros(system.n_c))
+
+    def curvature(weights: Array) -> list[Any]:
+        """Return what multipliers of the rows add to the stiffness and to the sizes of its terms."""
+        nu, factor = np.zeros(system.n_c), 1.0
+        nu[:n_h] = weights * row_scale[:n_h]
+        found = [x - y for x, y in zip(stiffness(nu), plain, strict=True)]
+        size, beside = largest(found[1]), largest(plain[1])
+        if 0.0 < size < beside:  # multipliers so large that their terms are not lost beside stiff springs
+            factor = beside / size
+            found = [x - y for x, y in zip(stiffness(factor * nu), plain, strict=True)]
+        return [scaled(x, scale / factor, scale) for x in found]
+
+    def along(matrix: Any, x: Array) -> Array:
+        return np.asarray(x.T @ (matrix @ x))
+
+    # Where rows are straight, the rest of their curvatures is rounding.
+    rounding = TOLERANCES.curvature_rounding * along(curvature(np.ones(n_h))[1], np.abs(probes))
+    for combination in left_null.T:
+        bent, single = curvature(combination)
+        # What the rows hold moves by rounding alone.
+        most, total = np.maximum(along(single, np.abs(probes)), largest(single)), np.abs(along(bent, probes))
+        if np.any(total > np.maximum(TOLERANCES.curvature_of_dependent_rows * most, rounding)):
+            instead()
+            raise singular_configuration(float(np.max(total / most)), combination, system.rows)
 
 
 def redundant_rows(redundant: Sequence[Redundancy], misfit: float) -> list[str]:
@@ -61,7 +126,7 @@ def vanishing_rows(system: System, at: tuple[Array, Array, float], J: Any, sizes
         left = float(np.linalg.norm(gradient + H @ way))
         if np.linalg.norm(way) <= TOLERANCES.vanishing_derivative and left <= 1e-3 * np.linalg.norm(gradient):
             row = system.rows[i]
-            message = f"the derivative of {row} vanishes where it holds, as that of a square: it says nothing of speeds"
+            message = f"the derivative of {row} vanishes where it holds, as that of a square: it constrains no velocity"
             hint = "write what must be zero without a power, such as a.x for a.x**2, one constraint for each"
             problems.append(
                 system.scene.model.document.problem(row.location, f"{row.section}.{row.name}", message, hint)

@@ -10,23 +10,21 @@ in scaled coordinates. The stiffness depends on the multipliers, so they are ref
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mbstab.analysis.algebra.arrays import others
+from mbstab.analysis.algebra.arrays import Index
 from mbstab.analysis.algebra.inertia import ConstrainedForms
 from mbstab.analysis.algebra.rounded import value_and_error
 from mbstab.analysis.algebra.sparse import identity, in_sparse, row_norms, scaled
-from mbstab.analysis.algebra.sparse_rank import Rows, SparseRank, sparse_rank
-from mbstab.analysis.algebra.subspaces import Redundancy, coordinate_scale, require_gap
-from mbstab.analysis.algebra.tolerances import TOLERANCES as ALGEBRA
+from mbstab.analysis.algebra.sparse_rank import Rows, SparseRank, rank_decisions
+from mbstab.analysis.algebra.subspaces import coordinate_scale, repetitions, require_gap
 from mbstab.analysis.reference.coefficients import Matrices
 from mbstab.analysis.reference.imbalance import balanced_at
 from mbstab.analysis.reference.motion import Finder
-from mbstab.analysis.reference.refusals import redundant_rows, singular_configuration
+from mbstab.analysis.reference.refusals import redundant_rows, require_constant_rank
 from mbstab.analysis.reference.rounded_scene import errors_of, rounded_system
 from mbstab.analysis.reference.tolerances import TOLERANCES
 from mbstab.compiler.system import Array, Dynamics, System
@@ -108,18 +106,19 @@ def at_rest(system: System) -> Rest | None:
     scale = _power_of_two(coordinate_scale(state.M, finder.sizes, state.J, system.n_h, len(system.states[0])))
     row_scale = _power_of_two(1.0 / row_norms(scaled(state.J, scale)))
     J = scaled(state.J, scale, row_scale)
-    kept, rank, warnings = _independent(system, J)
-    forms = ConstrainedForms(J[kept])
+    decisions = rank_decisions(J, system.n_h)
+    warnings = [x for decision in decisions for x in _warnings(system, *decision)]
+    (C, _), (last, both) = decisions[0], decisions[-1]
     M = scaled(state.M, scale, scale)
     least = TOLERANCES.massless * abs(M).max()
-    if forms.negatives(M - least * identity(system.n_q), TOLERANCES.rest_rounding * abs(M)) != 0:
+    if last.forms.negatives(M - least * identity(system.n_q), TOLERANCES.rest_rounding * abs(M)) != 0:
         return None
     rest = Rest(
-        system, q, np.zeros(system.n_c), Matrices(*5 * (None,)), (), time, finder.sizes, state, scale, row_scale, kept,
-        rank, forms, (*finder.warnings, *warnings),
+        system, q, np.zeros(system.n_c), Matrices(*5 * (None,)), (), time, finder.sizes, state, scale, row_scale,
+        both[last.kept], C.rank, last.forms, (*finder.warnings, *warnings),
     )  # fmt: skip
-    _check_constant_rank(rest, J)
-    return _balanced(finder, rest, J)
+    require_constant_rank(system, (q, still, time), C.left_null, last.rows.allowed, (scale, row_scale))
+    return _balanced(finder, rest, last.rows)
 
 
 def _power_of_two(x: Array) -> Array:
@@ -127,39 +126,18 @@ def _power_of_two(x: Array) -> Array:
     return result
 
 
-def _independent(system: System, J: Any) -> tuple[Any, int, list[str]]:
-    """Return which rows to keep, how many of them are holonomic, and warnings about the others."""
-    C = sparse_rank(J[: system.n_h])
-    require_gap(C, system.rows[: system.n_h])
-    rows = np.concatenate([C.kept, np.arange(system.n_h, system.n_c)]).astype(np.intp)
-    if system.n_c == system.n_h:
-        return rows, C.rank, _redundant(system, C, np.arange(system.n_h))
-    both = sparse_rank(J[rows])
-    require_gap(both, [system.rows[i] for i in rows])
-    kept = rows[both.kept]
-    return kept, int(np.sum(kept < system.n_h)), [
-        *_redundant(system, C, np.arange(system.n_h)), *_redundant(system, both, rows)
-    ]  # fmt: skip
+def _warnings(system: System, found: SparseRank, numbers: Index) -> list[str]:
+    """Return warnings about rows that others imply; refuse a decision without a gap."""
+    rows = [system.rows[i] for i in numbers]
+    require_gap(found, rows)
+    return redundant_rows(repetitions(found, rows), found.largest_dropped)
 
 
-def _redundant(system: System, found: SparseRank, rows: Any) -> list[str]:
-    """Return warnings about redundant rows."""
-    if not len(found.dropped):
-        return []
-    weights = found.left_null @ np.linalg.inv(found.left_null[found.dropped])
-    redundant = []
-    for i, combination in zip(found.dropped, weights.T, strict=True):
-        repeats = [k for k in np.flatnonzero(np.abs(combination) > ALGEBRA.row_weight_dependent) if k != i]
-        redundant.append(Redundancy(system.rows[rows[i]], tuple(system.rows[rows[k]] for k in repeats)))
-    return redundant_rows(redundant, found.largest_dropped)
-
-
-def _balanced(finder: Finder, rest: Rest, J: Any) -> Rest:
+def _balanced(finder: Finder, rest: Rest, allowed: Rows) -> Rest:
     """Return the reference with its multipliers; refuse one that is not in equilibrium."""
     system, scale = rest.system, rest.scale
-    force, rows = rest.dynamics.F0 * scale, J[rest.kept]
-    allowed = Rows(rows)
-    forces, transposed = force.astype(np.longdouble), rows.T.astype(np.longdouble)
+    force = rest.dynamics.F0 * scale
+    forces, transposed = force.astype(np.longdouble), allowed.J.T.astype(np.longdouble)
     nu, left = np.zeros(len(rest.kept), dtype=np.longdouble), force
     for _ in range(1 + TOLERANCES.multiplier_corrections):
         nu = nu - allowed.split(left)[1]
@@ -220,51 +198,3 @@ def _unsure(rest: Rest) -> Array:
         if name in given:
             found[i] = value_and_error(given[name])[1] / TOLERANCES.rest_rounding
     return found
-
-
-def stiffness_of(rest: Rest, nu: Array) -> Any:
-    """Return the part of the stiffness that multipliers cause, a sparse matrix."""
-    return _added(lambda x: rest.system.linearize(rest.q, 0.0 * rest.q, 0.0 * rest.q, x, rest.time)[0], nu)
-
-
-def curvature_sizes(rest: Rest, nu: Array) -> Any:
-    """Return the sizes of the terms whose sum that part is."""
-    return _added(lambda x: rest.system.terms(rest.q, 0.0 * rest.q, 0.0 * rest.q, x, rest.time)["K"], nu)
-
-
-def _added(stiffness: Callable[[Array], Any], nu: Array) -> Any:
-    """Return what multipliers add to a matrix."""
-    plain = stiffness(0.0 * nu)
-    found = stiffness(nu) - plain
-    size, beside = float(abs(found).max()), float(abs(plain).max())
-    if not size or size >= beside:
-        return found
-    # Multipliers so large that their terms are not lost beside stiff springs.
-    factor = beside / size
-    return (stiffness(factor * nu) - plain) / factor
-
-
-def _check_constant_rank(rest: Rest, J: Any) -> None:
-    """Refuse redundancy that does not persist nearby: curvatures of dependent rows must cancel in allowed motions."""
-    system = rest.system
-    dropped = others(system.n_h, rest.kept[rest.kept < system.n_h])
-    if not len(dropped):
-        return
-    left_null = sparse_rank(J[: system.n_h]).left_null
-    probes = Rows(J[rest.kept]).split(np.random.default_rng(9).normal(size=(system.n_q, TOLERANCES.curvature_probes)))[
-        0
-    ]
-
-    def along(matrix: Any, x: Array) -> Array:
-        result: Array = x.T @ (scaled(matrix, rest.scale, rest.scale) @ x)
-        return result
-
-    every = np.where(np.arange(system.n_c) < system.n_h, rest.row_scale, 0.0)
-    # Where rows are straight, the rest of their curvatures is rounding.
-    rounding = TOLERANCES.curvature_rounding * along(curvature_sizes(rest, every), np.abs(probes))
-    for combination in left_null.T:
-        nu = np.zeros(system.n_c)
-        nu[: system.n_h] = combination * rest.row_scale[: system.n_h]
-        total, single = np.abs(along(stiffness_of(rest, nu), probes)), along(curvature_sizes(rest, nu), np.abs(probes))
-        if np.any(total > np.maximum(TOLERANCES.curvature_of_dependent_rows * single, rounding)):
-            raise singular_configuration(float(np.max(total / single)), combination, system.rows)

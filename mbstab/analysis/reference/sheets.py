@@ -191,7 +191,9 @@ class _Rows:
         def solvable(part: Index) -> Flags:
             try:
                 near, ends = (q[part], c[part]), (self.y[rows[part]], self.y[goals[part]])
-                for y in (0.5 * (ends[0] + ends[1]), ends[1]):
+                # Before an edge, where a path turns back, a solution moves as a root of the distance.
+                for done in (0.5, 0.75, 1.0):
+                    y = ends[0] + done * (ends[1] - ends[0])
                     at = System(evaluate(self.model, {one: self.x[columns[part]], other: y}))
                     with np.errstate(all="ignore"):
                         found, good = newton(balance.over(at), *near)

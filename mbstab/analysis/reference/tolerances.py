@@ -24,8 +24,6 @@ class Tolerances:
     """Accelerations satisfy redundant rows that agree to this, relative to the largest of what they must balance."""
     curvature_of_dependent_rows: Final = 1e-7
     """Dependent rows stay dependent nearby if their curvatures cancel to this."""
-    curvatures_together_from: Final = 400
-    """From this number of rows on, their curvatures are not checked one by one."""
     balance_refinements: Final = 3
     """Refinement steps of accelerations and multipliers: after the first, small ones are wrong beside large ones."""
     newton_steps_onto_constraints: Final = 60

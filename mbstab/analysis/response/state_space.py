@@ -435,11 +435,12 @@ def control_model(linear: Linearization, states: Sequence[str] = ()) -> ControlM
     # Speeds in units of a typical rate: the states then depend on both alike.
     units = np.where(np.arange(n_f) < ports.space.n_xi, 1.0, ports.space.rate)
     scale = 1.0 / np.maximum(np.linalg.norm(S * units, axis=1), 1e-300)
-    inverse, error = (units[:, None] * x * scale for x in _inverse(S * scale[:, None] * units))
+    balanced = S * scale[:, None] * units
+    inverse, error = (units[:, None] * x * scale for x in _inverse(balanced))
     rate = ports.maps["y"]
     b = [rate[:, n_f + k * m : n_f + (k + 1) * m] for k in range(3)]
     A = _product(S, rate[:, :n_f], inverse, error=error)
-    _require_states(S, rate[:, :n_f], A, scale, texts, given=bool(states))
+    _require_states(S, rate[:, :n_f], A, balanced, texts, given=bool(states))
     B = [_product(S, b[0]) - A @ s[0], _product(S, b[1]) - A @ s[1] + s[0], _product(S, b[2]) + s[1]]
     C = _product(outputs[:, :n_f], inverse, error=error)
     _require_told(outputs[:, :n_f], C @ S, list(model.outputs.values()), texts)
@@ -472,10 +473,12 @@ def _columns(parts: Sequence[Array], used: Sequence[tuple[int, int]]) -> Array:
 
 
 def _inverse(S: Array) -> tuple[Array, Array]:
-    """Return the pseudo-inverse and the size of the rounding in each of its entries."""
+    """Return the pseudo-inverse and the size of the rounding in each of its entries (Bauer 1966, Skeel 1979)."""
     inverse = np.asarray(np.linalg.pinv(S), dtype=float)
-    rounding = float(len(S) * EPS * np.linalg.norm(S, 2) * np.linalg.norm(inverse, 2) ** 2)
-    return inverse, np.full(inverse.shape, rounding)
+    # Singular values give it to the rounding of its largest entries: a step of Newton's method, to that of its own.
+    missed = np.eye(len(S)) - S @ inverse
+    found, off = inverse + inverse @ missed, np.abs(missed) + len(S) * EPS * (np.abs(S) @ np.abs(inverse))
+    return found, np.abs(inverse) @ off @ off + len(S) * EPS * (np.abs(found) @ np.abs(S) @ np.abs(found))
 
 
 def _product(*factors: Array, error: Array | float = 0.0) -> Array:
@@ -501,10 +504,12 @@ def _state(model: Any, text: str) -> Quantity:
         ) from None
 
 
-def _require_states(S: Array, A: Array, own: Array, scale: Array, texts: Sequence[str], given: bool) -> None:
-    """Refuse states that depend on each other, or whose rates depend on other things."""
-    unit = S * scale[:, None]
-    smallest = float(np.linalg.svd(unit, compute_uv=False)[-1]) if len(S) <= S.shape[1] and S.size else 0.0
+def _require_states(S: Array, A: Array, own: Array, balanced: Array, texts: Sequence[str], given: bool) -> None:
+    """Refuse states that depend on each other, or whose rates depend on other things.
+
+    `balanced` are the rows of S with speeds in units of a typical rate, of length 1.
+    """
+    smallest = float(np.linalg.svd(balanced, compute_uv=False)[-1]) if len(S) <= S.shape[1] and S.size else 0.0
     if len(S) and smallest < TOLERANCES.independent_states and not given:
         raise NumericalError(
             f"no well conditioned states were found: {', '.join(texts)} nearly depend on each other, {smallest:.1e}, "
@@ -517,8 +522,7 @@ def _require_states(S: Array, A: Array, own: Array, scale: Array, texts: Sequenc
             f"{TOLERANCES.independent_states:g} or more\n"
             "hint: leave out one of them; without --states the program chooses them"
         )
-    left = (S @ A - own @ S) * scale[:, None]
-    size = (np.abs(S) @ np.abs(A)) * scale[:, None]
+    left, size = S @ A - own @ S, np.abs(S) @ np.abs(A)
     for text, rest, whole in zip(texts, left, size, strict=True):
         if np.max(np.abs(rest), initial=0.0) > TOLERANCES.steady_signal * max(np.max(whole, initial=0.0), 1e-300):
             raise UsageError(

@@ -419,7 +419,7 @@ def inexact(found: list[Eigenvalue], remedy: str = "; --precision gives more dig
     """Return warnings about eigenvalues with few known digits, or with none."""
     unknown = sum(not e.exact and e.error_bound == math.inf for e in found)
     if unknown:
-        return (f"{counted(unknown, 'eigenvalue')} may have any value: the effect of rounding has no bound{remedy}",)
+        return (f"no error bound could be computed for {counted(unknown, 'eigenvalue')}{remedy}",)
     few = [
         e
         for e in found

@@ -207,7 +207,7 @@ class Branches:
         current = np.lexsort((-values[first].imag, -values[first].real))
         branches = np.empty_like(values)
         # Elsewhere the order of the eigenvalues does not change.
-        clear = self.raw.clear & ~doubtful(self.raw.clear)
+        clear = self.raw.clear & ~doubtful(self.raw.clear, self.x)
         for k, link in sorted(self._links(good[:-1] & good[1:] & ~clear).items()):
             branches[start : k + 1] = values[start : k + 1, current]
             current, start = link[current], k + 1
@@ -262,7 +262,7 @@ class Branches:
                 # Equal eigenvalues at an intermediate point are a meeting, unless they are equal from end to end.
                 twins = np.full(len(at) + 1, multiple[piece.interval])
                 links, clear = follow(values[:-1], values[1:], twins)
-                clear &= ~doubtful(clear)
+                clear &= ~doubtful(clear, ends)
                 if not clear.all():
                     link, certain = together(values, np.diff(ends))
                     links = np.where((certain & ~clear)[:, None], link, links)
@@ -477,7 +477,10 @@ def _around(piece: _Piece, found: Told) -> tuple[float, ...]:
     t = np.array([x.t + side for x in found.approaches for side in (-TOLERANCES.meeting_part, TOLERANCES.meeting_part)])
     if not np.all((t > 0.0) & (t < 1.0)):
         return ()
-    return tuple(np.unique(piece.a + t * (piece.b - piece.a)).tolist())
+    # The same meeting, seen from several eigenvalues, is found once.
+    t = np.sort(t)
+    apart = np.diff(t, prepend=-np.inf) > 0.5 * TOLERANCES.meeting_part
+    return tuple((piece.a + t[apart] * (piece.b - piece.a)).tolist())
 
 
 def _off_axis(piece: _Piece) -> bool:

@@ -211,15 +211,16 @@ def continuous(links: Index, clear: Flags) -> Index:
     return order[:m]
 
 
-def doubtful(clear: Flags) -> Flags:
-    """Return in which intervals nearest successors may be wrong although they are clear, shape (m − 1,).
+def doubtful(clear: Flags, x: Array) -> Flags:
+    """Return in which intervals between values x nearest successors may be wrong although they are clear, (m − 1,).
 
     Where two eigenvalues pass each other in the middle of an interval, each is then where the other was. In the
-    intervals beside it they move too far to be clear; so an interval between such ones has nothing that confirms it.
+    intervals beside it they move too far to be clear, unless these are short; so an interval between such ones has
+    nothing that confirms it.
     """
-    confirmed = np.zeros_like(clear)
-    confirmed[1:] |= clear[:-1]
-    confirmed[:-1] |= clear[1:]
+    length, confirmed = np.diff(x), np.zeros_like(clear)
+    confirmed[1:] |= clear[:-1] & (length[:-1] >= TOLERANCES.tracking_step * length[1:])
+    confirmed[:-1] |= clear[1:] & (length[1:] >= TOLERANCES.tracking_step * length[:-1])
     return clear & ~confirmed
 
 

@@ -211,8 +211,8 @@ class Grounds:
         if drift := self._drifting():
             return drift
         return (
-            f"the motion is not known to be steady: that of now and that of later ({followed[0][0]}) are not the same "
-            f"by a symmetry of the scene; {ADVICE}"
+            "the motion is not known to be steady: no symmetry of the scene leads from the motion now to that later "
+            f"({followed[0][0]}); {ADVICE}"
         )
 
     def _drifting(self) -> str:

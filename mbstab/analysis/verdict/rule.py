@@ -40,7 +40,7 @@ import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags
 from mbstab.analysis.verdict.spectrum import Evidence, Modulo, Neutral, Spectrum
-from mbstab.analysis.verdict.wording import growing, phrases, power, show, strict, unplaced
+from mbstab.analysis.verdict.wording import REST, drifting, phrases, power, show, strict, unplaced
 from mbstab.compiler.system import Array
 from mbstab.errors import amount, counted
 from mbstab.model.words import ASYMPTOTIC as ASYMPTOTIC
@@ -67,8 +67,8 @@ Zeros = Literal["", "neutral", "critical"]
 Extremum = Literal["minimum", "maximum", "with a multiple"]
 
 LINEAR = "up to symmetries the equations are linear and no solution of theirs grows: motions nearby stay near"
-GROWS = "; what they change there may go on growing, "
-NONLINEAR = "whether disturbances stay small in the long run is up to nonlinear terms"
+DRIFTS = "; only this offset may drift "
+NONLINEAR = "whether disturbances stay small in the long run depends on nonlinear terms"
 
 
 @dataclass(frozen=True)
@@ -448,8 +448,8 @@ def _verdict(facts: Facts) -> Verdict:
     if facts.rough:
         return Verdict(UNDECIDED, (facts.rough,), warnings=facts.warnings)
     if not left:
-        grows = _growing(neutral, True)
-        return _up_to(facts, STABLE_UP_TO, f"every motion nearby is of the same kind: {_differ(neutral)}{grows}")
+        drifts = _drifting(neutral, True)
+        return _up_to(facts, STABLE_UP_TO, f"every motion nearby is of the same kind: {_differ(neutral)}{drifts}")
     on_axis = [d for d in facts.discs if d.side == "axis"]
     rest = [d for d in facts.discs if d.side == "open"]
     warnings = facts.warnings + facts.frequencies()
@@ -515,7 +515,7 @@ def _obstacle(facts: Facts) -> tuple[str, ...]:
     if facts.kink:
         return (facts.kink,)
     if not facts.expected:
-        return ("constraints and drives leave no motion free whose stability could be judged",)
+        return ("constraints and drives leave no degree of freedom, so there is no stability question",)
     return ()
 
 
@@ -581,12 +581,12 @@ def _critical(facts: Facts, critical: Critical) -> Verdict:
     family = (*neutral.family, *([critical.family] if critical.family else []))
     up_to = critical.verdict in (ASYMPTOTIC_UP_TO, STABLE_UP_TO)
     if up_to:
-        growth = _growing(neutral, critical.verdict == ASYMPTOTIC_UP_TO)
+        drift = _drifting(neutral, critical.verdict == ASYMPTOTIC_UP_TO)
         if critical.drift:
             # A decay like a root of t may sum without bound.
-            slowly = f"{GROWS}more slowly than {power(critical.drift)}"
-            growth = growing(critical.drift) if critical.family else slowly
-        reason += f", {_different(neutral, growth)}" if neutral.names else growth
+            slowly = f"{DRIFTS}more slowly than {power(critical.drift)}, {REST}"
+            drift = drifting(critical.drift) if critical.family else slowly
+        reason += f", {_different(neutral, drift)}" if neutral.names else drift
     staying = critical.verdict == ASYMPTOTIC_UP_TO and bool(critical.family) and not critical.drift
     in_place = critical.verdict in (ASYMPTOTIC, STABLE) or staying
     return Verdict(
@@ -610,25 +610,25 @@ def _differ(neutral: Neutral) -> str:
 
 
 def _except(neutral: Neutral, decays: bool = False) -> str:
-    """Return what disturbances may change permanently, and how that grows, in words."""
-    return _different(neutral, _growing(neutral, decays)) if neutral.names else "at the given momenta"
+    """Return what disturbances may change permanently, and how that drifts, in words."""
+    return _different(neutral, _drifting(neutral, decays)) if neutral.names else "at the given momenta"
 
 
-def _different(neutral: Neutral, growth: str) -> str:
-    slightly = "" if growth.startswith(GROWS) else "slightly "
-    return f"except that {phrases(neutral.names)} may end up {slightly}different{growth}"
+def _different(neutral: Neutral, drift: str) -> str:
+    slightly = "" if drift.startswith(DRIFTS) else "slightly "
+    return f"except that {phrases(neutral.names)} may end up {slightly}different{drift}"
 
 
-def _growing(neutral: Neutral, decays: bool) -> str:
-    """Return how changes along neutral directions grow, in words; `decays` says whether all others decay.
+def _drifting(neutral: Neutral, decays: bool) -> str:
+    """Return how changes along neutral directions drift, in words; `decays` says whether all others decay.
 
     What decays exponentially moves a motion along symmetries by a finite distance. Other motions of a family may go on
     along them, however slowly (x' = y^2, y' = 0), and so may oscillations (x' = y z': twice the area that y and z
     enclose in each period), at speeds that stay small: no faster than t. Those of linear equations go to and fro.
     """
     if neutral.drift or not neutral.symmetries or (decays and not neutral.family):
-        return growing(neutral.drift)
-    return f"{GROWS}at most like {power(1)}"
+        return drifting(neutral.drift)
+    return f"{DRIFTS}at most like {power(1)}, {REST}"
 
 
 def weakest(*evidence: Evidence) -> Evidence:

@@ -75,9 +75,13 @@ def listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]
 
 
-def growing(drift: int) -> str:
-    """Return the growth of changes along neutral directions, in words."""
-    return f"; what they change there goes on growing like {power(drift)}" if drift else ""
+REST = "while everything else stays small"
+"""Ends a sentence about what drifts: the motion itself is stable."""
+
+
+def drifting(drift: int) -> str:
+    """Return how a change along neutral directions drifts, in words."""
+    return f"; only this offset drifts like {power(drift)}, {REST}" if drift else ""
 
 
 def power(drift: int) -> str:
@@ -110,7 +114,7 @@ def strict(kind: str) -> str:
 def unplaced(disc: Any) -> str:
     """Return why an eigenvalue in a `mbstab.analysis.verdict.rule.Disc` leaves the verdict open."""
     if not disc.radius < float("inf"):
-        return f"nothing is known about how far the eigenvalue {show(disc.centre)} 1/s is off"
+        return f"no error bound could be computed for the eigenvalue {show(disc.centre)} 1/s"
     many = disc.count > 1
     if disc.holds_zero and not disc.radius:
         what = f"{disc.count} eigenvalues are" if many else "an eigenvalue is"

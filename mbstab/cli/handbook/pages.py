@@ -14,8 +14,8 @@ from mbstab.report import WIDTH
 FOLDER = Path(__file__).resolve().parents[2] / "manual"
 
 WRITTEN = (
-    "tutorial", "how-to", "model-file", "python", "coming-from", "verdicts", "theory", "limits", "examples", "digits",
-    "glossary", "inside", "citing",
+    "tutorial", "cheat-sheet", "how-to", "reading-the-output", "verdicts", "why-undecided", "model-file", "python",
+    "coming-from", "theory", "limits", "examples", "digits", "glossary", "inside", "changed-numbers", "citing",
 )  # fmt: skip
 """Pages that are files, in the order in which they are best read."""
 

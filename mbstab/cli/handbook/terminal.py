@@ -26,7 +26,7 @@ def _narrow(table: str) -> str:
     for row in rows[2:]:
         lines += _wrapped(row[0], "* ")
         for head, cell in zip(heads[1:], row[1:], strict=True):
-            lines += _wrapped(f"{head}: {cell}", "  - ")
+            lines += _wrapped(f"{head}: {cell}", "  - ") if cell else []
     return "\n".join(lines) + "\n"
 
 

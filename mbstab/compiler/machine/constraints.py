@@ -10,7 +10,7 @@ import numpy as np
 
 from mbstab.compiler.machine import tables as at
 from mbstab.compiler.machine.interpreter import evaluate
-from mbstab.compiler.machine.linear import factor, kinetic, solve
+from mbstab.compiler.machine.linear import factor, kinetic, power, slope, solve
 from mbstab.compiler.machine.native import compiled, copy, fill, floats, integers
 from mbstab.compiler.machine.tables import Floats, Integers, Machine, March
 
@@ -194,6 +194,49 @@ def passed(m: Machine, s: March) -> bool:
     s.t[at.PEAK] = max(s.t[at.PEAK], kinetic(m))
     s.t[at.RESIDUAL] = max(s.t[at.RESIDUAL], left_over)
     return True
+
+
+def covering(
+    inside: Callable[[Machine, March, Any, float, float, Floats], bool],
+) -> Callable[[Machine, March, Any, float, float], bool]:
+    """Return the function that finds the output of a step, given that which finds the state at a part of a step."""
+
+    @compiled
+    def cover(m: Machine, s: March, p: Any, t: float, h: float) -> bool:
+        """Find the work of a step to t and the states at the times of output within; False where there are none."""
+        n, z, begin = m.coordinates, floats(m, at.INSIDE), s.t[at.TIME]
+        nodes, weights = p.quadrature[0], p.quadrature[1]
+        start, work, done = begin, 0.0, s.counts[at.COVERED]
+        while True:
+            within = done < len(s.times) and s.times[done] <= t
+            stop = s.times[done] if within else t
+            if m.power_register >= 0 and stop > start:
+                half = 0.5 * (stop - start)
+                for i in range(len(nodes)):
+                    middle = start + half * (1.0 + nodes[i])
+                    if not inside(m, s, p, h, (middle - begin) / h, z):
+                        return False
+                    s.counts[at.EVALUATIONS] += 1
+                    if not slope(m, middle, z, floats(m, at.OTHER)):
+                        return False
+                    work += half * weights[i] * power(m, z)
+            if not within:
+                break
+            if stop == t:
+                copy(z, floats(m, at.TRIAL))
+            elif not inside(m, s, p, h, (stop - begin) / h, z):
+                return False
+            if not settle(m, stop, z, s.counts, WHOLE) <= m.accepted:
+                return False
+            copy(s.found[done, : 2 * n], z)
+            s.found[done, 2 * n] = s.t[at.WORK] + work
+            start = stop
+            done += 1
+        s.counts[at.COVERED] = done
+        s.t[at.WORK] += work
+        return True
+
+    return cover
 
 
 def follower(

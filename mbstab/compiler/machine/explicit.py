@@ -8,17 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from mbstab.compiler.machine import tables as at
-from mbstab.compiler.machine.constraints import WHOLE, follower, passed, settle, watched
-from mbstab.compiler.machine.linear import accelerate, factor, power, slope
+from mbstab.compiler.machine.constraints import WHOLE, covering, follower, passed, settle, watched
+from mbstab.compiler.machine.linear import accelerate, factor, slope
 from mbstab.compiler.machine.native import called, compiled, copy, fill, floats
 from mbstab.compiler.machine.tables import Floats, Machine, March
 
 SAFETY, LEAST_FACTOR, LARGEST_FACTOR = 0.9, 0.2, 10.0
 """Of a step to the next one, as in SciPy's integrators."""
-
-_nodes, _weights = np.polynomial.legendre.leggauss(4)
-NODES, WEIGHTS = tuple((0.5 * (_nodes + 1.0)).tolist()), tuple((0.5 * _weights).tolist())
-"""Gauss quadrature of the power over a step; its own weights, at stages of lower order, are ten times worse."""
 
 
 class Tableau(NamedTuple):
@@ -35,6 +31,7 @@ class Tableau(NamedTuple):
     stages: int
     nested: int
     exponent: float
+    quadrature: Floats  # of the power: nodes in -1 … 1, weights
 
 
 @compiled
@@ -52,7 +49,6 @@ def stages(m: Machine, s: March, tableau: Tableau, h: float, start: int, stop: i
         s.counts[at.EVALUATIONS] += 1
         if not slope(m, s.t[at.TIME] + tableau.C[i] * h, y, s.k[i]):
             return False
-        s.power[i] = power(m, y)
     return True
 
 
@@ -78,20 +74,22 @@ def error_of(m: Machine, s: March, tableau: Tableau, h: float, y: Floats) -> flo
 
 
 @compiled
-def interpolate(m: Machine, s: March, tableau: Tableau, h: float, x: float, y: Floats) -> float:
-    """Set y to the state at a part of the step, and return the work until there."""
-    n_k = tableau.W.shape[1]
-    copy(y, floats(m, at.Y))
-    work, g = 0.0, x
+def inside(m: Machine, s: March, tableau: Tableau, h: float, x: float, z: Floats) -> bool:
+    """Set z to the state at a part of a step; False if the further stages that it needs are not found."""
+    if not s.t[at.EXTENDED]:
+        if not stages(m, s, tableau, h, tableau.stages + 1, len(tableau.C), z):
+            return False
+        s.t[at.EXTENDED] = 1.0
+    copy(z, floats(m, at.Y))
+    g = x
     for j in range(len(tableau.W)):
-        for i in range(n_k):
+        for i in range(tableau.W.shape[1]):
             weight = float(h * g * tableau.W[j, i])
             if weight != 0.0:
-                for c in range(len(y)):
-                    y[c] += weight * s.k[i, c]
-                work += weight * s.power[i]
+                for c in range(len(z)):
+                    z[c] += weight * s.k[i, c]
         g *= (1.0 - x if j % 2 == 0 else x) if tableau.nested else x
-    return work
+    return True
 
 
 @compiled
@@ -128,7 +126,6 @@ def begin(m: Machine, s: March, tableau: Tableau) -> bool:
     s.counts[at.EVALUATIONS] += 1
     if not slope(m, s.t[at.TIME], y, s.k[0]):
         return False
-    s.power[0] = power(m, y)
     if s.t[at.FOLLOWING] == 0.0:
         s.t[at.FOLLOWING] = first_step(m, s, tableau)
         if not slope(m, s.t[at.TIME], y, s.k[0]):
@@ -140,7 +137,7 @@ def begin(m: Machine, s: March, tableau: Tableau) -> bool:
 def advance(m: Machine, s: March, tableau: Tableau) -> tuple[float, float, float]:
     """Make a step whose error is within the tolerances; return its end, nan if none, it, and the next one."""
     y = floats(m, at.TRIAL)
-    t, rejected = s.t[at.TIME], False
+    t, rejected, s.t[at.EXTENDED] = s.t[at.TIME], False, 0.0
     least = 10.0 * (np.nextafter(t, np.inf) - t)
     h = min(max(s.t[at.FOLLOWING], least), s.longest)
     while True:
@@ -172,43 +169,7 @@ def arrived(m: Machine, s: March, tableau: Tableau, t: float) -> bool:
     factor(m)
     if not accelerate(m, floats(m, at.RATES)):
         return False
-    s.t[at.RATE] = power(m, y)
     return passed(m, s)
-
-
-@compiled
-def cover(m: Machine, s: March, tableau: Tableau, following: float, h: float) -> bool:
-    """Find the work of a step and the states at the times of output within; False where there are none."""
-    t, n, y, z = s.t[at.TIME], m.coordinates, floats(m, at.TRIAL), floats(m, at.INSIDE)
-    done, extended, work, missed = s.counts[at.COVERED], False, 0.0, 0.0
-    if m.power_register >= 0:
-        if not stages(m, s, tableau, h, tableau.stages + 1, len(tableau.C), z):
-            return False
-        extended = True
-        for i in range(len(NODES)):
-            interpolate(m, s, tableau, h, NODES[i], z)
-            s.counts[at.EVALUATIONS] += 1
-            if not slope(m, t + h * NODES[i], z, floats(m, at.OTHER)):
-                return False
-            work += h * WEIGHTS[i] * power(m, z)
-        missed = work - interpolate(m, s, tableau, h, 1.0, z)
-    while done < len(s.times) and s.times[done] <= following:
-        if s.times[done] == following:
-            copy(s.found[done, : 2 * n], y)
-            s.found[done, 2 * n] = s.t[at.WORK] + work
-        else:
-            if not extended and not stages(m, s, tableau, h, tableau.stages + 1, len(tableau.C), z):
-                return False
-            extended = True
-            part = (s.times[done] - t) / h
-            s.found[done, 2 * n] = s.t[at.WORK] + interpolate(m, s, tableau, h, part, z) + part * missed
-            if not settle(m, s.times[done], z, s.counts, WHOLE) <= m.accepted:
-                return False
-            copy(s.found[done, : 2 * n], z)
-        done += 1
-    s.counts[at.COVERED] = done
-    s.t[at.WORK] += work
-    return True
 
 
 @compiled
@@ -217,11 +178,10 @@ def keep(m: Machine, s: March, tableau: Tableau, t: float, h: float) -> bool:
     n, y, dy = m.coordinates, floats(m, at.TRIAL), floats(m, at.RATES)
     for i in range(n):
         s.k[0, i], s.k[0, n + i] = y[n + i], dy[n + i]
-    s.power[0] = s.t[at.RATE]
     return True
 
 
-follow = follower(begin, advance, arrived, cover, keep)
+follow = follower(begin, advance, arrived, covering(inside), keep)
 
 
 @called

@@ -11,9 +11,9 @@ from collections.abc import Callable
 
 from mbstab.compiler.machine import formulas
 from mbstab.compiler.machine import tables as at
-from mbstab.compiler.machine.constraints import WHOLE, passed, settle
+from mbstab.compiler.machine.constraints import covering, passed
 from mbstab.compiler.machine.interpreter import evaluate
-from mbstab.compiler.machine.linear import accelerate, factor, power, slope
+from mbstab.compiler.machine.linear import accelerate, factor
 from mbstab.compiler.machine.native import compiled, copy, floats, integers
 from mbstab.compiler.machine.tables import Floats, Implicit, Machine, March
 
@@ -61,47 +61,16 @@ def balanced(m: Machine, a: Floats, nu: Floats) -> bool:
 
 
 @compiled
-def interpolated(m: Machine, h: float, x: float, z: Floats) -> None:
+def inside(m: Machine, s: March, p: Implicit, h: float, x: float, z: Floats) -> bool:
     """Set z to the quintic through positions, speeds and accelerations at both ends of a step, at a part of it."""
     begun, y, n = floats(m, at.Y), floats(m, at.TRIAL), m.coordinates
     a, next_a = floats(m, at.A), floats(m, at.NEXT_A)
     for i in range(n):
         z[i], z[n + i] = quintic(x, h, begun[i], begun[n + i], a[i], y[i], y[n + i], next_a[i])
-
-
-@compiled
-def cover(m: Machine, s: March, p: Implicit, t: float, h: float) -> bool:
-    """Find the work of a step to t and the states at the times of output within; False where there are none."""
-    n, z, begin = m.coordinates, floats(m, at.INSIDE), s.t[at.TIME]
-    nodes, weights = p.quadrature[0], p.quadrature[1]
-    start, work, done = begin, 0.0, s.counts[at.COVERED]
-    while True:
-        inside = done < len(s.times) and s.times[done] <= t
-        stop = s.times[done] if inside else t
-        if m.power_register >= 0 and stop > start:
-            half = 0.5 * (stop - start)
-            for i in range(len(nodes)):
-                middle = start + half * (1.0 + nodes[i])
-                interpolated(m, h, (middle - begin) / h, z)
-                s.counts[at.EVALUATIONS] += 1
-                if not slope(m, middle, z, floats(m, at.OTHER)):
-                    return False
-                work += half * weights[i] * power(m, z)
-        if not inside:
-            break
-        if stop == t:
-            copy(z, floats(m, at.TRIAL))
-        else:
-            interpolated(m, h, (stop - begin) / h, z)
-        if not settle(m, stop, z, s.counts, WHOLE) <= m.accepted:
-            return False
-        copy(s.found[done, : 2 * n], z)
-        s.found[done, 2 * n] = s.t[at.WORK] + work
-        start = stop
-        done += 1
-    s.counts[at.COVERED] = done
-    s.t[at.WORK] += work
     return True
+
+
+cover = covering(inside)
 
 
 @compiled

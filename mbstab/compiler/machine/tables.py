@@ -121,10 +121,10 @@ with a sign."""
 integers of that name."""
 
 
-TIME, FOLLOWING, TAKEN, WORK, PEAK, RESIDUAL, LEAST, RATE, LENGTH, PLACES = range(10)
+TIME, FOLLOWING, TAKEN, WORK, PEAK, RESIDUAL, LEAST, EXTENDED, LENGTH, PLACES = range(10)
 """Places in `March.t`: the time, the next step (0: to be chosen), the last one (s), work, the largest kinetic energy
-(J), the largest residual, the square of the least singular value at the start, the power (W), the step before
-of an implicit method (s; 0: none); how many they are."""
+(J), the largest residual, the square of the least singular value at the start, whether an explicit method has found
+the stages of its dense output, the step before of an implicit one (s; 0: none); how many they are."""
 
 STEPS, REJECTED, EVALUATIONS, COVERED = range(4)
 """Places in `March.counts`; the last is of times of output that are done."""
@@ -174,7 +174,6 @@ class March(NamedTuple):
     """The state of a march, which `march` changes in place; more of it stands in the tables of the machine."""
 
     k: Floats  # slopes at all stages of an explicit method
-    power: Floats  # at all stages
     t: Floats
     counts: Integers
     absolute: Floats  # tolerances

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +16,6 @@ from mbstab.compiler.system import Array
 from mbstab.report.pictures.curves import Mask, branch_ink
 from mbstab.report.pictures.dense_curves import dense
 from mbstab.report.pictures.scales import Axis, number_text
-
-ENDS = ("fold", "loss of equilibrium", "end of the equations")
-"""Kinds of critical values at which a path has an answer on one side only."""
 
 TINY = 1e-10
 """Imaginary parts below this fraction of the largest eigenvalue are drawn as zero."""
@@ -54,6 +50,8 @@ class SweepCurves:
         Where there is no verdict.
     gap : str
         Text of the legend for these points.
+    judged : list of (float, float, int)
+        Ranges with one verdict, ascending: stable (0), unstable (1) or undecided (−1).
     unsure : list of (float, float)
         The ends of a range in which branches may be mistaken for each other.
     others : list of SweepCurves
@@ -97,6 +95,10 @@ class SweepCurves:
         unanswered, undecided = _without_verdict(result)
         self.gap = unanswered_text(bool(unanswered.any()), bool(undecided.any()))
         self.unanswered = (unanswered | undecided)[:: -1 if down else 1]
+        self.judged = [
+            (x.low / label.factor, x.high / label.factor, -1 if x.unstable is None else int(x.unstable))
+            for x in result.ranges
+        ]
         self.marked = sorted(
             [*self.critical, *(group for other in self.others for group in other.critical)],
             key=lambda group: group[0].value,
@@ -141,63 +143,21 @@ class SweepCurves:
 
     def ranges(self) -> Iterator[tuple[float, float, int]]:
         """Yield ranges of the parameter that are unstable (1) or have no answer (−1), each as long as possible."""
-        if len(self.points) < 2:
+        x = self.points.tolist()
+        if len(x) < 2:
             return
-        # Values that another path answers are not shaded.
-        x, sign = self.points, np.where((self.unstable < 0) & ~self.unanswered, 0, np.sign(self.unstable))
-        state = np.where((sign[:-1] < 0) | (sign[1:] < 0), -1, sign[:-1])
-        changes = (state >= 0) & (sign[:-1] != sign[1:])
-        cuts: dict[int, list[Critical]] = {}
-        for c in (c for group in self.critical for c in group):
-            k = int(np.searchsorted(x, c.value)) - 1
-            if 0 <= k < len(state) and x[k] < c.value < x[k + 1] and state[k] >= 0:
-                cuts.setdefault(k, []).append(c)
-                changes[k] = True
-        key = np.where(changes, 2 + np.arange(len(state)), state)
-        starts = np.flatnonzero(np.diff(key, prepend=-2))
-        found: list[tuple[float, float, int]] = []
-        for k, end in pairwise([*starts.tolist(), len(state)]):
-            inside = cuts.get(k, [])
-            edges, states = [float(x[k]), float(x[end])], [int(state[k])]
-            if inside:
-                edges[1:1] = [c.value for c in inside]
-                states = [int(c.unstable[0] > 0) for c in inside] + [int(inside[-1].unstable[1] > 0)]
-            elif changes[k]:
-                edges[1:1] = [self._change(k)]
-                states.append(int(sign[k + 1]))
-            for (a, b), value in zip(pairwise(edges), states, strict=True):
-                if found and found[-1][2] == value:
-                    found[-1] = (found[-1][0], b, value)
-                elif b - a > 1e-9 * self.span:
-                    found.append((a, b, value))
-        yield from (piece for piece in self._up_to_ends(found, sign) if piece[2])
-
-    def _up_to_ends(
-        self, found: list[tuple[float, float, int]], sign: npt.NDArray[np.intp]
-    ) -> Iterator[tuple[float, float, int]]:
-        """Yield ranges of which those without an answer begin where the path ends, not at its last point."""
-        x = self.points
-        ends = [c.value for group in self.critical for c in group if c.kind in ENDS]
-        for a, b, state in found:
-            low, high = a, b
-            for end in ends if state < 0 else ():
-                k = int(np.searchsorted(x, end)) - 1
-                if not (0 <= k < len(x) - 1 and x[k] < end < x[k + 1]):
-                    continue
-                if sign[k] >= 0 > sign[k + 1] and x[k] >= a:
-                    low = end
-                    yield a, end, int(sign[k])
-                elif sign[k + 1] >= 0 > sign[k] and x[k + 1] <= b:
-                    high = end
-                    yield end, b, int(sign[k + 1])
-            yield low, high, state
-
-    def _change(self, k: int) -> float:
-        """Return where the state changes behind a point: at a critical value on a point, or else in the middle."""
-        ends = self.points[k : k + 2]
-        near = 1e-9 * self.span
-        on = (p for p in ends.tolist() for group in self.critical if abs(group[0].value - p) <= near)
-        return float(next(on, ends.mean()))
+        edges, found = [x[0], *(end for piece in self.judged for end in piece[:2]), x[-1]], list(self.judged)
+        # A point without an answer on any path leaves open what lies around it, up to what is judged.
+        turns = np.flatnonzero(np.diff(self.unanswered, prepend=False, append=False)).tolist()
+        for first, last in zip(turns[::2], turns[1::2], strict=True):
+            a, b = x[max(first - 1, 0)], x[min(last, len(x) - 1)]
+            found += [(max(a, low), min(b, high), -1) for low, high in zip(edges[::2], edges[1::2], strict=True)]
+        joined: list[tuple[float, float, int]] = []
+        for low, high, state in sorted(piece for piece in found if piece[1] - piece[0] > 1e-9 * self.span):
+            if joined and joined[-1][2] == state and low - joined[-1][1] <= 1e-9 * self.span:
+                low = joined.pop()[0]
+            joined.append((low, high, state))
+        yield from (piece for piece in joined if piece[2])
 
 
 def unanswered_text(unanswered: bool, undecided: bool) -> str:

@@ -40,16 +40,17 @@ def tableau_of(solver: str) -> Tableau:
 
     method = getattr(scipy.integrate, solver)
     s, more = method.n_stages, getattr(method, "C_EXTRA", np.zeros(0))
+    quadrature = np.array(legendre.leggauss(method.order))
     A = np.zeros((s + 1 + len(more),) * 2)
     A[:s, : method.A.shape[1]] = method.A[:s]
     A[s, :s] = method.B
     C = np.concatenate([method.C[:s], [1.0], more])
     if not len(more):
-        return Tableau(A, C, method.E[None], np.ascontiguousarray(method.P.T), s, 0, -1.0 / 5.0)
+        return Tableau(A, C, method.E[None], np.ascontiguousarray(method.P.T), s, 0, -1.0 / 5.0, quadrature)
     A[s + 1 :] = method.A_EXTRA
     first, last = np.eye(len(C))[[0, s]]
     W = np.vstack([A[s], first - A[s], 2.0 * A[s] - first - last, method.D])
-    return Tableau(A, C, np.stack([method.E5, method.E3]), W, s, 1, -1.0 / 8.0)
+    return Tableau(A, C, np.stack([method.E5, method.E3]), W, s, 1, -1.0 / 8.0, quadrature)
 
 
 def machine_code() -> ModuleType:
@@ -80,7 +81,7 @@ def implicit_of(t: float, options: Options) -> at.Implicit:
         kink=TOLERANCES.kink_offset,
         collapsed=TOLERANCES.step_collapsed,
         begin=t,
-        quadrature=np.array(legendre.leggauss(max(2, (method.order + 1) // 2))),
+        quadrature=np.array(legendre.leggauss(method.order)),
         power=method.exponent,
         consistent=method.compiled == "radau",
     )
@@ -177,7 +178,6 @@ class Marching:
         values = {at.TIME: t, at.FOLLOWING: first, at.LEAST: least}
         self.march = at.March(
             k=np.zeros((stages, 2 * n)),
-            power=np.zeros(stages),
             t=np.array([values.get(place, 0.0) for place in range(at.PLACES)]),
             counts=np.zeros(4, dtype=np.int64),
             absolute=options.tolerances(self._sizes),
