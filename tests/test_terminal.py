@@ -197,8 +197,8 @@ def test_progress_tells_the_count_and_the_time_left(monkeypatch):
             show(37 / 401)
         with progress_bar("simulating") as show:
             show(0.25)
-    assert re.search(r"sweeping  \[##-+\]  37/401, 20 s left", text := screen.text())
-    assert re.search(r"simulating  \[#{7}-+\]  25%\x1b", text)
+    assert re.search(r"sweeping  \[###-+\]  37/401, 20 s left", text := screen.text())
+    assert re.search(r"simulating  \[#{9}-+\]  25%\x1b", text)
 
 
 def test_a_sweep_counts_its_points():

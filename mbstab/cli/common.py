@@ -207,8 +207,9 @@ def progress_bar(label: str, count: int = 0) -> Iterator[Callable[[float], None]
     def show_part(done: float) -> None:
         nonlocal bar
         if bar is None:  # not before the first call
-            own = {"label": label, "file": sys.stderr, "width": BAR, "item_show_func": state}
-            bar = click.progressbar(length=PARTS, show_percent=False, show_eta=False, **own)  # type: ignore[arg-type]
+            bar = click.progressbar(
+                length=PARTS, label=label, show_percent=False, show_eta=False, item_show_func=state, file=sys.stderr
+            )
             bar.__enter__()
         bar.update(max(0, round(PARTS * done) - bar.pos))
 
@@ -219,8 +220,8 @@ def progress_bar(label: str, count: int = 0) -> Iterator[Callable[[float], None]
             bar.__exit__(None, None, None)
 
 
-BAR, PARTS = 30, 10_000
-"""Width of a progress bar (columns), and its steps."""
+PARTS = 10_000
+"""Steps of a progress bar."""
 
 
 def duration(seconds: float) -> str:

@@ -24,7 +24,7 @@ from mbstab.cli import commands
 from mbstab.cli.common import one_thread_by_default
 from mbstab.cli.mistakes import Choice, call_error
 from mbstab.cli.output import say, say_error, show, stdout_failure
-from mbstab.cli.terminal import COLOURS, WHEN
+from mbstab.cli.terminal import COLOURS, WHEN, When
 from mbstab.errors import MbstabError, OutputError, UsageError, suggestion
 from mbstab.report import set_width
 
@@ -247,8 +247,8 @@ def _version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
         ctx.exit()
 
 
-def _colour(ctx: click.Context, _: click.Parameter, value: str | None) -> None:
-    if value in COLOURS:
+def _colour(ctx: click.Context, _: click.Parameter, value: When | None) -> None:
+    if value is not None:
         WHEN.set(value)
 
 

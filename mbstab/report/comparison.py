@@ -93,7 +93,7 @@ def _error_tables(result: Comparison) -> list[str]:
             room = table_width() - 4 - max(map(len, [ROUNDING, *names]))
         blocks[-1].append(i)
         room -= wide
-    texts = []
+    texts: list[str] = []
     for block in blocks:
         rows = [
             [str(n), x.method, *(_size(float(x.errors[i]), digits) for i in block)]

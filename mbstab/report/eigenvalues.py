@@ -57,7 +57,9 @@ STYLES: dict[str, Style] = {"neutral": "faint", "undecided": "open"}
 
 def _row_style(kind: str, grows: bool) -> Style | None:
     """Return the style of the row of an eigenvalue of a kind, whose real part is positive or not."""
-    return STYLES.get(kind, "grows" if grows and kind not in SETTLED else None)
+    if kind in STYLES:
+        return STYLES[kind]
+    return "grows" if grows and kind not in SETTLED else None
 
 
 def precise_text(result: PreciseResult, model: Model) -> Text:

@@ -43,6 +43,7 @@ class Tested:
         return len(self.outcomes) - self.passed + bool(self.failure)
 
 
+PASSED: tuple[str, Style] = "ok  ", "good"
 FAILED: tuple[str, Style] = "FAIL", "bad"
 
 
@@ -54,7 +55,7 @@ def tested_text(models: Sequence[Tested], failures_only: bool) -> Text:
             lines.append(joined([styled(*FAILED), visible(model.name, lines=False)], " "))
         for x in model.outcomes:
             if not (x.passed and failures_only):
-                mark, place = styled(*(("ok  ", "good") if x.passed else FAILED)), f" {x.location}: "
+                mark, place = styled(*(PASSED if x.passed else FAILED)), f" {x.location}: "
                 first, *rest = wrap(
                     f"{x.what}: {x.detail}",
                     width=width(),

@@ -153,7 +153,7 @@ def simulation_text(sim: Simulation, model: Model, full: bool = False) -> str:
     rows = rows if full else rows[:MOST]
     hidden = len(sim.names) - len(rows)
     heads = ["unit", "at first", "at last", "least", "largest"]
-    lines = [table(["coordinate", *heads, "last rate\n(unit/s)"], rows, left=(0, 1))]
+    lines: list[str] = [table(["coordinate", *heads, "last rate\n(unit/s)"], rows, left=(0, 1))]
     if hidden:
         lines += [f"{hidden} more coordinates; --full shows all", ""]
     rows = []

@@ -26,7 +26,7 @@ STYLES: dict[str, Style] = {"confirmed": "good", "contradicted": "bad"}
 def verification_text(found: Verification, model: Model) -> Text:
     """Return the answer of ``mbstab eig --verify`` as text."""
     heads = ["mode", "predicted\n(1/s)", "observed\n(1/s)", "relative\nerror", "known\nto", "time\n(s)", "verdict"]
-    lines = []
+    lines: list[str] = []
     if found.modes:
         lines.append(table(heads, [_row(x) for x in found.modes], (6,), [STYLES.get(x.verdict) for x in found.modes]))
         lines += fill_lines(_footer(found)) if any(x.observed == x.observed for x in found.modes) else []
