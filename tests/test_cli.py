@@ -122,7 +122,7 @@ def test_a_file_here_wins_over_an_example(tmp_path, monkeypatch):
         (("linearize", "pendulum.yaml", "--symbolic", "--set", "L=1"), 2, "has no effect"),
         (("models", "show", "nothing"), 2, "no such file"),
         (("fly",), 2, "no such command 'fly'"),
-        (("--", "--symbolic"), 2, "error: mbstab has no option --symbolic"),
+        (("--", "--symbolic"), 2, "error: no such option '--symbolic'"),
     ],
     ids=lambda x: " ".join(x) if isinstance(x, tuple) else None,
 )

@@ -59,6 +59,12 @@ def test_what_a_simulation_writes_is_there(tmp_path, monkeypatch):
     assert {path.name for path in tmp_path.iterdir() if path.stat().st_size} == names
 
 
+def test_each_lesson_has_a_model_with_its_solution():
+    lessons = PAGES["teaching"].split("\n## Lesson ")[1:]
+    assert len(lessons) == 5
+    assert all("\nexpect:\n" in lesson and "\n$ mbstab test " in lesson for lesson in lessons)
+
+
 def test_the_cheat_sheet_has_every_section_and_command():
     listed = {
         word

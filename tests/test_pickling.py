@@ -50,6 +50,7 @@ ANSWERS = {
     "Sensitivities": lambda m: m.sensitivities(),
     "Linearization": lambda m: m.linearize(),
     "ControlModel": lambda m: mbstab.loads(LAGGED).at(k=8).state_space(),
+    "SymbolicBlocks": lambda m: m.symbolic(),
     "Design": lambda m: m.design({"L": "5%"}, "decay"),
 }
 

@@ -9,7 +9,7 @@ from scipy.optimize import brentq, linear_sum_assignment
 
 import mbstab
 from mbstab.analysis.algebra.matching import assigned
-from mbstab.analysis.algebra.roots import Search, root
+from mbstab.analysis.algebra.roots import Search
 from mbstab.analysis.sweep.batched_verdict import eigenvalues, placed
 from mbstab.analysis.sweep.spectra import WORD, pinned, settled, signs, unplaced, unstable_counts
 from mbstab.analysis.sweep.tolerances import TOLERANCES as SWEEP
@@ -24,7 +24,6 @@ from mbstab.analysis.sweep.tracking import (
 )
 from mbstab.analysis.verdict.minimum import inertia
 from mbstab.analysis.verdict.rule import AXIS, LEFT, MARGINAL, OPEN, RIGHT, STABLE, UNDECIDED, UNSTABLE
-from mbstab.errors import NumericalError
 
 
 def spectrum(*values):
@@ -405,24 +404,6 @@ FUNCTIONS = [
 ]
 
 
-@pytest.mark.parametrize("number", range(len(FUNCTIONS)))
-def test_zeros_of_hard_functions(number):
-    f, a, b = FUNCTIONS[number]
-    calls = []
-
-    def counted(x):
-        calls.append(x)
-        return f(x)
-
-    expected = brentq(f, a, b, xtol=1e-300, rtol=4 * np.finfo(float).eps, maxiter=5000)
-    for low, high in ((a, b), (b, a)):
-        calls.clear()
-        found = root(counted, low, high)
-        assert abs(found - expected) <= 8 * np.finfo(float).eps * abs(expected)
-        assert all(min(a, b) <= x <= max(a, b) for x in calls)
-        assert len(calls) <= 130
-
-
 @pytest.mark.parametrize("beside", [1, 3])
 @pytest.mark.parametrize("number", range(len(FUNCTIONS)))
 def test_zeros_of_hard_functions_at_many_points(number, beside):
@@ -454,23 +435,3 @@ def test_searches_end_where_a_function_has_no_value_and_find_a_zero_at_zero():
     search.learn(search.points(1), np.full(3, math.nan))
     assert search.done
     assert search.failed
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_function_without_a_value(value):
-    with pytest.raises(NumericalError, match="no value"):
-        root(lambda x: value if 0.2 < x < 0.8 else x - 0.5, 0.0, 1.0)
-
-
-def test_a_zero_at_an_end():
-    assert root(lambda x: x - 1.0, 1.0, 2.0) == 1.0
-    assert root(lambda x: x - 2.0, 1.0, 2.0) == 2.0
-
-
-def test_a_zero_at_the_first_end_of_a_falling_function():
-    assert root(lambda x: 1.0 - x, 1.0, 2.0) == 1.0
-
-
-def test_a_zero_at_zero():
-    assert abs(root(lambda x: x, -1.0, 3.0)) < 1e-50
-    assert abs(root(lambda x: x**3, -1.0, 2.0)) < 1e-50

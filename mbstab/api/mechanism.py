@@ -75,7 +75,7 @@ class Mechanism(Ports):
         starts : int
             Number of starts; the first is the reference of the file.
         seed : int
-            Of the random starts.
+            Seed of the random starts.
         track : callable
             Takes the list of starts and returns them one by one, for a progress bar.
 
@@ -481,6 +481,7 @@ class Mechanism(Ports):
 
         return check_scene(self._affordable("motion", parameters))
 
+    @asked
     def symbolic(self, track: Track = list) -> SymbolicBlocks:
         """Return the blocks of the composite matrices with symbols (Pappalardo et al. 2020, Eqs. (62)-(67)).
 

@@ -53,7 +53,7 @@ _OPTIONS = (
         type=click.IntRange(1),
         metavar="K",
         help="Animate mode K of mbstab eig instead of a simulation: exaggerated, in 2 s to and fro about the "
-        "reference, its growth or decay not shown.",
+        "reference, without growth or decay.",
     ),
 )
 

@@ -364,7 +364,7 @@ def output_options(*formats: str, unnamed: str = "") -> Callable[[F], F]:
             "--format",
             "format_",
             type=Choice(formats),
-            help=f"Told by the suffix of --output, else {formats[0]}.",
+            help=f"If not given, the suffix of --output decides, else {formats[0]}.",
         )
         @functools.wraps(command)
         def run(*arguments: Any, format_: str | None, output: Path | None, **options: Any) -> Any:

@@ -112,7 +112,7 @@ def _step(problem: Quadratic, s: complex, x: Complex, y: Complex) -> tuple[Compl
 def _solved(Q: Complex, column: Complex, row: Complex, right: Complex, left: Complex) -> tuple[Complex, Complex]:
     """Return T⁻¹ right and T⁻* left with T = [Q, column; row, 0]."""
     T = np.block([[Q, column[:, None]], [row, np.zeros((1, 1))]])
-    rows, columns = equilibration(T)
+    rows, columns = equilibration(np.abs(T), *np.ones((2, len(T))))
     T = T * rows[:, None] * columns
     return columns * np.linalg.solve(T, rows * right), rows * np.linalg.solve(T.conj().T, columns * left)
 
@@ -126,28 +126,24 @@ def _solved_sparse(Q: Any, column: Complex, row: Complex, right: Complex, left: 
     i = np.concatenate([Q.coords[0], np.arange(n), np.full(n, n)])
     j = np.concatenate([Q.coords[1], np.full(n, n), np.arange(n)])
     entries = np.concatenate([Q.data, column, row])
-    size = np.abs(entries)
-    rows, columns = np.ones(n + 1), np.ones(n + 1)
-    for _ in range(TOLERANCES.balancing_rounds):
-        for places, factors in ((i, rows), (j, columns)):
-            largest = np.zeros(n + 1)
-            np.maximum.at(largest, places, size * rows[i] * columns[j])
-            factors *= _power(largest)
+    rows, columns = equilibration(coo_array((np.abs(entries), (i, j))), *np.ones((2, n + 1)))
     lu = splu(coo_array((entries * rows[i] * columns[j], (i, j))).tocsc())
     return columns * lu.solve(rows * right), rows * lu.solve(columns * left, "H")
 
 
-def equilibration(T: Complex | Array) -> tuple[Array, Array]:
-    """Return factors of rows and columns, powers of 2, that make the largest entry of each about 1."""
-    size = np.abs(T)
-    rows, columns = np.ones(len(T)), np.ones(len(T))
+def equilibration(sizes: Any, rows: Array, columns: Array) -> tuple[Array, Array]:
+    """Return factors of rows and columns, powers of 2, that bring the largest entry of each near 1; from given ones.
+
+    Parameters
+    ----------
+    sizes : matrix, shape (m, n)
+        Absolute values, as an array or sparse.
+    rows, columns : ndarray, shapes (m,) and (n,)
+        Are changed.
+    """
     for _ in range(TOLERANCES.balancing_rounds):
-        rows *= _power(np.max(size * rows[:, None] * columns, axis=1))
-        columns *= _power(np.max(size * rows[:, None] * columns, axis=0))
+        for axis, factors in ((1, rows), (0, columns)):
+            largest: Any = (sizes * rows[:, None] * columns).max(axis=axis)
+            largest = largest if isinstance(largest, np.ndarray) else largest.toarray().ravel()
+            factors *= np.exp2(-np.round(0.5 * np.log2(np.where(largest > 0.0, largest, 1.0))))
     return rows, columns
-
-
-def _power(largest: Array) -> Array:
-    """Return the power of 2 nearest to 1/√x, and 1 for 0."""
-    result: Array = np.exp2(-np.round(0.5 * np.log2(np.where(largest > 0.0, largest, 1.0))))
-    return result

@@ -14,13 +14,13 @@ from mbstab.errors import UsageError
 from mbstab.model.arithmetic import symbol_arithmetic
 from mbstab.model.schema import Model
 from mbstab.model.values import evaluate
-from mbstab.records import dataclass
+from mbstab.records import Answer, dataclass
 
 Track = Callable[[list[Any]], Iterable[Any]]
 
 
 @dataclass(frozen=True)
-class SymbolicBlocks:
+class SymbolicBlocks(Answer):
     """Blocks of M̄, R̄, K̄ as SymPy matrices, by names such as ``K_11``.
 
     Attributes

@@ -21,7 +21,6 @@ from itertools import pairwise, takewhile
 
 import numpy as np
 
-from mbstab.analysis.algebra.roots import root
 from mbstab.analysis.reference.curve_equations import CurveEquations, Solved
 from mbstab.analysis.reference.curve_points import Point, Run, joined, pole_ahead, rounded, without_value
 from mbstab.analysis.reference.paths import Path, PathEnd
@@ -131,20 +130,6 @@ def _onwards(points: Sequence[Point], sign: float, start: float) -> Sequence[Poi
 
 class _Curve(CurveEquations):
     """The curve of solutions through one of them."""
-
-    def __init__(
-        self,
-        model: Model,
-        parameter: str,
-        ends: tuple[float, float],
-        start: float,
-        near: tuple[Array, Array] | None,
-    ) -> None:
-        super().__init__(model, parameter, ends, start, near)
-        self.folds: list[Point] = []
-        self.branchings: list[Point] = []
-        self.crossed: list[Point] = []
-        self.usual = self.first.least  # of a curve that branches off, too, which begins where equations are singular
 
     def smooth(self, start: float, wanted: float) -> Path | None:
         """Return the path over the whole range if it is smooth, for so many values on it."""
@@ -508,6 +493,8 @@ class _Curve(CurveEquations):
 
     def _fold(self, at: Point, length: float) -> Point | None:
         """Return the fold that is less than a length ahead."""
+        from scipy.optimize import brentq
+
         found: dict[float, Point] = {0.0: at}
 
         def rise(distance: float) -> float:
@@ -527,8 +514,8 @@ class _Curve(CurveEquations):
             return rise if abs(rise) > TOLERANCES.path_turning_slope else 0.0
 
         try:
-            return found[root(rise, 0.0, length)]
-        except NumericalError:
+            return found[brentq(rise, 0.0, length, xtol=np.finfo(float).tiny, disp=False)]
+        except (NumericalError, ValueError):  # no value in between
             return None
 
     def _close_in(self, runs: list[Run], fold: Point, further: bool) -> None:

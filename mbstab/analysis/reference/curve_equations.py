@@ -33,6 +33,10 @@ class CurveEquations:
     ----------
     work : list of int
         How many times the equations may still be evaluated; shared with the curves that branch off.
+    usual : float
+        Least singular value of the equations where they are regular.
+    folds, branchings, crossed : list of Point
+        What has been found so far.
     """
 
     def __init__(
@@ -60,6 +64,8 @@ class CurveEquations:
         # The minimum-norm change with the parameter: it has no component along symmetries.
         by_p = np.append(least_squares(A[:, :-1], -A[:, -1], rcond=TOLERANCES.path_singular_value), 1.0)
         self.first = self._point(at.q, at.c, start, G, by_p, None)
+        self.usual = self.first.least  # of a curve that branches off, too, which begins where equations are singular
+        self.folds, self.branchings, self.crossed = list[Point](), list[Point](), list[Point]()
 
     def _last_valid(self, start: float, end: float) -> float:
         """Return the value nearest to an end of the range up to which the model is valid."""

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex
+from mbstab.analysis.algebra.refinement import equilibration
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.linear.roundings import roundings
 from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
@@ -129,7 +130,7 @@ class FrequencyResponse:
         whole = s * self.E - self.A
         decade = round(np.log2(abs(s) or 1.0) / 4.0)
         if decade not in self._scales:
-            self._scales[decade] = scales(abs(whole), *self._start(abs(s) or 1.0))
+            self._scales[decade] = equilibration(abs(whole), *self._start(abs(s) or 1.0))
         return whole, *_solved(whole, *self._scales[decade], self.B, self.C)
 
     def at(self, s: complex) -> tuple[Complex, Array, Complex]:
@@ -237,13 +238,3 @@ def _refined(P: Any, b: Complex, rows: Array, solve: Callable[[Complex], Complex
         x = x + solve(b - P @ x)
     largest = (float(np.max(rows[:, None] * y, initial=0.0)) for y in (rest, terms))
     return x if next(largest) <= TOLERANCES.residual_largest * next(largest) else None
-
-
-def scales(sizes: Any, left: Array, right: Array) -> tuple[Array, Array]:
-    """Return factors of rows and columns that bring the largest entry of each near 1; powers of 2."""
-    for _ in range(TOLERANCES.scalings_of_response):
-        for axis, factors in ((1, left), (0, right)):
-            largest: Any = (sizes * left[:, None] * right).max(axis=axis)
-            largest = largest if isinstance(largest, np.ndarray) else largest.toarray().ravel()
-            factors *= np.exp2(-np.round(np.log2(np.where(largest > 0.0, largest, 1.0)) / 2.0))
-    return left, right

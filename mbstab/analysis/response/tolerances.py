@@ -45,8 +45,6 @@ class Tolerances:
     """… until they are no larger than this many roundings of their terms, …"""
     residual_largest: Final = 1e-8
     """… and the largest of them, relative to its terms, with which a value is known at all."""
-    scalings_of_response: Final = 4
-    """Rounds in which rows and columns of s E − A are scaled before it is factorized."""
     calibration: Final = 1e-3
     """A response is known where its relative error is at most this."""
     factored_off: Final = 1e-6

@@ -23,8 +23,9 @@ from mbstab.analysis.algebra.rank import rank_of
 from mbstab.analysis.algebra.sparse import dense
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.sparse_equations import SparseEquations
+from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.reference.requested import reference_motion
-from mbstab.analysis.reference.resting import at_rest
+from mbstab.analysis.reference.resting import Rest, at_rest
 from mbstab.analysis.spectrum.census import Resting, census, resting
 from mbstab.analysis.spectrum.eigenvalues import eigenvalues, inexact, mode_shapes, participation, with_saddles
 from mbstab.analysis.spectrum.few import Few, far_right, few
@@ -49,15 +50,9 @@ class _Subject:
     """The equations that are judged, with sparse or dense matrices."""
 
     system: System
-    q: Array
+    motion: Motion | Rest
     equations: SparseEquations
     resting: Resting | None
-    names: tuple[str, ...]
-    sizes: Array
-    ranks: tuple[int, int]
-    n_holonomic: int
-    n_nonholonomic: int
-    warnings: tuple[str, ...]
     time: str
     kink: Callable[..., str]
     frame: str = ""
@@ -127,13 +122,10 @@ def _subject(system: System, force: bool) -> _Subject | Linearization:
             Cost.of("motion", system.n_q, system.n_c).require()
         linear = linearize(system, reference_motion(system, massless=True))
         return _of_motion(linear) if linear.massless is None else linear
-    kept, rank = len(rest.kept), rest.rank_holonomic
-    structure = resting(system, rest.q, rest.time, kept - rank)
-    still = np.zeros_like(rest.q)
+    structure = resting(system, rest.q, rest.time, len(rest.kept) - rest.rank_holonomic)
     return _Subject(
-        system, rest.q, SparseEquations.of_rest(rest), structure, tuple(system.names), rest.sizes, (rank, kept - rank),
-        system.n_h, system.n_n, rest.warnings, time_doubt(system),
-        lambda order, *but: kinks(system, rest.q, still, rest.time, order, False, *but),
+        system, rest, SparseEquations.of_rest(rest), structure, time_doubt(system),
+        lambda order, *but: kinks(system, rest.q, 0.0 * rest.q, rest.time, order, False, *but),
     )  # fmt: skip
 
 
@@ -151,15 +143,11 @@ def _of_all(found: EigenResult, count: int, near: complex, rightmost: bool) -> E
 
 def _of_motion(linear: Linearization) -> _Subject:
     grounds, motion = Grounds(linear), linear.motion
-    spaces, turning = motion.spaces, linear.generator is not None and linear.generator.turns
+    turning = linear.generator is not None and linear.generator.turns
     still = motion.at_rest and not turning and not np.any(motion.a)
-    structure = resting(linear.system, motion.q, motion.time, spaces.W.rank) if still else None
-    return _Subject(
-        linear.system, motion.q, SparseEquations.of_linearization(linear), structure, linear.names, motion.sizes,
-        (spaces.C.rank, spaces.W.rank),
-        linear.n_h, len(linear.D_q), motion.warnings, grounds.time, grounds.kink,
-        str(linear.generator) if turning else "",
-    )  # fmt: skip
+    structure = resting(linear.system, motion.q, motion.time, motion.spaces.W.rank) if still else None
+    equations, frame = SparseEquations.of_linearization(linear), str(linear.generator) if turning else ""
+    return _Subject(linear.system, motion, equations, structure, grounds.time, grounds.kink, frame)
 
 
 def _rightmost(equations: SparseEquations, count: int, symmetric: bool, number: Census) -> tuple[Few, tuple[str, ...]]:
@@ -211,7 +199,7 @@ def _union(parts: list[Few]) -> Few:
 
 def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, ...]) -> EigenResult:
     """Return eigenvalues with their types, and the verdict."""
-    equations, at_rest_ = subject.equations, subject.resting
+    system, motion, equations, at_rest_ = subject.system, subject.motion, subject.equations, subject.resting
     conservative = at_rest_ is not None and at_rest_.conservative
     discs = [_disc(complex(s), float(r), conservative) for s, r in zip(found.values, found.bounds, strict=True)]
     both = [Disc(d.centre.conjugate(), d.radius, 1, d.side, d.why) for d in discs if d.centre.imag]
@@ -225,10 +213,10 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
     )  # fmt: skip
     verdict = judge(facts)
     listed: list[Eigenvalue] = []
-    x = states_alone(equations, subject.system.states[0], found.values, found.bounds, found.vectors)
-    shares = participation(equations.matrices.M, subject.names, x)
-    vectors = mode_shapes(equations.scale[:, None] * x, subject.sizes)
-    telling = Telling.of(subject.system, subject.q, subject.sizes, lambda: _allowed(equations))
+    x = states_alone(equations, system.states[0], found.values, found.bounds, found.vectors)
+    shares = participation(equations.matrices.M, equations.names, x)
+    vectors = mode_shapes(equations.scale[:, None] * x, motion.sizes)
+    telling = Telling.of(system, motion.q, motion.sizes, lambda: _allowed(equations))
     motions = telling.told(vectors)
     for i, (disc, share, vector) in enumerate(zip(discs, shares, vectors, strict=True)):
         e = Eigenvalue(
@@ -243,12 +231,13 @@ def _result(subject: _Subject, found: Few, number: Census, warnings: tuple[str, 
     listed += [Eigenvalue(0j, "neutral", math.nan, math.nan, math.nan) for _ in range(neutral)]
     listed.sort(key=lambda e: (e.exact, -round(e.value.real, 12), abs(e.value.imag), -e.value.imag))
     counts = Counts(
-        equations.n_q, subject.n_holonomic, subject.n_nonholonomic, *subject.ranks, equations.n_f, total,
-        neutral, 0, 0, unstable_proven=number.right, counted=number.how, states=sum(map(is_state, subject.names)),
+        equations.n_q, system.n_h, system.n_n, equations.n_h, equations.matrices.J.shape[0] - equations.n_h,
+        equations.n_f, total, neutral, 0, 0, unstable_proven=number.right, counted=number.how,
+        states=sum(map(is_state, equations.names)),
     )  # fmt: skip
     return EigenResult(
-        listed, verdict, counts, METHOD, (*subject.warnings, *inexact(listed, ""), *warnings, *verdict.warnings),
-        subject.frame, coordinates=subject.names, units=subject.system.units,
+        listed, verdict, counts, METHOD, (*motion.warnings, *inexact(listed, ""), *warnings, *verdict.warnings),
+        subject.frame, coordinates=tuple(equations.names), units=system.units,
     )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebpts2, chebvander
 
 from mbstab.analysis.algebra.arrays import Complex, Flags
-from mbstab.analysis.response.frequency import scales
+from mbstab.analysis.algebra.refinement import equilibration
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.errors import NumericalError
@@ -130,7 +130,7 @@ class Synchronous:
         first, last = float(breaks[0]), float(breaks[-1])
         middle = 0.5 * (first + last)
         sizes = np.max([np.abs(sample(x)) for x in (first, middle, last)], axis=0)
-        self.left, self.right = scales(sizes, *(np.ones(k) for k in sizes.shape))
+        self.left, self.right = equilibration(sizes, *(np.ones(k) for k in sizes.shape))
         self.n = sizes.shape[1] - 1
 
         def balanced(speed: float) -> Complex:

@@ -22,7 +22,6 @@ from mbstab.analysis.algebra.arrays import least_squares
 from mbstab.analysis.algebra.stacks import complement
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.reference.coefficients import matrices_in
-from mbstab.analysis.reference.motion import Motion
 from mbstab.analysis.verdict.directions import span
 from mbstab.analysis.verdict.many_digits import Line, ManyDigits
 from mbstab.analysis.verdict.minimum import SecondVariation, sign_of
@@ -30,7 +29,7 @@ from mbstab.analysis.verdict.neutral import Separated, Structure, chains_of
 from mbstab.analysis.verdict.rule import ASYMPTOTIC, ASYMPTOTIC_UP_TO, STABLE, STABLE_UP_TO, UNSTABLE, Critical
 from mbstab.analysis.verdict.spectrum import Neutral
 from mbstab.analysis.verdict.tolerances import TOLERANCES
-from mbstab.compiler.system import Array, Dynamics
+from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
 from mbstab.records import dataclass
 
@@ -217,7 +216,7 @@ def _balanced(
         u = np.zeros(n) if not np.any(reference.u) else (generator.field(q) if generator is not None else reference.u)
         a = generator.acceleration(q) if generator is not None and generator.turns else np.zeros(n)
         state = system.dynamics(q, u, reference.time)
-        at = _at(reference, q, u, a, nu, state)
+        at = replace(reference, q=q, u=u, a=a, nu=nu, dynamics=state)
         matrices = matrices_in(system, at, generator if generator is not None and generator.turns else None)
         K = matrices.K
         # Forces far away, or on other bodies, do not tell how well forces balance here.
@@ -244,11 +243,6 @@ def _balanced(
         step = -least_squares(matrix, residual / rows, rcond=1e-13) / columns
         q, nu, r = q + sizes * step[:n], nu + step[n : n + c], r + float(step[-1])
     return None
-
-
-def _at(reference: Motion, q: Array, u: Array, a: Array, nu: Array, dynamics: Dynamics) -> Motion:
-    """Return the reference with another state."""
-    return replace(reference, q=q, u=u, a=a, nu=nu, dynamics=dynamics)
 
 
 def _drift(separated: Separated, count: int) -> int:

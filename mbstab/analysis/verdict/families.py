@@ -199,20 +199,23 @@ class _Members:
         return np.concatenate([left, E[:n_h], V[n_h:]])
 
     @cached_property
-    def _slopes(self) -> tuple[Array, Array, Array]:
-        """DE, divided by the sizes of its rows and columns, and these sizes."""
+    def _slopes(self) -> tuple[Array, Array, Array, Array]:
+        """DE, divided by the sizes of its rows and columns, these sizes, and the change of the motion so divided."""
         start, step = BALLS.of(self.start), as_ball(2.0) ** -TOLERANCES.bits_of_difference
-        first, columns = self.residual(start), []
+        first, here, columns, changes = self.residual(start), self.speeds(start), list[Array](), list[Array]()
         for i, size in enumerate(BALLS.of(self.units)):
             moved = start.copy()
             moved[i] = moved[i] + step * size
             columns.append(middle((self.residual(moved) - first) / step))
+            change = np.concatenate([(moved - start)[self.parts[0]], (self.speeds(moved) - here) / as_ball(self.rate)])
+            changes.append(middle(change / step) / np.tile(self.motion.sizes, 2))
         matrix = np.array(columns).T
         rows = self._felt(norms(matrix))
         matrix = matrix / rows[:, None]
         sizes = self._felt(norms(matrix, 0))
         matrix = matrix / sizes
-        return np.where(np.abs(matrix) > TOLERANCES.family_singular_value, matrix, 0.0), rows, sizes
+        matrix = np.where(np.abs(matrix) > TOLERANCES.family_singular_value, matrix, 0.0)
+        return matrix, rows, sizes, np.array(changes).T / sizes
 
     @staticmethod
     def _felt(sizes: Array) -> Array:
@@ -222,11 +225,13 @@ class _Members:
 
     def reached(self, y: Array) -> bool:
         """Return whether there is a member a finite distance along a disturbance y in the coordinates of S."""
-        matrix, rows, sizes = self._slopes
-        inverse = np.linalg.pinv(matrix, rcond=TOLERANCES.family_singular_value)
+        matrix, rows, sizes, change = self._slopes
         direction, rate = self.structure.disturbance(y)
         sizes_of_both = np.tile(self.motion.sizes, 2)
         asked = np.concatenate([direction, rate / self.rate]) / sizes_of_both
+        # What is solved for leaves the distance along the disturbance.
+        along = unit((asked / np.max(np.abs(asked)) @ change)[:, None]).T
+        inverse = np.linalg.pinv(np.vstack([matrix, along]), rcond=TOLERANCES.family_singular_value)[:, :-1]
         for part in TOLERANCES.family_parts:
             reach = TOLERANCES.family_reach * part / float(np.max(np.abs(asked)))
             q, u = self.motion.q + reach * direction, self.motion.u + reach * rate

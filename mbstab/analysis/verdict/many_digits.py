@@ -67,9 +67,7 @@ class Line:
         matrix[n : n + n_h, :n], matrix[n + n_h : last, :n] = J[:n_h] * sizes, matrices.D_q * sizes
         matrix[n + n_h : last, last:], matrix[last:, :n] = J[n_h:] @ drift, kept
         rows = norms(matrix)
-        rows = np.where(rows > 0.0, rows, 1.0)
         columns = norms(matrix / rows[:, None], 0)
-        columns = np.where(columns > 0.0, columns, 1.0)
         return matrix / rows[:, None] / columns, rows, columns
 
     def kept(self, sizes: Array) -> Array:

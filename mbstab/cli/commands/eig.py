@@ -66,7 +66,7 @@ MOST_SHAPES = 8
     "--precision",
     type=int,
     metavar="DIGITS",
-    help="Compute so many right digits, 16 to 1000; parameters count with all decimals. Of the balls with --certify.",
+    help="Number of correct digits, 16 to 1000; parameters count with all decimals. With --certify: of the balls.",
 )
 @click.option(
     "--certify",
@@ -79,14 +79,14 @@ MOST_SHAPES = 8
     type=int,
     metavar="K",
     help="Compute K eigenvalues only, a conjugate pair as one, also of thousands of bodies: the slowest, or as --near "
-    "or --rightmost says. How many lie right of the imaginary axis is counted besides.",
+    "or --rightmost says. The number right of the imaginary axis is counted as well.",
 )
 @click.option("--near", metavar="S", help="With --modes: those nearest to S in rad/s, such as 0.1, 20i or -1+5i.")
 @click.option("--rightmost", is_flag=True, help="With --modes: those with the largest real parts.")
 @click.option(
     "--verify",
     is_flag=True,
-    help="Excite each mode of the nonlinear motion a little; set its growth rate and frequency beside the eigenvalue. "
+    help="Excite each mode of the nonlinear motion a little; compare growth rate and frequency with the eigenvalue. "
     "Exit with 3 if it contradicts.",
 )
 @click.option(

@@ -12,7 +12,7 @@ from mbstab.cli.output import Output, output_options, warn
 @click.option(
     "--starts", type=click.IntRange(1, 100_000), default=1, help="Try this many starts, the others at random."
 )
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the random starts.")
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the random starts.")
 @output_options("table", "json", "csv")
 def equilibrium(file: str, settings: tuple[str, ...], starts: int, seed: int, output: Output) -> None:
     """Find an equilibrium or a steady motion, with reactions.

@@ -36,7 +36,7 @@ FORMS = (*EQUATIONS, "pencil", "state-space")
     show_default=True,
     help="Which matrices a table shows; the other formats hold all of them.",
 )
-@click.option("--full", is_flag=True, help="Print large matrices as well, of which else only the sizes are shown.")
+@click.option("--full", is_flag=True, help="Print large matrices, too; otherwise only their sizes are shown.")
 @click.option("--frozen", is_flag=True, help="Write a steady motion in the coordinates of the file, frozen in time.")
 @click.option(
     "--states",

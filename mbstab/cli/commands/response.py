@@ -28,15 +28,15 @@ PICTURES = ("bode", "nyquist", "step", "impulse", "unbalance")
 
 
 @model_command
-@click.option("--input", "sources", multiple=True, metavar="NAME", help="From this input; may be repeated; else all.")
-@click.option("--measured", "goals", multiple=True, metavar="NAME", help="To this output; may be repeated; else all.")
+@click.option("--input", "sources", multiple=True, metavar="NAME", help="From this input only; may be repeated.")
+@click.option("--measured", "goals", multiple=True, metavar="NAME", help="To this output only; may be repeated.")
 @click.option(
     "--from", "start", metavar="OMEGA", help="First frequency (rad/s); with --unbalance first spin, in its own unit."
 )
 @click.option("--to", "stop", metavar="OMEGA", help="Last frequency or spin.")
 @click.option("--points", type=click.IntRange(2, 100_000), default=201, show_default=True, help="How many values.")
 @click.option(
-    "--step", type=float, metavar="T", help="The outputs for T seconds after a unit step of an input instead."
+    "--step", type=float, metavar="T", help="Instead: the outputs for T seconds after a unit step of an input."
 )
 @click.option("--impulse", type=float, metavar="T", help="The same after a unit impulse.")
 @click.option(

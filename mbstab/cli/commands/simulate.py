@@ -65,7 +65,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 @click.option(
     "--solver",
     type=Choice(SOLVERS),
-    help="Of the projection method: DOP853 (order 8, the default), RK45, or for stiff motions Radau, BDF.",
+    help="With --method projection: DOP853 (order 8, the default), RK45, or for stiff motions Radau, BDF.",
 )
 @click.option("--tol", type=float, default=1e-8, show_default=True, help="Error of the result, relative to the scene.")
 @click.option("--step", type=float, metavar="H", help="Fixed step (s), without control of the error.")
@@ -93,7 +93,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 @click.option(
     "--through-singular",
     is_flag=True,
-    help="Go on smoothly through configurations where the constraints lose rank, and say when; refused otherwise.",
+    help="Continue smoothly where the constraints lose rank, and say when; refused otherwise.",
 )
 @click.option("--strict", is_flag=True, help="Refuse initial values that the constraints do not allow.")
 @click.option(

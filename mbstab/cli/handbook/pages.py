@@ -15,7 +15,8 @@ FOLDER = Path(__file__).resolve().parents[2] / "manual"
 
 WRITTEN = (
     "tutorial", "cheat-sheet", "how-to", "reading-the-output", "verdicts", "why-undecided", "model-file", "python",
-    "coming-from", "theory", "limits", "examples", "digits", "glossary", "inside", "changed-numbers", "citing",
+    "coming-from", "theory", "limits", "examples", "teaching", "digits", "glossary", "inside", "changed-numbers",
+    "citing",
 )  # fmt: skip
 """Pages that are files, in the order in which they are best read."""
 

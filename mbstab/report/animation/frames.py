@@ -99,22 +99,17 @@ def motion_frames(sim: Simulation, fps: float = FPS, speed: float = 1.0) -> Fram
 
 def _interpolated(sim: Simulation, times: Array) -> tuple[Array, Array]:
     """Return positions by cubic interpolation, orientations by uniform rotation."""
+    from scipy.interpolate import CubicHermiteSpline
+
     place, turn = _padded(sim.positions, sim.rotations)
     if len(sim.times) == 1:
         return np.repeat(place, len(times), axis=0), np.repeat(turn, len(times), axis=0)
     k = np.clip(np.searchsorted(sim.times, times, side="right") - 1, 0, len(sim.times) - 2)
-    step = (sim.times[k + 1] - sim.times[k])[:, None, None]
-    s = (times - sim.times[k])[:, None, None] / step
+    part = (times - sim.times[k]) / (sim.times[k + 1] - sim.times[k])
     v = np.zeros_like(place)
     v[..., : sim.velocities.shape[-1]] = sim.velocities
-    found = (
-        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * place[k]
-        + s * (1.0 - s) ** 2 * step * v[k]
-        + s**2 * (3.0 - 2.0 * s) * place[k + 1]
-        + s**2 * (s - 1.0) * step * v[k + 1]
-    )
     relative = np.swapaxes(turn[k], -1, -2) @ turn[k + 1]
-    return found, turn[k] @ _part_of_turn(relative, s[..., 0])
+    return CubicHermiteSpline(sim.times, place, v)(times), turn[k] @ _part_of_turn(relative, part[:, None])
 
 
 def _part_of_turn(rotation: Array, part: Array) -> Array:

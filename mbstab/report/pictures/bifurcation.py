@@ -216,9 +216,7 @@ def _along(path: Sweep, own: SweepCurves, factor: float, names: Sequence[str]) -
         ]
         edges = np.unique([part[0], part[-1], *(c for c in ends if part[0] < c < part[-1]),
                            *(v for a, b, _ in ranges for v in (a, b) if part[0] < v < part[-1])])  # fmt: skip
-        values = (
-            np.stack([column[inside] for column in columns.values()], axis=1) if names else np.zeros((len(part), 0))
-        )
+        values = np.stack([column[inside] for column in columns.values()], axis=1)
         for a, b in pairwise(edges.tolist()):
             at = np.concatenate([[a], fine[(fine > a) & (fine < b)], [b]])
             middle = 0.5 * (a + b)
@@ -229,14 +227,12 @@ def _along(path: Sweep, own: SweepCurves, factor: float, names: Sequence[str]) -
 
 def _smooth(x: Array, y: Array, at: Array) -> Array:
     """Return the values of curves between points, shape (points, curves): cubic, and linear between two points."""
+    from scipy.interpolate import CubicHermiteSpline
+
     steps = np.diff(x)[:, None]
     chord = np.diff(y, axis=0) / steps
     slope = slopes(steps, chord) if len(x) > 2 else np.repeat(chord, 2, axis=0)
-    k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
-    h, t = steps[k], (at - x[k])[:, None] / steps[k]
-    one, other = slope[k], slope[k + 1]
-    found: Array = y[k] + t * h * (one + t * (3.0 * chord[k] - 2.0 * one - other + t * (one + other - 2.0 * chord[k])))
-    return found
+    return np.asarray(CubicHermiteSpline(x, y, slope)(at))
 
 
 def _around(earlier: Sweep, later: Sweep, fold: float, factor: float, names: Sequence[str]) -> list[_Piece]:
