@@ -76,16 +76,20 @@ class Problem:
     hint: str = ""
     source: str = ""
 
-    def __str__(self) -> str:
+    def parts(self) -> list[tuple[str, str]]:
+        """Return the text in parts, each with its kind: ``place``, ``text``, ``source``, ``caret``, ``hint``."""
         path, message = visible(self.path, lines=False), visible(self.message)
-        lines = [f"{self.location}: {path}: {message}" if path else f"{self.location}: {message}"]
+        parts = [("place", f"{self.location}:"), ("text", f" {path}: {message}" if path else f" {message}")]
         if self.source:
             text, at = _window(self.source, self.location.column - 1)
             number = str(self.location.line)
-            lines += [f" {number} | {text}", f" {' ' * len(number)} | {' ' * at}^"]
+            parts += [("source", f"\n {number} | {text}\n {' ' * len(number)} | "), ("caret", f"{' ' * at}^")]
         if self.hint:
-            lines.append(f"hint: {self.hint}")
-        return "\n".join(lines)
+            parts += [("text", "\n"), ("hint", "hint:"), ("text", f" {self.hint}")]
+        return parts
+
+    def __str__(self) -> str:
+        return "".join(text for _, text in self.parts())
 
 
 def _window(source: str, at: int, width: int = 100) -> tuple[str, int]:
@@ -170,12 +174,16 @@ class ModelFileError(MbstabError):
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = sorted(problems, key=lambda problem: problem.location.order)
+        super().__init__("\n\n".join("".join(text for _, text in parts) for parts in self.parts()))
+
+    def parts(self) -> list[list[tuple[str, str]]]:
+        """Return the texts of the problems in parts (see `Problem.parts`); a hint about several is given once."""
         told: set[str] = set()
-        texts = []
-        for problem in self.problems:  # what to do about several is said once
-            texts.append(str(problem if problem.hint not in told else replace(problem, hint="")))
+        found = []
+        for problem in self.problems:
+            found.append((problem if problem.hint not in told else replace(problem, hint="")).parts())
             told.add(problem.hint)
-        super().__init__("\n\n".join(texts))
+        return found
 
 
 def in_one_line(error: MbstabError) -> str:

@@ -36,7 +36,7 @@ ONLY_IN = {
     "sympy": {"mechanics", "compiler", "model/arithmetic.py", "analysis/linear/symbolic.py", "report/symbolic.py"},
     "matplotlib": {"report/pictures", "report/animation"},
     "PIL": {"report/animation"},
-    "rich": {"cli/handbook/terminal.py"},
+    "rich": {"cli/terminal.py", "cli/handbook/terminal.py"},
     "markdown_it": {"cli/handbook/site.py"},
     "numba": {"compiler/machine"},
     "scipy": {"analysis", "report/export.py", "report/animation/solids.py", "report/pictures/stability_chart.py"},

@@ -106,7 +106,6 @@ def test_a_long_page_begins_with_an_index():
 
 
 def test_pages_are_set_with_colours_on_a_terminal(monkeypatch):
-    pytest.importorskip("rich")
     from mbstab.cli.handbook.terminal import rendered
 
     monkeypatch.setenv("COLUMNS", "200")
@@ -116,13 +115,6 @@ def test_pages_are_set_with_colours_on_a_terminal(monkeypatch):
         plain = re.sub(r"\x1b\[[\d;]*m", "", text)
         assert max(map(len, plain.splitlines())) <= 80
         assert "| --- |" not in plain
-
-
-def test_without_rich_pages_are_plain(monkeypatch):
-    from mbstab.cli.handbook import terminal
-
-    monkeypatch.setattr(terminal, "find_spec", lambda name: None)
-    assert terminal.rendered(PAGES["limits"]) == terminal.plain(PAGES["limits"])
 
 
 def options(command):

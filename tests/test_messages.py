@@ -410,11 +410,13 @@ def test_a_number_without_a_unit_is_no_unit(number):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("v=5kmh", "--param v --from … --to …; one value: mbstab eig --set v=5kmh"),
-        ("v=5..10", "--param v --from 5 --to 10"),
+        ("v=5kmh", "v=FIRST..LAST; one value: mbstab eig --set v=5kmh"),
+        ("v=5..", "v=FIRST..LAST"),
+        ("v=..", "v=FIRST..LAST"),
+        ("v=", "v=FIRST..LAST"),
     ],
 )
-def test_a_range_behind_the_name_of_a_parameter_is_told_apart(given, said):
+def test_what_is_no_range_behind_the_name_of_a_parameter_is_told(given, said):
     answer = CliRunner().invoke(main, ["sweep", "whipple_bicycle.yaml", "--param", given])
     assert answer.exit_code == 2
     assert answer.stderr.endswith(f"hint: {said}\n")

@@ -228,7 +228,7 @@ def test_a_title_with_line_breaks_is_one_line(tmp_path):
         )
         text = said("eig", tmp_path / "m.yaml").stdout
         assert text.splitlines()[0] == "A pendulum Verdict: unstable"
-        assert [line for line in text.splitlines() if line.startswith("Verdict")] == ["Verdict: stable"]
+        assert [line for line in text.splitlines()[1:] if "Verdict" in line] == ["✔ Verdict: stable"]
 
 
 def test_escapes_of_unseen_characters_are_those_of_json():

@@ -191,7 +191,7 @@ WIDTHS = {"column": 85.0, "page": 170.0, "slide": 254.0}
 
 COMMANDS = {
     "spectrum": "eig pendulum.yaml --plot spectrum",
-    "pencil": "linearize pendulum.yaml --plot",
+    "pencil": "linearize pendulum.yaml --plot pencil",
     "chart": "sweep rolling_disk.yaml --param omega --param R --from 1,0.2 --to 8,0.5 --points 3,3",
     "energy": "simulate pendulum.yaml --to 0.1 --plot energy",
     "nyquist": "response dc_motor_arm.yaml --points 20 --plot nyquist",
@@ -217,9 +217,9 @@ def test_commands_draw_in_the_size_asked_for(name, of, tmp_path):
 
 
 def test_the_comparison_has_sizes_too(tmp_path):
-    goal = tmp_path / "p.pdf"
-    assert not run("compare", "pendulum.yaml", "--digits", "20", "--plot", str(goal), "--size", "column")
-    box = goal.read_bytes().partition(b"/MediaBox [")[2].partition(b"]")[0].split()
+    drawn = ("--plot", "error", "--pictures", str(tmp_path / "p.pdf"), "--size", "column")
+    assert not run("compare", "pendulum.yaml", "--digits", "20", *drawn)
+    box = (tmp_path / "p-error.pdf").read_bytes().partition(b"/MediaBox [")[2].partition(b"]")[0].split()
     assert float(box[2]) == pytest.approx(85.0 / 25.4 * 72.0, abs=0.1)
 
 

@@ -718,12 +718,12 @@ def test_every_entry_is_marked_and_blocks_are_named():
 
 
 def test_the_command_draws_it(tmp_path):
-    result = run("linearize", "pendulum.yaml", "--plot", "--pictures", str(tmp_path / "a.pdf"))
+    result = run("linearize", "pendulum.yaml", "--plot", "pencil", "--pictures", str(tmp_path / "a.pdf"))
     assert result.exit_code == 0
     assert (tmp_path / "a-pencil.pdf").stat().st_size > 3000
 
 
-@pytest.mark.parametrize("arguments", [("--plot",), ("--pictures", "a.png")])
+@pytest.mark.parametrize("arguments", [("--plot", "pencil"), ("--plot", "pencil", "--pictures", "a.png")])
 def test_symbols_are_not_drawn(arguments):
     result = run("linearize", "pendulum.yaml", "--symbolic", *arguments)
     assert result.exit_code == 2

@@ -164,7 +164,9 @@ def test_the_command_writes_the_same_numbers_in_each_format(tmp_path):
         assert over_time.splitlines()[0].split(",")[:2] == ["time (s)", f"roll/steer_torque ({own})"]
     picture = tmp_path / "a.svg"
     for extra, name in (((), "bode"), (("--step", "2"), "step"), (("--impulse", "2"), "impulse")):
-        result = run("response", "whipple_bicycle.yaml", "--points", "20", *extra, "--pictures", str(picture))
+        result = run(
+            "response", "whipple_bicycle.yaml", "--points", "20", *extra, "--plot", name, "--pictures", str(picture)
+        )
         assert result.exit_code == 0
         assert (tmp_path / f"a-{name}.svg").stat().st_size > 1000
 

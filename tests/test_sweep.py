@@ -780,7 +780,7 @@ def run(*arguments):
         (("--param", "omega", "--log"), "--log needs positive ends"),
         (("--param", "omega", "--resume"), "--output"),
         (("--param", "omega", "--format", "npz"), "is binary: name a file with --output"),
-        (("--param", "omega", "--param", "omega"), "two different ones"),
+        (("--param", "omega", "--param", "omega"), "given twice"),
         (("--param", "omega", "--set", "omega=3"), "swept and set"),
         (("--param", "omega,l", "--from", "1,2"), "hint: --param omega --param l"),
         (("--param", "omega", "--from", "1", "--from", "2"), "is given 2 times for 1 parameter: once for each"),

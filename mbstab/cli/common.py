@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import re
 import sys
@@ -14,7 +15,20 @@ import click
 from click.core import ParameterSource
 
 from mbstab.cli import completion
-from mbstab.cli.output import files, note, quiet, remembered, remembered_flag
+from mbstab.cli.mistakes import Choice
+from mbstab.cli.output import (
+    PICTURES,
+    check_pictures,
+    check_size,
+    files,
+    note,
+    pictures_option,
+    quiet,
+    remembered,
+    remembered_flag,
+    with_file,
+)
+from mbstab.cli.terminal import draws
 from mbstab.errors import MbstabError, UnforeseenError, UsageError
 
 if TYPE_CHECKING:
@@ -76,7 +90,7 @@ def _loaded(file: str) -> Mechanism:
     else:
         found = find_model(file)
         if found.installed:
-            note(f"using the example model {found.path}")
+            note(with_file("using the example model", found.path))
         model = read_model(found.path, opened)
     files().keep_apart()
     return Mechanism(model, remembered(_FORCE))
@@ -117,6 +131,26 @@ def parse_settings(
     return found
 
 
+def parse_ranges(texts: tuple[str, ...], option: str) -> dict[str, str | None]:
+    """Return options such as ``--param d=0.1..10`` or ``--param d`` as names with ranges, None where there is none.
+
+    Raises
+    ------
+    UsageError
+        If a value is no range, or a name is given twice.
+    """
+    found: dict[str, str | None] = {}
+    for text in texts:
+        name, equals, span = (part.strip() for part in text.partition("="))
+        if equals and not (re.fullmatch(r".*[^.\s].*\.\..*[^.\s].*", span) or span.endswith("%")):
+            one = f"; one value: mbstab eig --set {text}" if span and ".." not in span else ""
+            raise UsageError(f"{option} {text}: {span or 'nothing'!r} is no range\nhint: {name}=FIRST..LAST{one}")
+        if name in found:
+            raise UsageError(f"{option} {name} is given twice")
+        found[name] = span or None
+    return found
+
+
 def refuse_given(names: tuple[str, ...], where: str) -> None:
     """Refuse options that would be ignored.
 
@@ -148,32 +182,54 @@ def refuse_given(names: tuple[str, ...], where: str) -> None:
 
 def tracked(items: list[Any], label: str) -> Iterator[Any]:
     """Yield the items, with a progress bar on stderr when it is a terminal."""
-    if quiet() or not sys.stderr.isatty():
-        yield from items
-        return
-    with click.progressbar(items, label=label, file=sys.stderr) as bar:
-        yield from bar
+    with progress_bar(label, len(items)) as show:
+        for number, item in enumerate(items, 1):
+            yield item
+            show(number / len(items))
 
 
 @contextlib.contextmanager
-def progress_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """Yield a function of the fraction done, from 0 to 1, which draws a bar on stderr if it is a terminal."""
-    if quiet() or not sys.stderr.isatty():
+def progress_bar(label: str, count: int = 0) -> Iterator[Callable[[float], None]]:
+    """Yield a function of the fraction done, from 0 to 1, which draws a bar on stderr if it is a terminal.
+
+    Beside it stands how many of `count` parts are done, or the percentage, and the time left: ``37/401, 12 s left``.
+    """
+    if quiet() or not draws(sys.stderr):
         yield lambda done: None
         return
     bar: Any = None
 
+    def state(_: object) -> str:
+        done = bar.pos / bar.length
+        part = f"{round(done * count)}/{count}" if count else f"{done:.0%}"
+        return f"{part}, {duration(bar.eta)} left" if bar.eta_known and not bar.finished else part
+
     def show_part(done: float) -> None:
         nonlocal bar
         if bar is None:  # not before the first call
-            bar = click.progressbar(length=1000, label=label, file=sys.stderr).__enter__()
-        bar.update(max(0, round(1000 * done) - bar.pos))
+            bar = click.progressbar(
+                length=PARTS, label=label, show_percent=False, show_eta=False, item_show_func=state, file=sys.stderr
+            )
+            bar.__enter__()
+        bar.update(max(0, round(PARTS * done) - bar.pos))
 
     try:
         yield show_part
     finally:
         if bar is not None:
             bar.__exit__(None, None, None)
+
+
+PARTS = 10_000
+"""Steps of a progress bar."""
+
+
+def duration(seconds: float) -> str:
+    """Return a time in seconds, or in minutes or hours where it is long."""
+    for size, unit in ((3600.0, "h"), (60.0, "min")):
+        if seconds >= 1.5 * size:
+            return f"{seconds / size:.{seconds < 10.0 * size:d}f} {unit}"
+    return f"{seconds:.0f} s"
 
 
 def one_thread_by_default() -> None:
@@ -195,3 +251,43 @@ def listed(one: Any = click.STRING) -> Callable[[click.Context, click.Parameter,
         return tuple(one.convert(part, option, context) for part in parts)
 
     return callback
+
+
+def plot_option(*names: str, meaning: str) -> Callable[[F], F]:
+    """Add --plot, --pictures and --size to a command, which takes the first two as ``pictures`` and ``place``.
+
+    The names are those of the pictures, `meaning` says in a help text what they show. With ``none`` among them the
+    command draws also where nothing is asked for.
+    """
+    always = "none" in names
+
+    def read(context: click.Context, option: click.Parameter, given: tuple[str, ...]) -> tuple[Any, ...]:
+        for text in given:
+            if Path(text).suffix in PICTURES:
+                hint = f"hint: --plot {names[0]} --pictures {text}"
+                raise click.BadParameter(f"{text!r} is no picture but where one goes\n{hint}", context, option)
+        return listed(Choice(names))(context, option, given)
+
+    def decorated(command: F) -> F:
+        @functools.wraps(command)
+        def run(*arguments: Any, pictures: tuple[str, ...], place: Path | None, **options: Any) -> Any:
+            check_pictures(place)
+            if not always:
+                check_size(bool(pictures))
+                if place is not None and not pictures:
+                    raise UsageError("--pictures goes with --plot")
+            elif "none" in pictures and (len(pictures) > 1 or place is not None):
+                raise UsageError("--plot none goes with no other picture")
+            return command(*arguments, pictures=pictures, place=place, **options)
+
+        option = click.option(
+            "--plot",
+            "pictures",
+            callback=read,
+            metavar=f"[{'|'.join(names)}]",
+            multiple=True,
+            help=f"Pictures to draw, separated by commas or repeated; --pictures says where to. {meaning}.",
+        )
+        return option(pictures_option(run))  # type: ignore[return-value]
+
+    return decorated

@@ -22,8 +22,10 @@ import click
 
 from mbstab.cli import commands
 from mbstab.cli.common import one_thread_by_default
-from mbstab.cli.output import say, show, stdout_failure
-from mbstab.errors import MbstabError, OutputError, suggestion
+from mbstab.cli.mistakes import Choice, call_error
+from mbstab.cli.output import say, say_error, show, stdout_failure
+from mbstab.cli.terminal import COLOURS, WHEN, When
+from mbstab.errors import MbstabError, OutputError, UsageError, suggestion
 from mbstab.report import set_width
 
 STREAM = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
@@ -33,6 +35,17 @@ STREAM = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno
 COMMANDS = tuple(sorted(path.stem for path in Path(commands.__file__).parent.glob("[!_]*.py")))
 """Each is the function of the name of its module in `mbstab.cli.commands`, imported at first use."""
 
+
+GROUPS = {
+    "Ask": ("eig", "equilibrium", "energy", "simulate", "response", "linearize"),
+    "Explore": ("sweep", "design"),
+    "Check": ("check", "test", "compare"),
+    "Files": ("new", "models", "schema", "manual"),
+}
+"""The commands as ``--help`` lists them."""
+
+SUMMARY = 60
+"""Characters of the first sentence about a command at most."""
 
 OTHERWISE = {
     "campbell": "mbstab sweep FILE --param SPIN --plot campbell draws a Campbell diagram",
@@ -58,6 +71,15 @@ class _Group(click.Group):
         """Return the names of the commands."""
         return list(COMMANDS)
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the summaries of the commands, in groups."""
+        wide = max(map(len, COMMANDS))
+        for title, names in GROUPS.items():
+            commands = [(name, self.get_command(ctx, name)) for name in names]
+            rows = [(f"{name:{wide}}", command.get_short_help_str(SUMMARY)) for name, command in commands if command]
+            with formatter.section(title):
+                formatter.write_dl(rows)
+
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command."""
         if cmd_name not in COMMANDS:
@@ -75,6 +97,19 @@ class _Group(click.Group):
             hint = OTHERWISE.get(args[0], "") or suggestion(args[0], COMMANDS) if args else ""
             raise click.UsageError(error.message + (f"\nhint: {hint}" if hint else ""), ctx) from None
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the options of all commands; --color may also stand behind the command."""
+        end = args.index("--") if "--" in args else len(args)
+        places: list[int] = []
+        for k, word in enumerate(args[:end]):
+            if word.startswith("--color="):
+                places.append(k)
+            elif word == "--color" and args[k + 1 : k + 2] and args[k + 1] in COLOURS:
+                places += [k, k + 1]
+        moved = [args[k] for k in places]
+        rest = [word for k, word in enumerate(args) if k not in places]
+        return super().parse_args(ctx, moved + rest)
+
     def make_context(self, *arguments: Any, **options: Any) -> click.Context:
         """Return the context of a call; the answer to ``--help`` is written on the way."""
         with _into_pipe():
@@ -85,12 +120,13 @@ class _Group(click.Group):
             try:
                 return super().invoke(ctx)
             except MbstabError as error:
-                say(str(error))
+                say_error(error)
                 ctx.exit(error.exit_code)
 
     def main(self, *arguments: Any, **options: Any) -> Any:
         """Run the command and end the process with its exit code."""
         options["standalone_mode"] = False
+        WHEN.set("auto")
         with _stoppable() as received, _rarely_collected():
             code = _exit_code(lambda: super(_Group, self).main(*arguments, **options))
         sys.exit(STOPPED + received[0] if code and received else code)
@@ -112,10 +148,6 @@ def _into_pipe() -> Iterator[None]:
         yield
     except BrokenPipeError:
         raise click.exceptions.Exit(UNREAD) from None
-
-
-FORMATS = ("table", "json", "csv", "npz", "md", "html")
-"""What commands write; those who ask for --json are told how."""
 
 
 def _exit_code(run: Callable[[], Any]) -> int:
@@ -152,23 +184,15 @@ def _answered(run: Callable[[], Any]) -> int:
                 raise
             raise stdout_failure(error) from None
     except click.ClickException as error:
-        text = io.StringIO()
-        error.show(text)
-        say(text.getvalue().rstrip("\n"))
-        asked = error.option_name.removeprefix("--") if isinstance(error, click.NoSuchOption) else ""
-        if asked in FORMATS:
-            say(f"hint: --format {asked}")
-        if isinstance(error, click.NoSuchOption):
-            for name in sys.argv[1:]:
-                if name.startswith("-") and Path(name).is_file():
-                    say(f"hint: the file of that name is ./{name}")
+        say_error(UsageError(call_error(error)))
         return error.exit_code
     except click.Abort:
-        say("Aborted!")
+        say("stopped")
     except OutputError as error:
-        say(str(error))
+        say_error(error)
     except MemoryError as error:
-        say(f"there is not enough memory{f': {error}' if str(error) else ''}\nhint: a smaller model, or fewer points")
+        text = f"there is not enough memory{f': {error}' if str(error) else ''}"
+        say_error(OutputError(f"{text}\nhint: a smaller model, or fewer points"))
     return 1
 
 
@@ -223,7 +247,21 @@ def _version(ctx: click.Context, _: click.Parameter, value: bool) -> None:
         ctx.exit()
 
 
+def _colour(ctx: click.Context, _: click.Parameter, value: When | None) -> None:
+    if value is not None:
+        WHEN.set(value)
+
+
 @click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--color",
+    type=Choice(COLOURS),
+    expose_value=False,
+    is_eager=True,
+    callback=_colour,
+    help="Whether answers and messages have colours; auto, if not given: on a terminal, or as NO_COLOR and FORCE_COLOR "
+    "say. May stand behind the command, too.",
+)
 @click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version.")
 def main() -> None:
     """Tell whether a motion of a constrained mechanical system is stable.

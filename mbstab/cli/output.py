@@ -18,11 +18,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from mbstab.errors import OutputError, UsageError, suggestion, visible
+from mbstab.cli.mistakes import Choice
+from mbstab.cli.terminal import shown
+from mbstab.errors import MbstabError, OutputError, UsageError, suggestion, visible
 from mbstab.records import dataclass
 from mbstab.report import WIDTH, set_width
 from mbstab.report.files import whole_file
 from mbstab.report.picture_sizes import SIZES, sized
+from mbstab.report.styles import Text, joined, styled
 
 if TYPE_CHECKING:
     from mbstab.model.schema import Model
@@ -78,7 +81,14 @@ def quiet() -> bool:
 def say(text: str) -> None:
     """Write a line to stderr; an answer does not depend on whether that can be written."""
     with contextlib.suppress(OSError):
-        click.echo(visible(text), err=True)
+        click.echo(shown(text, sys.stderr), err=True, color=True)
+
+
+def say_error(error: MbstabError) -> None:
+    """Write an error to stderr."""
+    from mbstab.report.messages import error_text
+
+    say(error_text(error))
 
 
 def note(text: str) -> None:
@@ -87,10 +97,17 @@ def note(text: str) -> None:
         say(text)
 
 
+def with_file(what: str, path: Path) -> Text:
+    """Return a line about a file; where there are colours the file is a link."""
+    return joined([what, styled(visible(str(path), lines=False), "file")], " ")
+
+
 def warn(warnings: tuple[str, ...] | list[str]) -> None:
     """Write warnings to stderr."""
+    from mbstab.report.messages import message_text
+
     for text in warnings:
-        say(f"warning: {text}")
+        say(message_text("warning", text))
 
 
 def show(text: str) -> None:
@@ -102,7 +119,7 @@ def show(text: str) -> None:
         If stdout is closed or full.
     """
     try:
-        click.echo(visible(text), nl=False)
+        click.echo(shown(text, sys.stdout), nl=False, color=True)
         sys.stdout.flush()
     except OSError as error:
         raise stdout_failure(error) from None
@@ -215,7 +232,7 @@ def save(path: Path, write: Callable[[Path], object], option: str, content: byte
         kept = _rescued(content, path) if content is not None else ""
         where = f"; the content is kept in {kept}" if kept else ""
         raise OutputError(f"{path}: cannot be written: {error.strerror}{where}") from None
-    note(f"wrote {path}")
+    note(with_file("wrote", path))
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -346,7 +363,7 @@ def output_options(*formats: str, unnamed: str = "") -> Callable[[F], F]:
         @click.option(
             "--format",
             "format_",
-            type=click.Choice(formats),
+            type=Choice(formats),
             help=f"If not given, the suffix of --output decides, else {formats[0]}.",
         )
         @functools.wraps(command)
@@ -372,7 +389,7 @@ def _remember_size(context: click.Context, _: click.Parameter, value: str | None
 
 size_option = click.option(
     "--size",
-    type=click.Choice(tuple(SIZES)),
+    type=Choice(tuple(SIZES)),
     expose_value=False,
     callback=_remember_size,
     help="Size of the pictures: a column (85 mm wide) or the width (170 mm) of a page, a slide (254 mm x 143 mm); "

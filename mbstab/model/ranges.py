@@ -22,6 +22,7 @@ def sweep_values(
     points: int | None = None,
     logarithmic: bool = False,
     values: str | None = None,
+    span: str | None = None,
 ) -> Any:
     """Return the values of a parameter in a sweep, in SI, shape (points,).
 
@@ -36,6 +37,8 @@ def sweep_values(
         Whether successive values have equal ratios instead of equal differences.
     values : str, optional
         The values themselves, separated by commas.
+    span : str, optional
+        Both ends instead: ``0.1..10``, or ``5%`` about the present value.
 
     Raises
     ------
@@ -45,12 +48,14 @@ def sweep_values(
     import numpy as np
 
     require_parameter(model, parameter)
+    if span is not None and (start is not None or stop is not None):
+        raise UsageError(f"{parameter}={span} gives both ends\nhint: leave out --from and --to")
     if values is not None:
-        if start is not None or stop is not None or points is not None or logarithmic:
-            raise UsageError("--values gives the whole range: leave out --from, --to, --points and --log")
+        if start is not None or stop is not None or points is not None or logarithmic or span is not None:
+            raise UsageError("--values gives the whole range: leave out any other, --points and --log")
         return _listed(model, parameter, values)
     default = model.sweep.get(parameter)
-    first, last = _ends(model, parameter, start, stop, default)
+    first, last = _ends(model, parameter, start, stop, default) if span is None else _span(model, parameter, span)
     if first == last:
         raise UsageError(f"the range of {parameter} is empty: both ends are {in_unit(model, parameter, first)}")
     count = points if points is not None else default.points if default is not None else POINTS
@@ -108,6 +113,18 @@ def interval(model: Model, parameter: str, given: str | Sequence[float]) -> tupl
     ModelFileError
         If an end is a value that the file forbids.
     """
+    first, last = _span(model, parameter, given)
+    if not first < last:
+        what = "empty" if first == last else "reversed"
+        shown = given if isinstance(given, str) else f"{given[0]}..{given[1]}"
+        raise UsageError(f"the range of {parameter} is {what}: {shown}")
+    for end in (first, last):
+        evaluate_parameters(model, {parameter: end}, FLOAT)  # does the file allow it?
+    return first, last
+
+
+def _span(model: Model, parameter: str, given: str | Sequence[float]) -> tuple[float, float]:
+    """Return the ends of a range as they are written, in SI."""
     require_parameter(model, parameter)
     text = given.strip() if isinstance(given, str) else ""
     if text.endswith("%"):
@@ -120,13 +137,7 @@ def interval(model: Model, parameter: str, given: str | Sequence[float]) -> tupl
     if len(parts) != 2:
         shown = given if isinstance(given, str) else list(given)
         raise UsageError(f"{parameter}={shown}: a range is written FIRST..LAST, such as 0.9..1.1, or 5%")
-    first, last = (_value(model, parameter, part) for part in parts)
-    if not first < last:
-        what = "empty" if first == last else "reversed"
-        raise UsageError(f"the range of {parameter} is {what}: {parts[0]}..{parts[1]}")
-    for end in (first, last):
-        evaluate_parameters(model, {parameter: end}, FLOAT)  # does the file allow it?
-    return first, last
+    return _value(model, parameter, parts[0]), _value(model, parameter, parts[1])
 
 
 def swept_interval(model: Model, parameter: str) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from mbstab.model.schema import Model
 from mbstab.report.export import mat_bytes, npz_bytes, to_csv, to_json
+from mbstab.report.styles import joined, styled
 
 WRITERS: dict[str, dict[str, str]] = {
     "CheckReport": {"table": "model_check.check_text", "json": "model_check.check_data"},
@@ -83,7 +84,7 @@ def content(answer: Any, model: Model, form: str, options: Mapping[str, Any] | N
     module, _, name = WRITERS[type(one).__name__][form].partition(".")
     found = getattr(import_module(f"mbstab.report.{module}"), name)(answer, model, **(options or {}))
     if form == "table" and model.title:
-        return f"{model.title}\n\n{found}"
+        return joined([styled(model.title, "title"), "", found])
     return {"model": model.name, "title": model.title, **found} if form == "json" else found
 
 
@@ -92,7 +93,7 @@ def bind_writers(answer: Any, model: Model, **options: Mapping[str, Any]) -> dic
 
     def write(form: str) -> str | bytes:
         found = content(answer, model, form, options.get(form))
-        return _FILES.get(form, str)(found)
+        return _FILES[form](found) if form in _FILES else found
 
     one = answer[0] if isinstance(answer, list) else answer
     return {form: lambda form=form: write(form) for form in WRITERS[type(one).__name__]}  # type: ignore[misc]

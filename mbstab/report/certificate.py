@@ -10,7 +10,9 @@ from mbstab.analysis.verdict.spectrum import Modulo
 from mbstab.model.schema import Model
 from mbstab.report.eigenvalue_data import spectrum_data, symmetric_data
 from mbstab.report.export import attributes
+from mbstab.report.styles import Style, document
 from mbstab.report.tables import decimals, table, wrap_lines
+from mbstab.report.verdicts import verdict_badge, word_style
 
 SHOWN = 20
 """Digits of a midpoint in a table."""
@@ -26,6 +28,12 @@ WORDS = {
     "carried": "on the axis, by symmetry",
     "open": "not known",
 }
+
+STYLES: dict[str, Style] = {"right": "grows", "zero": "faint", "carried": "faint", "open": "open"}
+"""Styles of rows, by where the eigenvalues are."""
+
+STATUS = {"proven": ", proven", "conditional": ", proven under conditions", "not provable": ""}
+"""What is said of the verdict."""
 
 
 def certificate_data(result: Certificate, model: Model) -> dict[str, Any]:
@@ -80,19 +88,26 @@ def _modulo(modulo: Modulo) -> dict[str, tuple[str, ...]]:
 
 def certificate_text(result: Certificate, model: Model) -> str:
     """Return the answer of ``mbstab eig --certify`` as text."""
-    lines: list[str] = []
+    lines: list[str] = [verdict_badge(result.verdict, STATUS[result.status]), ""]
     if result.eigenvalues:
         rows = [
             [_number(e.real), _number(e.imag), f"{e.radius:.0e}" if e.wide else "0", str(e.count), WORDS[e.kind]]
             for e in result.eigenvalues
         ]
         heads = ["real part\n(1/s)", "imaginary part\n(1/s)", "radius\n(1/s)", "number", "where"]
-        lines.append(table(heads, rows, left=(4,)))
+        lines.append(table(heads, rows, (4,), [STYLES.get(e.kind) for e in result.eigenvalues]))
     if result.parts:
         rows = [[_in_unit(p.low, result), _in_unit(p.high, result), p.verdict] for p in result.parts]
         head = "under conditions" if result.conditions else "proven"
         unit = f"\n({result.unit})" if result.unit else ""
-        lines.append(table([f"{result.parameter} from{unit}", f"to{unit}", head], rows, left=(2,)))
+        lines.append(
+            table(
+                [f"{result.parameter} from{unit}", f"to{unit}", head],
+                rows,
+                (2,),
+                [word_style(p.verdict) for p in result.parts],
+            )
+        )
         lines += _where(result)
     lines += _wrapped(result.statement[0].upper() + result.statement[1:], "")
     for reason in result.reasons[1:]:
@@ -113,7 +128,7 @@ def certificate_text(result: Certificate, model: Model) -> str:
     for text in result.assumed:
         lines += _wrapped(text, "  ")
     lines.append(f"computed with {result.digits} digits")
-    return "\n".join(lines) + "\n"
+    return document(lines)
 
 
 def _where(result: Certificate) -> list[str]:

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
 from mbstab.model.schema import Model
-from mbstab.report import width
+from mbstab.report import table_width
 from mbstab.report.export import Rows
+from mbstab.report.styles import document
 from mbstab.report.tables import eigenvalue, fill_lines, number, table
+from mbstab.report.verdicts import with_verdict
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.methods import Comparison, Outcome
@@ -45,13 +47,13 @@ def compare_text(result: Comparison, model: Model) -> str:
     lines += _failures(outcomes) + _remarks(outcomes)
     if truth.neutral:
         lines.append(f"{counted(truth.neutral, 'neutral eigenvalue')} besides")
-    lines.append(f"Verdict with {truth.digits} digits: {truth.verdict}")
+    lines.append(with_verdict(f"Verdict with {truth.digits} digits: ", truth.verdict))
     different = [f"{n} {x.method} ({x.verdict})" for n, x in enumerate(outcomes, 1) if _differs(x, result)]
     if different:
         lines += fill_lines(f"another verdict by {', '.join(different)}")
     if result.chosen is not None:
         lines += ["", *fill_lines(_choice(result))]
-    return "\n".join(lines).rstrip("\n") + "\n"
+    return document(lines)
 
 
 def _outcome_row(n: int, x: Outcome, digits: int) -> list[str]:
@@ -88,10 +90,10 @@ def _error_tables(result: Comparison) -> list[str]:
         wide = max(map(len, _head(result, i).splitlines())) + 2
         if wide > room:
             blocks.append([])
-            room = width() - 4 - max(map(len, [ROUNDING, *names]))
+            room = table_width() - 4 - max(map(len, [ROUNDING, *names]))
         blocks[-1].append(i)
         room -= wide
-    texts = []
+    texts: list[str] = []
     for block in blocks:
         rows = [
             [str(n), x.method, *(_size(float(x.errors[i]), digits) for i in block)]

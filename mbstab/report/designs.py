@@ -11,6 +11,7 @@ from mbstab.model.arithmetic import FLOAT
 from mbstab.model.parameters import evaluate_parameters
 from mbstab.model.reader import read_model_text
 from mbstab.model.schema import Model, after_number
+from mbstab.report.styles import document
 from mbstab.report.tables import eigenvalue, number, table, wrap_lines
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def design_text(found: Design, model: Model, proofs: Sequence[Certificate] = ())
     for text in _statements(proofs, found, model):
         lines += wrap_lines(f"proof {text}", "", "  ")
     lines += ["", "again: " + " ".join(f"--set {name}={text}" for name, text in _settings(found, model).items())]
-    return "\n".join(lines) + "\n"
+    return document(lines)
 
 
 def _settings(found: Design, model: Model) -> dict[str, str]:

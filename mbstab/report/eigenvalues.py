@@ -8,13 +8,14 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from mbstab.analysis.linear.methods import DEFAULT
-from mbstab.analysis.verdict.rule import Verdict
 from mbstab.analysis.verdict.wording import show
 from mbstab.errors import counted
 from mbstab.model.schema import Model
-from mbstab.report import width
+from mbstab.report import table_width
 from mbstab.report.modes import UNKNOWN, modes_table, shapes_text, value_text
+from mbstab.report.styles import Style, Text, document, joined
 from mbstab.report.tables import number, table, wrap_lines
+from mbstab.report.verdicts import grounds_lines, verdict_badge
 
 if TYPE_CHECKING:
     from mbstab.analysis.spectrum.precise import PreciseResult
@@ -24,12 +25,16 @@ ZERO = 1e-3
 """An eigenvalue that may be zero is printed as 0 if its error bound is below this fraction of the largest one."""
 
 
-def eigen_text(result: EigenResult, model: Model, shapes: bool = False) -> str:
-    """Return the answer of ``mbstab eig`` as text, with all shapes of modes if these are asked for."""
-    lines: list[str] = []
+def eigen_text(result: EigenResult, model: Model, shapes: bool = False) -> Text:
+    """Return the answer of ``mbstab eig`` as text, with all shapes of modes if these are asked for.
+
+    The verdict comes first, then the eigenvalues, then what the verdict rests on.
+    """
+    lines: list[str] = [verdict_badge(result.verdict), ""]
     shown = _pairs(result)
     fill = _multipliers if result.period is not None else _eigenvalues
     lines.append(fill(result, shown) if shown else "no finite eigenvalues: the motion is fully prescribed\n")
+    lines += [*grounds_lines(result.judged), ""]
     bodies = list(dict.fromkeys(name for e, _ in shown for name in e.participation))
     told = [e for e, _ in shown if e.motions]
     several = len(bodies) > 1 and any(len(e.motions) > 1 for e in told)
@@ -42,26 +47,26 @@ def eigen_text(result: EigenResult, model: Model, shapes: bool = False) -> str:
     lines += _without_shape(shown)
     if shapes:
         lines.append(shapes_text(result))
-    lines += [*verdict_lines(result.judged), "", *_counts(result)]
-    return "\n".join(lines) + "\n"
+    return document([*lines, *_counts(result)])
 
 
-def verdict_lines(judged: Verdict) -> list[str]:
-    """Return a verdict and its grounds, in sentences."""
-    lines = [f"Verdict: {judged.word}"]
-    for reason in judged.reasons:
-        lines += wrap_lines(reason, "  ", "  ")
-    for sentence in () if judged.spectrum is None else judged.spectrum.sentences():
-        lines += wrap_lines(sentence, "", "  ")
-    if judged.if_symmetric is not None:
-        lines += wrap_lines(str(judged.if_symmetric), "", "  ")
-    return lines
+SETTLED = ("center", "critical")
+
+STYLES: dict[str, Style] = {"neutral": "faint", "undecided": "open"}
 
 
-def precise_text(result: PreciseResult, model: Model) -> str:
+def _row_style(kind: str, grows: bool) -> Style | None:
+    """Return the style of the row of an eigenvalue of a kind, whose real part is positive or not."""
+    if kind in STYLES:
+        return STYLES[kind]
+    return "grows" if grows and kind not in SETTLED else None
+
+
+def precise_text(result: PreciseResult, model: Model) -> Text:
     """Return the answer of ``mbstab eig --precision`` as text: real and imaginary parts on lines of their own."""
-    lines: list[str] = []
-    rows = []
+    lines: list[str] = [verdict_badge(result.verdict), ""]
+    rows: list[list[str]] = []
+    styles: list[Style | None] = []
     for e in result.eigenvalues:
         if e.imag.startswith("-"):
             continue
@@ -72,19 +77,22 @@ def precise_text(result: PreciseResult, model: Model) -> str:
             rows.append([f"± {e.imag}i", *last])
         else:
             rows += [[e.real, "", ""], [f"± {e.imag}i", *last]]
+        styles += [_row_style(e.kind, e.value.real > 0)] * (len(rows) - len(styles))
     rows += [[f"± {shift}i", "-", "neutral"] for shift in result.shifts]
     if result.zeros:
         rows.append(["0", "-", f"neutral, {result.zeros}×"])
-    lines.append(table(["eigenvalue\n(1/s)", "error\nbound", "type"], rows, left=(2,)) if rows else "no eigenvalues\n")
-    lines += [*verdict_lines(result.judged), "", *_counts(result)]
+    styles += [STYLES["neutral"]] * (len(rows) - len(styles))
+    heads = ["eigenvalue\n(1/s)", "error\nbound", "type"]
+    lines.append(table(heads, rows, left=(2,), styles=styles) if rows else "no eigenvalues\n")
+    lines += [*grounds_lines(result.judged), "", *_counts(result)]
     lines += wrap_lines(
         f"{result.digits} digits, computed with {result.working_digits} in {result.seconds:.1f} s; smallest pivot that "
         f"counts {result.kept}, largest that counts as zero {result.dropped}, relative to the matrix"
     )
-    return "\n".join(lines) + "\n"
+    return document(lines)
 
 
-def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
+def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> Text:
     rows = []
     largest = max((abs(e.value) for e, _ in shown), default=0.0)
     for e, multiplicity in shown:
@@ -101,8 +109,8 @@ def _eigenvalues(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
             rows.append(_eigenvalue_row(e))
     heads = ["eigenvalue\n(1/s)", "freq.\n(Hz)", "damping\nratio", "doubles or\nhalves in s", "error\nbound", "type"]
     named = [f"{e.name} {value_text(e)}" for e, _ in shown if e.name]
-    text = table(heads, rows, left=(5,))
-    return text + "".join(f"{line}\n" for line in wrap_lines(f"named: {', '.join(named)}")) if named else text
+    text = table(heads, rows, left=(5,), styles=[_row_style(e.kind, e.value.real > 0.0) for e, _ in shown])
+    return joined([text, *(f"{line}\n" for line in wrap_lines(f"named: {', '.join(named)}"))], "") if named else text
 
 
 def _eigenvalue_row(e: Eigenvalue) -> list[str]:
@@ -120,7 +128,7 @@ def _eigenvalue_row(e: Eigenvalue) -> list[str]:
     return [value, frequency, ratio, time, f"{bound:.0e}", e.kind]
 
 
-def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> str:
+def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -> Text:
     """Return the table of a periodic motion."""
     rows = []
     for e, multiplicity in shown:
@@ -136,7 +144,7 @@ def _multipliers(result: EigenResult, shown: Sequence[tuple[Eigenvalue, int]]) -
         frequency = number(e.frequency, 4, bound / (2.0 * math.pi))
         rows.append([show(e.multiplier, bound=off), size, growth, frequency, f"{bound:.0e}", e.kind])
     heads = ["multiplier", "size", "growth\n(1/s)", "freq.\n(Hz)", "error\nbound", "type"]
-    return table(heads, rows, left=(5,))
+    return table(heads, rows, left=(5,), styles=[_row_style(e.kind, e.value.real > 0.0) for e, _ in shown])
 
 
 def _neutral_value(result: EigenResult) -> str:
@@ -179,7 +187,7 @@ def _participation(shown: Sequence[tuple[Eigenvalue, int]], bodies: Sequence[str
             continue
         order = sorted(bodies, key=lambda name: -e.participation.get(name, 0.0))
         strong = [f"{name} {e.participation[name]:.1%}" for name in order if e.participation.get(name, 0.0) >= 0.0005]
-        rows.append([value_text(e), _fitting(strong, width() - 28) or "no mass moves"])
+        rows.append([value_text(e), _fitting(strong, table_width() - 28) or "no mass moves"])
     return table(["eigenvalue (1/s)", "bodies"], rows, left=(1,))
 
 

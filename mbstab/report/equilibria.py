@@ -9,6 +9,7 @@ from mbstab.errors import counted
 from mbstab.model.measures import unit_of_output
 from mbstab.model.schema import Model
 from mbstab.report.export import Rows, attributes
+from mbstab.report.styles import document
 from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def equilibrium_text(found: Sequence[Equilibrium], model: Model) -> str:
             lines.insert(-1, f"at t = {item.motion.time:g} s: forces or drives depend on time")
         if item.motion.redundant:
             lines.insert(-1, "constraints are redundant: only sums of reactions are determined")
-    return "\n".join(lines).rstrip("\n") + "\n"
+    return document(lines)
 
 
 def _state_table(item: Equilibrium, model: Model) -> str:

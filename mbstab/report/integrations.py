@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.model.schema import Model
 from mbstab.report.export import Rows, attributes
+from mbstab.report.styles import document
 from mbstab.report.tables import fill_lines, number, table
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def integrations_text(result: Integrations, model: Model) -> str:
         lines += ["", *fill_lines(
             f"Chosen for {result.tolerance:g}: {x.name} with {x.tol:g}, {1e3 * x.seconds:.3g} ms, error {x.error:.1e}"
         )]  # fmt: skip
-    return "\n".join(lines) + "\n"
+    return document(lines)
 
 
 def _row(x: Integration) -> list[str]:

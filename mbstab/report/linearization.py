@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
 from mbstab.model.schema import Model, is_state
-from mbstab.report import width
+from mbstab.report import table_width
+from mbstab.report.styles import document, joined
 from mbstab.report.tables import table, wrap_lines
 
 if TYPE_CHECKING:
@@ -29,14 +30,14 @@ def matrix_text(name: str, matrix: Any, rows: Sequence[str], columns: Sequence[s
     smallest = 1e-15 * max(abs(x) for values in matrix for x in values)
     cells = [[f"{x:.6g}" if abs(x) > smallest else "." for x in values] for values in matrix]
     widths = [max(len(head), *(len(row[j]) for row in cells)) + 2 for j, head in enumerate(columns)]
-    start, room = 0, width() - max(map(len, rows))
+    start, room = 0, table_width() - max(map(len, rows))
     while start < len(columns):
         stop, used = start + 1, widths[start]
         while stop < len(columns) and used + widths[stop] <= room:
             used += widths[stop]
             stop += 1
         body = [[row, *values[start:stop]] for row, values in zip(rows, cells, strict=True)]
-        text += table(["", *columns[start:stop]], body, left=(0,))
+        text = joined([text, table(["", *columns[start:stop]], body, left=(0,))], "")
         start = stop
     return text
 
@@ -65,7 +66,7 @@ def linearize_text(answer: Linearization | ControlModel, model: Model, form: str
         ]
         lines.append(table(["matrix", "size", "not zero", "largest"], rows, left=(0,)))
         lines += wrap_lines(f"matrices with more than {LARGE} rows or columns: --full shows them")
-    return "\n".join(lines).rstrip("\n") + "\n"
+    return document(lines)
 
 
 def _linear_summary(linear: Linearization) -> list[str]:

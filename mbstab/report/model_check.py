@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mbstab.errors import counted
 from mbstab.model.schema import Model
+from mbstab.report.styles import document
 from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def check_text(report: CheckReport, model: Model) -> str:
             lines += ["", f"{head}:"]
             for item in items:
                 lines += wrap_lines(item, "  ", "    ")
-    return "\n".join(lines) + "\n"
+    return document(lines)
 
 
 def _gap(gap: float) -> str:

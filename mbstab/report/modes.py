@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from mbstab.analysis.verdict.wording import show
+from mbstab.report.styles import document, joined
 from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def shapes_text(result: EigenResult) -> str:
         "too; load: geometric stiffness of weight, reactions, preload and turning; circulation: the skew part of the "
         "stiffness; reaction: that of rows on speeds, whose direction the mode changes."
     )
-    return "\n".join([*lines, *wrap_lines(note)]) + "\n"
+    return document([*lines, *wrap_lines(note)])
 
 
 def _energy_text(balance: EnergyBalance) -> str:
@@ -100,4 +101,4 @@ def _energy_text(balance: EnergyBalance) -> str:
     product, power = (x if abs(x) > rounding else 0.0 for x in (product, power))
     closed = f"2 Re λ · energy = {number(product, 6)} 1/s, power {number(power, 6)} 1/s; they differ by "
     closed += f"{balance.defect:.0e} of the largest term"
-    return table(heads, rows, left=(0,)) + "\n" + "\n".join(wrap_lines(closed)) + "\n"
+    return joined([table(heads, rows, left=(0,)), *wrap_lines(closed)], end="\n")

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 from mbstab.errors import visible
 from mbstab.records import dataclass
 from mbstab.report import width
+from mbstab.report.styles import Style, Text, document, joined, styled
 
 if TYPE_CHECKING:
     from mbstab.analysis.compare.expectations import Outcome
@@ -42,25 +43,30 @@ class Tested:
         return len(self.outcomes) - self.passed + bool(self.failure)
 
 
-def tested_text(models: Sequence[Tested], failures_only: bool) -> str:
+PASSED: tuple[str, Style] = "ok  ", "good"
+FAILED: tuple[str, Style] = "FAIL", "bad"
+
+
+def tested_text(models: Sequence[Tested], failures_only: bool) -> Text:
     """Return a paragraph for each expectation, which begins with its place in the file, and how many hold."""
-    lines = []
+    lines: list[str] = []
     for model in models:
         if model.failure:
-            lines.append(f"FAIL {visible(model.name, lines=False)}")
+            lines.append(joined([styled(*FAILED), visible(model.name, lines=False)], " "))
         for x in model.outcomes:
             if not (x.passed and failures_only):
-                place = f"{'ok  ' if x.passed else 'FAIL'} {x.location}: "
-                lines += wrap(
+                mark, place = styled(*(PASSED if x.passed else FAILED)), f" {x.location}: "
+                first, *rest = wrap(
                     f"{x.what}: {x.detail}",
                     width=width(),
-                    initial_indent=place,
+                    initial_indent=mark + place,
                     subsequent_indent=" " * 5,
                     break_long_words=False,
                     break_on_hyphens=False,
                 )
+                lines += [joined([mark, first.removeprefix(mark)], ""), *rest]
     lines.append(f"{sum(x.passed for x in models)} passed, {sum(x.failed for x in models)} failed")
-    return "\n".join(lines) + "\n"
+    return document(lines)
 
 
 def tested_data(models: Sequence[Tested]) -> dict[str, Any]:

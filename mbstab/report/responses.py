@@ -10,6 +10,7 @@ from mbstab.errors import counted
 from mbstab.model.schema import Model
 from mbstab.model.words import UNSTABLE
 from mbstab.report.export import Rows, in_unit
+from mbstab.report.styles import document
 from mbstab.report.tables import eigenvalue, number, table, wrap_lines
 
 if TYPE_CHECKING:
@@ -98,7 +99,7 @@ def response_text(result: Response, model: Model) -> str:
         elif result.kind == "frequency":
             lines.append(f"margins and the largest gain are not computed for {len(result.poles)} states")
         lines.append("")
-    return "\n".join(lines).rstrip("\n") + "\n"
+    return document(lines)
 
 
 def _rows(number: int) -> Any:
@@ -291,7 +292,7 @@ def unbalance_text(result: UnbalanceResponse, model: Model) -> str:
             f"Unstable at {int(np.sum(result.unstable))} of {len(speeds)} speeds, {ends} {unit}: these amplitudes are "
             "those of the steady solution, which the rotor leaves."
         )
-    return "\n".join(lines).rstrip("\n") + "\n"
+    return document(lines)
 
 
 def spin_unit(result: UnbalanceResponse, model: Model) -> tuple[str, float]:

@@ -13,6 +13,7 @@ from mbstab.report.eigenvalue_data import eigen_data
 from mbstab.report.eigenvalues import eigen_text
 from mbstab.report.export import Rows
 from mbstab.report.modes import value_text
+from mbstab.report.styles import Text, document, joined
 from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from mbstab.analysis.sweep.sweep import Sweep
 
 
-def sensitivity_text(found: Sensitivities, model: Model) -> str:
+def sensitivity_text(found: Sensitivities, model: Model) -> Text:
     """Return the eigenvalues, and a table for each: what moves it most, first."""
     lines = ["Derivatives by the parameters, and the change for one percent more of each:", ""]
     for item in found.derivatives:
@@ -35,12 +36,12 @@ def sensitivity_text(found: Sensitivities, model: Model) -> str:
             heads = ["parameter", "unit", "dλ/dp (1/s per unit)", "per percent (1/s)", "error"]
             lines.append(table(heads, rows, left=(0, 1)))
             if still := len(found.order(item)) - len(rows):
-                lines[-1] += f"{counted(still, 'other parameter')}: 0 within the error\n"
+                lines[-1] = joined([lines[-1], f"{counted(still, 'other parameter')}: 0 within the error\n"], "")
         else:
             lines += ["  no parameter moves it", ""]
     for name, reason in found.missing.items():
         lines += wrap_lines(f"{name}: no derivatives: {reason}", "", "  ")
-    return f"{eigen_text(found.result, model)}\n" + "\n".join(lines) + "\n"
+    return document([eigen_text(found.result, model), *lines])
 
 
 def _rows(found: Sensitivities, item: Derivatives, model: Model) -> Iterator[tuple[int, list[str]]]:
@@ -143,7 +144,7 @@ def critical_text(result: Sweep, model: Model) -> str:
             lines += wrap_lines(f"{name}: no derivative: {reason}", "", "  ")
     if len(lines) == 2:
         lines.append("there is no critical value")
-    return "\n".join(lines).rstrip("\n") + "\n"
+    return document(lines)
 
 
 def critical_data(result: Sweep, model: Model) -> dict[str, Any]:

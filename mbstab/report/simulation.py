@@ -13,6 +13,7 @@ from mbstab.model.schema import Model
 from mbstab.model.units import per_second
 from mbstab.records import dataclass
 from mbstab.report.export import Rows, attributes
+from mbstab.report.styles import document
 from mbstab.report.tables import number, table, wrap_lines
 
 if TYPE_CHECKING:
@@ -152,7 +153,7 @@ def simulation_text(sim: Simulation, model: Model, full: bool = False) -> str:
     rows = rows if full else rows[:MOST]
     hidden = len(sim.names) - len(rows)
     heads = ["unit", "at first", "at last", "least", "largest"]
-    lines = [table(["coordinate", *heads, "last rate\n(unit/s)"], rows, left=(0, 1))]
+    lines: list[str] = [table(["coordinate", *heads, "last rate\n(unit/s)"], rows, left=(0, 1))]
     if hidden:
         lines += [f"{hidden} more coordinates; --full shows all", ""]
     rows = []
@@ -183,7 +184,7 @@ def simulation_text(sim: Simulation, model: Model, full: bool = False) -> str:
         ]
     if not sim.complete:
         lines += ["", *wrap_lines(f"ended early, at t = {number(float(sim.times[-1]), 9)} s")]
-    return "\n".join(lines) + "\n"
+    return document(lines)
 
 
 def _shown(value: float, size: float) -> str:

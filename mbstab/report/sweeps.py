@@ -14,7 +14,9 @@ from mbstab.errors import counted
 from mbstab.model.schema import Model
 from mbstab.report.export import unit_factors
 from mbstab.report.sensitivity import critical_text
+from mbstab.report.styles import Style, document
 from mbstab.report.tables import decimals, number, table, wrap_lines
+from mbstab.report.verdicts import with_verdict, word_style
 
 if TYPE_CHECKING:
     from mbstab.analysis.sweep.chart import Chart
@@ -38,7 +40,8 @@ SHOWN = 13
 def sweep_text(result: Sweep, model: Model, sensitivity: bool = False) -> str:
     """Return the summary of ``mbstab sweep``: where stability changes, and the verdicts in between."""
     ((unit, factor),) = unit_factors(model, result.parameter)
-    lines, label = [], f"{result.parameter} ({unit})" if unit else result.parameter
+    lines: list[str] = []
+    label = f"{result.parameter} ({unit})" if unit else result.parameter
     first, last = (number(float(result.values[k]) / factor, 6) for k in (0, -1))
     count = result.branches.shape[1]
     lines.append(f"{label} from {first} to {last}, {len(result.values)} points")
@@ -61,8 +64,7 @@ def sweep_text(result: Sweep, model: Model, sensitivity: bool = False) -> str:
         lines += ["", f"path {n}, {place}, {counted(len(path.values), 'point')}", "", *_path(path, label, factor)]
     if result.orders:
         lines += ["", *_crossings(result, label, factor)]
-    more = f"\n{critical_text(result, model)}" if sensitivity else ""
-    return "\n".join(lines).rstrip("\n") + "\n" + more
+    return document([document(lines), critical_text(result, model)] if sensitivity else lines)
 
 
 def _crossings(result: Sweep, label: str, factor: float) -> list[str]:
@@ -83,7 +85,7 @@ def _crossings(result: Sweep, label: str, factor: float) -> list[str]:
 def _path(result: Sweep, label: str, factor: float) -> list[str]:
     """Return the events along one path of a sweep."""
     alike = len({*result.words.tolist()}) == 1 and len(result.words) and result.words[0] != WORDS.index(UNDECIDED)
-    lines = ["no change of stability was found at these points or between them", ""] if alike else []
+    lines: list[str] = ["no change of stability was found at these points or between them", ""] if alike else []
     if result.critical:
         rows = [
             [
@@ -197,13 +199,15 @@ def _rounded(value: float, result: Sweep) -> float:
 
 def _ranges(result: Sweep, factor: float) -> list[str]:
     """Return the verdicts between the critical values, one line for each range of the same word."""
-    lines, runs = [], _in_order(result, result.ranges)
+    lines: list[str] = []
+    runs = _in_order(result, result.ranges)
     for run in runs:
         low, high = (_rounded(x, result) / factor for x in (run.low, run.high))
         word, many = WORDS[run.word], f" ({', '.join(map(str, run.counts))})"
         first, last = (number(x, 6) for x in _in_order(result, (low, high)))
         place = f"{first} to {last}" if high > low else f"at {first}"
-        lines.append(f"  {place}: {word}{many if word == UNSTABLE and any(run.counts) else _located(result, run)}")
+        more = many if word == UNSTABLE and any(run.counts) else _located(result, run)
+        lines.append(with_verdict(f"  {place}: ", word, more))
     if any(run.high > run.low for run in runs):
         points = counted(len(result.values) - len(result.problems), "point")
         lines += wrap_lines(f"(as {points} show: what is narrower than their distance may be missed)")
@@ -232,7 +236,8 @@ def _located(result: Sweep, run: Range) -> str:
 
 def chart_text(result: Chart, model: Model) -> str:
     """Return the summary of a stability chart."""
-    lines, labels = [], unit_factors(model, *result.parameters)
+    lines: list[str] = []
+    labels = unit_factors(model, *result.parameters)
     for name, (unit, factor), along in zip(result.parameters, labels, (result.x, result.y), strict=True):
         first, last = number(float(along[0]) / factor), number(float(along[-1]) / factor)
         lines.append(f"{name}{f' ({unit})' if unit else ''} from {first} to {last}, {len(along)} values")
@@ -244,7 +249,8 @@ def chart_text(result: Chart, model: Model) -> str:
         lines.append(f"equilibria followed from {', '.join(begin)}")
     import numpy as np
 
-    rows = []
+    rows: list[list[str]] = []
+    styles: list[Style | None] = []
     unanswered = np.zeros(result.unstable.size, dtype=bool)
     unanswered[list(result.problems)] = True
     words, counts = result.words.ravel(), result.unstable.ravel()
@@ -253,16 +259,17 @@ def chart_text(result: Chart, model: Model) -> str:
         for n in sorted({int(n) for n in counts[here]}):
             share = float(np.mean(here & (counts == n)))
             rows.append([f"{word} ({n})" if word == UNSTABLE else word, f"{share:.1%}"])
+            styles.append(word_style(word))
     if unanswered.any():
         rows.append(["no answer", f"{float(unanswered.mean()):.1%}"])
-    lines += ["", table(["region", "part of the points"], rows, left=(0,))]
+    lines += ["", table(["region", "part of the points"], rows, (0,), styles)]
     lines.append(f"{counted(len(result.boundaries), 'boundary curve')}")
     for text in _edges(result, labels):
         lines += wrap_lines(text)
     if set(words[~unanswered].tolist()) == {WORDS.index(UNDECIDED)}:
         (one, other), (x, y) = result.parameters, (result.x, result.y)
         lines += _open_hint({one: (x, labels[0][1]), other: (y, labels[1][1])})
-    return "\n".join(lines) + "\n"
+    return document(lines)
 
 
 def _edges(result: Chart, labels: Sequence[tuple[str, float]]) -> list[str]:

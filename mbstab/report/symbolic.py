@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mbstab.analysis.linear.symbolic import SymbolicBlocks
 from mbstab.model.schema import Model
-from mbstab.report import width
+from mbstab.report import table_width
 
 NAMES = {"M": "mass", "R": "damping", "K": "stiffness"}
 
@@ -20,7 +20,7 @@ def symbolic_text(result: SymbolicBlocks, model: Model) -> str:
             lines.append(f"{name} = O  ({shape})")
             continue
         lines.append(f"{name} =")
-        lines.append(sympy.pretty(block, use_unicode=True, num_columns=width()))
+        lines.append(sympy.pretty(block, use_unicode=True, num_columns=table_width()))
     return "\n".join(lines) + "\n"
 
 

@@ -9,7 +9,8 @@ from textwrap import wrap
 from typing import Any
 
 from mbstab.analysis.verdict.wording import known
-from mbstab.report import width
+from mbstab.report import table_width, width
+from mbstab.report.styles import Style, Text, joined, styled
 
 GAP = 2
 """Blanks between columns."""
@@ -25,22 +26,25 @@ def fill_lines(text: str) -> list[str]:
     return wrap_lines(text, "", "  ", hyphens=False)
 
 
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = ()) -> str:
+def table(
+    heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (), styles: Sequence[Style | None] = ()
+) -> Text:
     """Return an aligned table; columns in `left` are flush left, the others flush right.
 
-    Columns that do not fit in `width` follow below, with the first column repeated; texts that do not fit are wrapped.
+    Columns that do not fit in `table_width` follow below, with the first column repeated; texts that do not fit are
+    wrapped. `styles` are those of the rows.
     """
     first = max(map(_width, (heads[0], *(row[0] for row in rows))))
-    room = max(width() - first - GAP, width() // 2)
+    room = max(table_width() - first - GAP, table_width() // 2)
     texts = [i for i in left if i]
     rows = [["\n".join(wrap(x, room)) if i in texts else x for i, x in enumerate(row)] for row in rows]
     widths = [max(map(_width, column)) for column in zip(heads, *rows, strict=True)]
-    text = ""
+    blocks = []
     for block in _blocks(widths):
         cells = [[row[i] for i in block] for row in rows]
         flush = [n for n, i in enumerate(block) if i in left]
-        text += ("\n" if text else "") + _aligned([heads[i] for i in block], cells, flush)
-    return text
+        blocks.append(_aligned([heads[i] for i in block], cells, flush, styles))
+    return joined(blocks)
 
 
 def _width(cell: str) -> int:
@@ -51,7 +55,7 @@ def _blocks(widths: Sequence[int]) -> list[list[int]]:
     """Return the columns that are side by side, the first one in each block."""
     blocks, used = [[0]], widths[0]
     for i, wide in enumerate(widths[1:], 1):
-        if used + GAP + wide > width() and len(blocks[-1]) > 1:
+        if used + GAP + wide > table_width() and len(blocks[-1]) > 1:
             blocks.append([0])
             used = widths[0]
         blocks[-1].append(i)
@@ -59,16 +63,18 @@ def _blocks(widths: Sequence[int]) -> list[list[int]]:
     return blocks
 
 
-def _aligned(heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int]) -> str:
+def _aligned(
+    heads: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int], styles: Sequence[Style | None]
+) -> Text:
     """Return a table with its columns side by side; heads are aligned at the bottom, cells at the top."""
     widths = [max(map(_width, column)) for column in zip(heads, *rows, strict=True)]
     height = max(head.count("\n") for head in heads)
     raised = ["\n" * (height - head.count("\n")) + head for head in heads]
-    rule = "─" * (sum(widths) + GAP * (len(widths) - 1))
-    lines = [*_lines(raised, widths, left), rule]
-    for row in rows:
-        lines += _lines(row, widths, left)
-    return "\n".join(line.rstrip() for line in lines) + "\n"
+    rule = styled("─" * (sum(widths) + GAP * (len(widths) - 1)), "faint")
+    lines: list[str] = [*(line.rstrip() for line in _lines(raised, widths, left)), rule]
+    for row, style in zip_longest(rows, styles):
+        lines += [styled(line.rstrip(), style) for line in _lines(row, widths, left)]
+    return joined(lines, end="\n")
 
 
 def _lines(cells: Sequence[str], widths: Sequence[int], left: Sequence[int]) -> list[str]:

@@ -12,6 +12,7 @@ from mbstab.model.schema import Model
 from mbstab.report.eigenvalue_data import eigen_data
 from mbstab.report.eigenvalues import eigen_text
 from mbstab.report.export import attributes
+from mbstab.report.styles import Style, Text, document, joined, styled
 from mbstab.report.tables import fill_lines, number, table, wrap_lines
 
 if TYPE_CHECKING:
@@ -19,21 +20,24 @@ if TYPE_CHECKING:
     from mbstab.analysis.compare.verify import Observation, Verification
 
 
-def verification_text(found: Verification, model: Model) -> str:
+STYLES: dict[str, Style] = {"confirmed": "good", "contradicted": "bad"}
+
+
+def verification_text(found: Verification, model: Model) -> Text:
     """Return the answer of ``mbstab eig --verify`` as text."""
     heads = ["mode", "predicted\n(1/s)", "observed\n(1/s)", "relative\nerror", "known\nto", "time\n(s)", "verdict"]
-    lines = []
+    lines: list[str] = []
     if found.modes:
-        lines.append(table(heads, [_row(x) for x in found.modes], left=(6,)))
+        lines.append(table(heads, [_row(x) for x in found.modes], (6,), [STYLES.get(x.verdict) for x in found.modes]))
         lines += fill_lines(_footer(found)) if any(x.observed == x.observed for x in found.modes) else []
     if found.neutral is not None:
         lines += fill_lines(_neutral(found.neutral))
     reasons = {x.reason: x.number for x in reversed(found.modes) if x.reason and x.reason not in found.reason}
     for reason, first in sorted(reasons.items(), key=lambda item: item[1]):
         lines += fill_lines(f"mode {first}: {reason}")
-    lines += fill_lines(f"Nonlinear motion: {found.verdict}")
+    lines.append(joined(["Nonlinear motion: ", styled(found.verdict, STYLES.get(found.verdict))], ""))
     lines += wrap_lines(found.reason, "  ", "  ", hyphens=False)
-    return f"{eigen_text(found.result, model)}\n" + "\n".join(lines) + "\n"
+    return document([eigen_text(found.result, model), *lines])
 
 
 def _footer(found: Verification) -> str:

@@ -12,7 +12,9 @@ from mbstab.cli.output import Output, output_options, warn
 @click.option("--expanded", is_flag=True, help="Print the file with its repetitions and parts written out, and stop.")
 @output_options("table", "json")
 def check(file: str, settings: tuple[str, ...], expanded: bool, output: Output) -> None:
-    """Say what the scene consists of, its degrees of freedom, and what it does not need.
+    """Say what the scene consists of and what it does not need.
+
+    That is its bodies, its rows of constraints, its degrees of freedom and its symmetries.
 
     Example: mbstab check four_bar.yaml
     """

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mbstab.cli.common import load_model, model_command, parse_settings, progress_bar, refuse_given
-from mbstab.cli.output import Output, check_size, files, output_options, save_picture, size_option, warn
-from mbstab.errors import UsageError
+from mbstab.cli.common import load_model, model_command, parse_settings, plot_option, progress_bar, refuse_given
+from mbstab.cli.output import Output, output_options, picture_paths, picture_stem, save_picture, warn
 
 if TYPE_CHECKING:
     from mbstab.api import Mechanism
@@ -31,13 +30,7 @@ if TYPE_CHECKING:
     multiple=True,
     help="With --simulate: add to the reference motion, as mbstab simulate does; mode:1=0.1 if nothing is given.",
 )
-@click.option(
-    "--plot",
-    "picture",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Draw error against time, one point for each method, to a file (.png, .svg or .pdf).",
-)
-@size_option
+@plot_option("error", meaning="error: that of each method against its time")
 @output_options("table", "json", "csv")
 def compare(
     file: str,
@@ -47,10 +40,11 @@ def compare(
     simulate: bool,
     to: float | None,
     disturbances: tuple[str, ...],
-    picture: Path | None,
+    pictures: tuple[str, ...],
+    place: Path | None,
     output: Output,
 ) -> None:
-    """Compare all methods: error of each eigenvalue against many digits, claimed bounds, time, memory.
+    """Compare methods or integrators: errors, bounds, time.
 
     The truth is the same model with as many digits as asked for, its parameters the exact decimals of the file. With
     --simulate: error, time, evaluations and drift of all integrators with several tolerances.
@@ -63,20 +57,18 @@ def compare(
         refuse_given(("to", "disturbances"), "without --simulate")
     mechanism = load_model(file, settings)
     model = mechanism.model
-    check_size(picture is not None)
-    if picture is not None:
-        _check_picture(picture)
+    paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), pictures)
     if simulate:
-        _integrators(mechanism, to, disturbances, tolerance, picture, output)
+        _integrators(mechanism, to, disturbances, tolerance, paths, output)
         return
     with progress_bar("comparing") as progress:
         result = mechanism.compare(digits, tolerance, progress)
     warn(result.truth.warnings)
     output.answer(result, model)
-    if picture is not None:
+    for path in paths.values():
         from mbstab.report.pictures.work_precision import work_precision
 
-        save_picture(lambda: work_precision(result, model.title), picture, "--plot")
+        save_picture(lambda: work_precision(result, model.title), path)
 
 
 def _integrators(
@@ -84,7 +76,7 @@ def _integrators(
     to: float | None,
     disturbances: tuple[str, ...],
     tolerance: float | None,
-    picture: Path | None,
+    paths: dict[str, Path],
     output: Output,
 ) -> None:
     """Compare the integrators on the nonlinear motion."""
@@ -93,16 +85,7 @@ def _integrators(
     with progress_bar("comparing") as progress:
         result = mechanism.compare_integrators(to, perturb, tolerance, progress)
     output.answer(result, model)
-    if picture is not None:
+    for path in paths.values():
         from mbstab.report.pictures.work_precision import integrator_precision
 
-        save_picture(lambda: integrator_precision(result, model.title), picture, "--plot")
-
-
-def _check_picture(path: Path) -> None:
-    """Refuse an invalid path of the picture before anything is computed."""
-    from mbstab.report.pictures.drawing import FORMATS
-
-    if path.suffix[1:].lower() not in FORMATS:
-        raise UsageError(f"--plot {path}: pictures end with {', '.join('.' + name for name in FORMATS)}")
-    files().claim(path, "--plot")
+        save_picture(lambda: integrator_precision(result, model.title), path)

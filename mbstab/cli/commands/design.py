@@ -75,7 +75,7 @@ def design(
     settings: tuple[str, ...],
     output: Output,
 ) -> None:
-    """Change parameters within ranges so that a goal is met as well as possible.
+    """Find values of parameters that meet a goal best.
 
     The search follows exact derivatives from the values of the file to a local optimum: the best that was found, not
     the best that exists. Ctrl-C ends it with the best so far. As yaml it writes the model file with the new values.
@@ -87,7 +87,7 @@ def design(
     ranges, box = (
         parse_settings(given, option, "RANGE", "0.9..1.1") for given, option in ((vary, "--vary"), (over, "--over"))
     )
-    with progress_bar("designing") as progress:
+    with progress_bar("designing", steps) as progress:
         found = mechanism.design(ranges, goal, progress, over=box, least=least, steps=steps)
     from mbstab.analysis.design.search import STOPPED
 

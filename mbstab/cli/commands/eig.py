@@ -11,16 +11,23 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mbstab.analysis.linear.methods import DEFAULT, METHODS
-from mbstab.cli.common import failure_of, files_argument, force_option, listed, load_model, progress_bar, set_option
+from mbstab.cli.common import (
+    failure_of,
+    files_argument,
+    force_option,
+    load_model,
+    plot_option,
+    progress_bar,
+    set_option,
+)
+from mbstab.cli.mistakes import Choice
 from mbstab.cli.output import (
     Answer,
     Output,
-    check_pictures,
     note,
     output_options,
     picture_paths,
     picture_stem,
-    pictures_option,
     save_picture,
     warn,
 )
@@ -45,7 +52,7 @@ MOST_SHAPES = 8
 @force_option
 @click.option(
     "--method",
-    type=click.Choice(tuple(METHODS)),
+    type=Choice(tuple(METHODS)),
     default=DEFAULT,
     show_default=True,
     help="; ".join(f"{name}: {method.description}" for name, method in METHODS.items()) + ".",
@@ -94,20 +101,14 @@ MOST_SHAPES = 8
     help="Print the derivative of each eigenvalue by each parameter, the motion of the reference included, and the "
     "change per percent, what moves it most first; CSV holds these alone.",
 )
-@click.option(
-    "--plot",
-    "pictures",
-    callback=listed(click.Choice(PICTURES)),
-    metavar="[" + "|".join(PICTURES) + "]",
-    multiple=True,
-    help="Pictures to draw, separated by commas or repeated. spectrum: the eigenvalues in the complex plane, with "
-    "bounds, names, and lines of equal damping and frequency; modes: the shapes of the first ones; "
-    "sensitivity, with --sensitivity: its bars.",
+@plot_option(
+    *PICTURES,
+    meaning="spectrum: the eigenvalues in the complex plane, with bounds, names, and lines of equal damping and "
+    "frequency; modes: the shapes of the first ones; sensitivity, with --sensitivity: its bars",
 )
-@pictures_option
 @click.option(
     "--require",
-    type=click.Choice(tuple(REQUIRED)),
+    type=Choice(tuple(REQUIRED)),
     help="Exit with 3 unless at least this stable, if only up to symmetry: position, heading, speed. "
     "marginal: at least no disturbance grows in the linearized equations; linear: none grows exponentially there.",
 )
@@ -130,7 +131,7 @@ def eig(
     require: str | None,
     output: Output,
 ) -> None:
-    """Compute the eigenvalues of the linearized motion, with error bounds and a verdict.
+    """Compute eigenvalues with error bounds, and a verdict.
 
     Several FILES are answered one after the other; the exit code is that of the worst.
 
@@ -142,7 +143,7 @@ def eig(
         raise UsageError("a file is named twice")
     many_digits = precision is not None or certify
     _refuse_more(shapes, sensitivity, many_digits or verify, count is not None or method != DEFAULT, output.format)
-    _refuse_pictures(pictures, place, many_digits, len(names) > 1, sensitivity, count is not None)
+    _refuse_pictures(pictures, many_digits, len(names) > 1, sensitivity, count is not None)
     paths: dict[str, Path] = {}
 
     def reply(mechanism: Mechanism) -> _Reply:
@@ -211,7 +212,7 @@ def _refuse_more(shapes: bool, sensitivity: bool, other: bool, partial: bool, fo
 
 
 def _refuse_pictures(
-    pictures: tuple[str, ...], place: Path | None, many_digits: bool, several: bool, sensitivity: bool, partial: bool
+    pictures: tuple[str, ...], many_digits: bool, several: bool, sensitivity: bool, partial: bool
 ) -> None:
     """Refuse pictures of what cannot be drawn."""
     if "sensitivity" in pictures and not sensitivity:
@@ -222,9 +223,6 @@ def _refuse_pictures(
         )
     if pictures and (many_digits or several):
         raise UsageError("--plot goes with a single file, and neither with --precision nor with --certify")
-    if place is not None and not pictures:
-        raise UsageError("--pictures goes with --plot")
-    check_pictures(place)
 
 
 @dataclass(frozen=True)
@@ -264,13 +262,15 @@ def _join(replies: list[_Reply]) -> Answer:
     """Return the answers for several models by format; each names its model."""
     from mbstab.report.answers import content
     from mbstab.report.export import to_csv, to_json
+    from mbstab.report.styles import joined
 
     def contents(form: str) -> list[Any]:
         return [content(x.answer, x.model, form, x.options.get(form)) for x in replies]
 
     def table() -> str:
         names = (visible(x.model.name, lines=False) for x in replies)
-        return "\n".join(f"{name}\n\n{text}" for name, text in zip(names, contents("table"), strict=True))
+        titled = (f"{name}: " if x.model.title else f"{name}\n\n" for name, x in zip(names, replies, strict=True))
+        return joined(joined(x, "") for x in zip(titled, contents("table"), strict=True))
 
     def csv() -> str:
         found = [(x.model.name, *rows) for x, rows in zip(replies, contents("csv"), strict=True)]

@@ -9,8 +9,9 @@ from mbstab.cli.output import Output, output_options, warn
 @model_command
 @output_options("table", "json")
 def energy(file: str, settings: tuple[str, ...], output: Output) -> None:
-    """Show kinetic and potential energy at the reference, and the power of forces, dampers and drives.
+    """Show energies at the reference, and the power of forces.
 
+    These are kinetic and potential energy, and the power of forces without a potential, dampers and drives.
     The sum of the powers is the rate at which the energy changes: zero where a motion goes on steadily.
 
     Example: mbstab energy governor.yaml

@@ -15,7 +15,7 @@ from mbstab.cli.output import Output, output_options, warn
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the random starts.")
 @output_options("table", "json", "csv")
 def equilibrium(file: str, settings: tuple[str, ...], starts: int, seed: int, output: Output) -> None:
-    """Find an equilibrium or a steady motion, with the forces and torques in the joints.
+    """Find an equilibrium or a steady motion, with reactions.
 
     The search starts from the reference of the file. Coordinates that it gives are held if it says find:, else they
     are starting values. With --starts all distinct solutions are listed.

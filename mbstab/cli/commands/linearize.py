@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mbstab.cli.common import load_model, model_command, tracked
+from mbstab.cli.common import load_model, model_command, plot_option, tracked
+from mbstab.cli.mistakes import Choice
 from mbstab.cli.output import (
     Output,
-    check_pictures,
-    check_size,
     note,
     output_options,
     picture_paths,
     picture_stem,
-    pictures_option,
     save_picture,
     warn,
 )
@@ -33,7 +31,7 @@ FORMS = (*EQUATIONS, "pencil", "state-space")
 @model_command
 @click.option(
     "--form",
-    type=click.Choice(FORMS),
+    type=Choice(FORMS),
     default=FORMS[0],
     show_default=True,
     help="Which matrices a table shows; the other formats hold all of them.",
@@ -49,10 +47,7 @@ FORMS = (*EQUATIONS, "pencil", "state-space")
     "on them only, such as roll and steer of a bicycle.",
 )
 @click.option("--symbolic", is_flag=True, help="Print the blocks of the composite matrices with symbols.")
-@click.option(
-    "--plot", is_flag=True, help="Draw the pattern of the pencil s E - A, with its blocks labelled by body and joint."
-)
-@pictures_option
+@plot_option("pencil", meaning="pencil: the pattern of s E - A, with its blocks labelled by body and joint")
 @output_options("table", "json", "csv", "npz", "mat", "latex")
 def linearize(
     file: str,
@@ -62,29 +57,27 @@ def linearize(
     frozen: bool,
     states: str | None,
     symbolic: bool,
-    plot: bool,
+    pictures: tuple[str, ...],
     place: Path | None,
     output: Output,
 ) -> None:
-    """Print mass, damping and stiffness matrices, constraint rows, descriptor form and state space.
+    """Print the linearized equations as matrices.
 
-    The state space A, B, C, D belongs to the sections inputs: and outputs: of the file.
+    These are mass, damping and stiffness matrices, constraint rows, descriptor form and state space. The state space A,
+    B, C, D belongs to the sections inputs: and outputs: of the file.
 
     Example: mbstab linearize whipple_bicycle.yaml --form state-space
     """
     if symbolic and states is not None:
         raise UsageError("--symbolic shows the blocks of coordinates; --states has no effect with it")
-    if symbolic and (plot or place is not None):
+    if symbolic and pictures:
         raise UsageError("--plot draws numbers; it goes without --symbolic")
-    check_pictures(place)
-    check_size(plot or place is not None)
     if symbolic:
         _symbolic(file, settings, frozen, output)
         return
     mechanism = load_model(file, settings)
     model = mechanism.model
-    wanted = ("pencil",) * (plot or place is not None)
-    paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), wanted)
+    paths = picture_paths(*picture_stem(place, output.path, Path(model.name)), pictures)
     linear = mechanism.linearize(frozen)
     from mbstab.analysis.verdict.facts import warnings_of
 

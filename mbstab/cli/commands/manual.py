@@ -11,9 +11,10 @@ import click
 from click.shell_completion import CompletionItem
 
 from mbstab.cli.common import progress_bar
-from mbstab.cli.output import note, quiet_option, show
+from mbstab.cli.output import note, quiet_option, show, with_file
+from mbstab.cli.terminal import is_coloured
 from mbstab.errors import UsageError
-from mbstab.report import width
+from mbstab.report import WIDTH, set_width, width
 
 SHOWN = 20
 """Places that a search shows."""
@@ -39,8 +40,6 @@ def _topics(context: click.Context, parameter: click.Parameter, incomplete: str)
 @quiet_option
 def manual(words: tuple[str, ...], search: bool, folder: Path | None) -> None:
     """Show a page of the manual; without TOPIC, list the topics.
-
-    On a terminal pages are set with colours if the library rich is installed (pip install 'mbstab[manual]').
 
     Example: mbstab manual tutorial
     """
@@ -68,19 +67,24 @@ def _write_site(folder: Path, group: click.Group, names: tuple[str, ...], search
 
     if search:
         raise UsageError("--search and --html exclude each other")
+    set_width(WIDTH)  # of texts in the pages, whatever the terminal
     models = [find_model(name).path for name in names] or installed_models()
-    with progress_bar("pages of models") as progress:
+    with progress_bar("pages of models", len(models)) as progress:
         write_site(folder, group, models, progress)
-    note(f"wrote {folder / 'index.html'}")
+    note(with_file("wrote", folder / "index.html"))
 
 
 def _show_page(text: str) -> None:
     from mbstab.cli.handbook.terminal import plain, rendered
 
+    coloured = is_coloured(sys.stdout)
+    page = rendered(text) if coloured else plain(text)
     if sys.stdout.isatty():
-        click.echo_via_pager(rendered(text), color=True)
+        click.echo_via_pager(page, color=coloured)
+    elif coloured:
+        click.echo(page, nl=False, color=True)
     else:
-        show(plain(text))
+        show(page)
 
 
 def _answer(texts: dict[str, str], words: tuple[str, ...]) -> str:

@@ -14,7 +14,10 @@ from mbstab.errors import UsageError
 @click.group(invoke_without_command=True)
 @click.pass_context
 def models(context: click.Context) -> None:
-    """List, show and copy the example models; without a command, list them."""
+    """List, show and copy the example models.
+
+    Without a command, list them.
+    """
     if context.invoked_subcommand is None:
         context.invoke(list_models, format_=None, output=None)
 

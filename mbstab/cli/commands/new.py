@@ -27,9 +27,10 @@ def _offered(context: click.Context, parameter: click.Parameter, incomplete: str
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The same as FILE.")
 @quiet_option
 def new(kind: str | None, file: Path | None, output: Path | None) -> None:
-    """Write a commented model file of a KIND, to be changed into an own model; without KIND, list the kinds.
+    """Write a commented model file to start from.
 
-    It runs at once. FILE is KIND.yaml here unless given; an existing file is not overwritten.
+    Without KIND, list the kinds. The file runs at once. FILE is KIND.yaml here unless given; an existing file is not
+    overwritten.
 
     Example: mbstab new planar linkage.yaml
     """

@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mbstab.cli.common import listed, load_model, model_command, progress_bar
+from mbstab.cli.common import load_model, model_command, parse_ranges, plot_option, progress_bar
 from mbstab.cli.output import (
     Output,
-    check_pictures,
     output_options,
     picture_paths,
     picture_stem,
-    pictures_option,
     save_picture,
     warn,
 )
@@ -50,18 +48,16 @@ PICTURES = ("bode", "nyquist", "step", "impulse", "unbalance")
     "from --from to --to. Phases count from the moment at which the unbalance points along x. With a size (kg*m) and a "
     "phase by which it leads (degrees), such as disk.rim=2e-5@90, it may be repeated: unbalances that act together.",
 )
-@click.option("--speed", metavar="PARAMETER", help="With --unbalance: the parameter that is the spin of the body.")
-@click.option("--frozen", is_flag=True, help="Take the equations as they are at the reference time.")
 @click.option(
-    "--plot",
-    "pictures",
-    callback=listed(click.Choice(PICTURES)),
-    metavar="[" + "|".join(PICTURES) + "]",
-    multiple=True,
-    help="Pictures to draw, separated by commas or repeated: bode or nyquist; step, impulse or unbalance with "
-    "these options.",
+    "--speed",
+    metavar="PARAMETER[=RANGE]",
+    help="With --unbalance: the parameter that is the spin of the body, with its range: omega=50..500.",
 )
-@pictures_option
+@click.option("--frozen", is_flag=True, help="Take the equations as they are at the reference time.")
+@plot_option(
+    *PICTURES,
+    meaning="bode or nyquist; step, impulse or unbalance with these options",
+)
 @output_options("table", "json", "csv", unnamed="outputs of the model are chosen by --measured")
 def response(
     file: str,
@@ -80,13 +76,13 @@ def response(
     place: Path | None,
     output: Output,
 ) -> None:
-    """Compute frequency responses from the inputs: to the outputs: of the file with zeros, margins and largest gains.
+    """Compute frequency and time responses, zeros and margins.
 
-    Zeros have error estimates; a transfer function is called minimum phase, or not, only where these decide it.
-    Margins are those of the loop in which the output is subtracted from the input.
-    Those of a controller in the file need its loop open: multiply its effort by a parameter that is 0, give an
-    input where the effort acts, and the negative effort as an output.
-    Frequencies are those of the eigenvalues and a decade beyond unless --from and --to say others.
+    They lead from the inputs: to the outputs: of the file. Zeros have error estimates; a transfer function is called
+    minimum phase, or not, only where these decide it. Margins are those of the loop in which the output is subtracted
+    from the input. Those of a controller in the file need its loop open: multiply its effort by a parameter that is 0,
+    give an input where the effort acts, and the negative effort as an output. Frequencies are those of the eigenvalues
+    and a decade beyond unless --from and --to say others.
 
     Example: mbstab response whipple_bicycle.yaml --input steer_torque
     """
@@ -104,12 +100,11 @@ def response(
         possible = ("unbalance",)
     if wrong := [x for x in pictures if x not in possible]:
         raise UsageError(f"--plot {wrong[0]}: this response is drawn as {' or '.join(possible)}")
-    check_pictures(place)
     mechanism = load_model(file, settings)
-    wanted = pictures or possible[:1] * (place is not None)
-    paths = picture_paths(*picture_stem(place, output.path, Path(mechanism.model.name)), wanted)
+    paths = picture_paths(*picture_stem(place, output.path, Path(mechanism.model.name)), pictures)
     if places and speed is not None:
-        _unbalance(mechanism, places, speed, goals, (start, stop, points), paths, output)
+        ((name, span),) = parse_ranges((speed,), "--speed").items()
+        _unbalance(mechanism, places, name, goals, (start, stop, points, False, None, span), paths, output)
         return
     result = mechanism.response(sources, goals, ends, points, step, impulse, frozen)
     warn(result.warnings)
@@ -155,7 +150,7 @@ def _unbalance(
     places: tuple[str, ...],
     speed: str,
     goals: tuple[str, ...],
-    grid: tuple[str | None, str | None, int],
+    grid: tuple[str | None, str | None, int, bool, None, str | None],
     paths: dict[str, Path],
     output: Output,
 ) -> None:
@@ -171,7 +166,7 @@ def _unbalance(
         ends = " to ".join(f"{x / factor:.6g}" for x in speeds[[0, -1]])
         raise UsageError(
             f"--unbalance needs positive spins, and {speed} goes from {ends} {unit}"
-            + ("" if all(grid[:2]) else f", as sweep: in {model.name} says")
+            + ("" if all(grid[:2]) or grid[-1] else f", as sweep: in {model.name} says")
             + f"\nhint: give both ends above 0, such as --from {max(speeds.max(), 100.0 * factor) / factor / 100.0:.6g}"
         )
     with progress_bar("unbalance") as progress:

@@ -12,11 +12,12 @@ from mbstab.errors import UsageError, nearest, suggestion
 @click.argument("section", required=False)
 @output_options("json", "table")
 def schema(section: str | None, output: Output) -> None:
-    """Print the JSON Schema with which editors complete and check model files.
+    """Print what model files may contain, or their JSON Schema.
 
-    With SECTION (bodies, joints, contacts, drives, forces) print its types and their keys as text; with a type, such as
-    revolute or joints.revolute, only that one. Sections without types, such as reference, and keys with keys of their
-    own, such as reference.steady and shape, print these, and functions what expressions may call.
+    With the schema editors complete and check model files. With SECTION (bodies, joints, contacts, drives, forces)
+    print its types and their keys as text; with a type, such as revolute or joints.revolute, only that one. Sections
+    without types, such as reference, and keys with keys of their own, such as reference.steady and shape, print these,
+    and functions what expressions may call.
 
     Example: mbstab schema -o mbstab.schema.json
     """

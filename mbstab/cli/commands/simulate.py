@@ -22,6 +22,7 @@ from mbstab.cli.common import (
     refuse_given,
     set_option,
 )
+from mbstab.cli.mistakes import Choice
 from mbstab.cli.output import (
     Output,
     check_pictures,
@@ -31,7 +32,7 @@ from mbstab.cli.output import (
     picture_stem,
     pictures_option,
     save_picture,
-    say,
+    say_error,
     warn,
 )
 from mbstab.errors import SimulationError
@@ -55,7 +56,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 @force_option
 @click.option(
     "--method",
-    type=click.Choice(METHODS),
+    type=Choice(METHODS),
     default=METHODS[0],
     show_default=True,
     help="projection: accelerations and a --solver, back onto the constraints after each step; alpha: "
@@ -63,7 +64,7 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
 )
 @click.option(
     "--solver",
-    type=click.Choice(SOLVERS),
+    type=Choice(SOLVERS),
     help="With --method projection: DOP853 (order 8, the default), RK45, or for stiff motions Radau, BDF.",
 )
 @click.option("--tol", type=float, default=1e-8, show_default=True, help="Error of the result, relative to the scene.")
@@ -101,10 +102,10 @@ SOLVERS = ("DOP853", "RK45", "Radau", "BDF")
     metavar="WHAT",
     multiple=True,
     shell_complete=completion.quantities,
-    help="Draw over time: rod.theta, an output of the file, rate(rod.theta), acceleration(…), angle(pivot) or "
-    "displacement(…) of a joint, "
-    "rate(angle(pivot)), force(pivot), torque(pivot.z), effort(spring), kinetic, …, several separated by commas; "
-    "energy; residuals; or phase:rod.theta. May be repeated, each a picture.",
+    help="Pictures to draw, repeated for several ones; --pictures says where to. Over time: rod.theta, an output of "
+    "the file, rate(rod.theta), acceleration(…), angle(pivot) or displacement(…) of a joint, rate(angle(pivot)), "
+    "force(pivot), torque(pivot.z), effort(spring), kinetic, …, several with commas in one picture; energy; residuals; "
+    "or phase:rod.theta.",
 )
 @pictures_option
 @animation_options
@@ -121,7 +122,7 @@ def simulate(
     output: Output,
     **options: Any,
 ) -> None:
-    """Follow the nonlinear motion that starts as the file says, with joint reactions, energies and residuals.
+    """Follow the nonlinear motion, with reactions and energies.
 
     It starts at the reference of the file, or where its initial: block says, with what --perturb adds. --tol holds for
     the result: it is computed again with smaller steps until the estimate of its error is below. What is finished
@@ -175,7 +176,7 @@ def _run(mechanism: Mechanism, settings: SimulationSettings) -> tuple[Simulation
         if error.partial is None or not len(error.partial.times):
             raise
         stopped, result = error, error.partial
-        say(str(error))  # before what is kept of the motion
+        say_error(error)  # before what is kept of the motion
     warn([text for text in result.warnings if text not in told])
     return result, stopped
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -12,15 +13,22 @@ import click
 
 from mbstab.analysis.sweep.settings import SweepSettings
 from mbstab.cli import completion
-from mbstab.cli.common import file_argument, force_option, listed, load_model, progress_bar, set_option
+from mbstab.cli.common import (
+    file_argument,
+    force_option,
+    listed,
+    load_model,
+    parse_ranges,
+    plot_option,
+    progress_bar,
+    set_option,
+)
 from mbstab.cli.output import (
     Output,
-    check_pictures,
     note,
     output_options,
     picture_paths,
     picture_stem,
-    pictures_option,
     save_picture,
     warn,
 )
@@ -44,11 +52,12 @@ CHART_POINTS = 101
 @click.option(
     "--param",
     "parameters",
-    metavar="NAME",
+    metavar="NAME[=RANGE]",
     multiple=True,
     required=True,
     shell_complete=completion.parameters,
-    help="Parameter to sweep; a second one makes a stability chart.",
+    help="Parameter to sweep, with its range: d=0.1..10, or d=5% about its value; a second one makes a stability "
+    "chart.",
 )
 @click.option(
     "--from",
@@ -56,7 +65,8 @@ CHART_POINTS = 101
     metavar="VALUE",
     multiple=True,
     callback=listed(),
-    help="First value, in the parameter's unit or an expression; with two parameters one for each: A,B or repeated.",
+    help="First value, if the range is given apart: in the parameter's unit or an expression; with two parameters one "
+    "for each: A,B or repeated.",
 )
 @click.option("--to", "stop", metavar="VALUE", multiple=True, callback=listed(), help="Last value.")
 @click.option(
@@ -70,15 +80,10 @@ CHART_POINTS = 101
 @click.option("--values", metavar="LIST", help="The values themselves, separated by commas.")
 @set_option
 @force_option
-@click.option(
-    "--plot",
-    "pictures",
-    callback=listed(click.Choice(PICTURES)),
-    metavar="[" + "|".join(PICTURES) + "]",
-    multiple=True,
-    help="Pictures to draw, separated by commas or repeated; map and locus if not given, none for none.",
+@plot_option(
+    *PICTURES,
+    meaning="map and locus if not given, none for none",
 )
-@pictures_option
 @click.option(
     "--orders",
     callback=listed(click.FLOAT),
@@ -130,16 +135,19 @@ def sweep(
     cluster: str,
     output: Output,
 ) -> None:
-    """Follow the eigenvalues over a parameter and find the values at which stability changes.
+    """Find where stability changes over one or two parameters.
 
-    With two parameters the verdicts over both are drawn as a chart. The range is that of the file's sweep: block unless
-    given; from a larger value to a smaller one the table goes down, too, while axes of pictures grow. The terminal
-    shows the critical values; all branches go to --output as CSV, JSON or npz, and pictures beside it.
+    The eigenvalues are followed over the parameter. With two parameters the verdicts over both are drawn as a chart.
+    The range is that of the file's sweep: block unless given; from a larger value to a smaller one the table goes down,
+    too, while axes of pictures grow. The terminal shows the critical values; all branches go to --output as CSV, JSON
+    or npz, and pictures beside it.
 
-    Example: mbstab sweep top.yaml --param omega --from 0 --to 12 -o top.csv
+    Example: mbstab sweep top.yaml --param omega=0..12 -o top.csv
     """
     given = {"--from": start, "--to": stop, "--points": points}
-    _check_options(parameters, given, values is not None, pictures, place)
+    spans = parse_ranges(parameters, "--param")
+    parameters = tuple(spans)
+    _check_options(parameters, given, values is not None)
     single = {"--certify": certify, "--sensitivity": sensitivity, "--orders": orders, "--meetings": meetings}
     _check_asked([name for name, chosen in single.items() if chosen], parameters, output.format)
     if max_frequency is not None and ("campbell" not in pictures or not 0.0 < max_frequency < float("inf")):
@@ -148,7 +156,7 @@ def sweep(
     run = SweepSettings(directory, True, resume, jobs, cluster)
     mechanism = load_model(file, settings)
     model = mechanism.model
-    grids = _grids(model, parameters, given, logarithmic, values)
+    grids = _grids(model, spans, given, logarithmic, values)
     _check_path(model, parameters, pictures, coordinates)
     stem = picture_stem(place, output.path, Path(model.name), "-".join(parameters))
     wanted = pictures or (("map", "locus") if output.format == "table" or output.path is not None else ())
@@ -184,7 +192,8 @@ def _sweep(
     """
     model = mechanism.model
     with _kept(run.directory, output.path):
-        with progress_bar("sweeping") as progress:
+        alone = not (asked["certify"] or asked["sensitivity"])
+        with progress_bar("sweeping", alone * len(grids[parameter])) as progress:
             answer = mechanism.sweep(parameter, grids[parameter], progress, si=True, **asked, **vars(run))
         derived = {"sensitivity": asked["sensitivity"]}
         output.answer(answer, model, True, table=derived, json=derived, csv=derived)
@@ -203,7 +212,7 @@ def _chart(
     """Compute a chart, write and draw it; return the same as `_sweep`."""
     model = mechanism.model
     with _kept(run.directory, output.path):
-        with progress_bar("sweeping") as progress:
+        with progress_bar("sweeping", math.prod(map(len, grids.values()))) as progress:
             answer = mechanism.chart(grids, progress, si=True, **vars(run))
         output.answer(answer, model, True)
         for path in paths.values() if len(answer.problems) < answer.unstable.size else ():
@@ -228,19 +237,10 @@ def _check_options(
     parameters: tuple[str, ...],
     given: dict[str, tuple[Any, ...]],
     listed: bool,
-    pictures: tuple[str, ...],
-    place: Path | None,
 ) -> None:
     """Refuse options that exclude each other."""
-    if len(parameters) > 2 or len(set(parameters)) < len(parameters):
+    if len(parameters) > 2:
         raise UsageError("a sweep has one parameter, a chart two different ones")
-    if valued := [name for name in parameters if "=" in name]:
-        name, _, value = valued[0].partition("=")
-        first, _, last = value.partition("..")
-        span = f"--from {first.strip()} --to {last.strip()}" if first.strip() and last.strip() else "--from … --to …"
-        one = "" if ".." in value else f"; one value: mbstab eig --set {name}={value}"
-        message = f"--param {valued[0]}: give the name only, and the range by --from and --to"
-        raise UsageError(f"{message}\nhint: --param {name.strip()} {span}{one}")
     if joined := [name for name in parameters if "," in name]:
         separate = " ".join(f"--param {part.strip()}" for part in joined[0].split(","))
         raise UsageError(f"--param {joined[0]} names more than one parameter\nhint: {separate}")
@@ -252,9 +252,6 @@ def _check_options(
             raise UsageError(message + hint * (len(values) > len(parameters)))
     if len(parameters) == 2 and listed:
         raise UsageError("--values goes with one parameter")
-    if "none" in pictures and (len(pictures) > 1 or place is not None):
-        raise UsageError("--plot none goes with no other picture")
-    check_pictures(place)
 
 
 def _check_asked(options: list[str], parameters: tuple[str, ...], form: str) -> None:
@@ -285,7 +282,7 @@ def _check_path(
 
 def _grids(
     model: Model,
-    parameters: tuple[str, ...],
+    spans: dict[str, str | None],
     given: dict[str, tuple[Any, ...]],
     logarithmic: bool,
     values: str | None,
@@ -294,11 +291,11 @@ def _grids(
     from mbstab.model.ranges import sweep_values
 
     grids = {}
-    for i, name in enumerate(parameters):
+    for i, (name, span) in enumerate(spans.items()):
         first, last, count = (x[i] if x else None for x in given.values())
-        if count is None and len(parameters) == 2:
+        if count is None and len(spans) == 2:
             count = _chart_points(model, name)
-        grids[name] = sweep_values(model, name, first, last, count, logarithmic, values)
+        grids[name] = sweep_values(model, name, first, last, count, logarithmic, values, span)
     return grids
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from mbstab.cli.common import failure_of, load_model, model_argument
-from mbstab.cli.output import Output, output_options, quiet, say
+from mbstab.cli.output import Output, output_options, quiet, say_error
 from mbstab.errors import ExpectationError, MbstabError, SeveralErrors, UsageError, counted
 
 
@@ -13,10 +13,10 @@ from mbstab.errors import ExpectationError, MbstabError, SeveralErrors, UsageErr
 @model_argument("names", "[FILES]...", nargs=-1)
 @output_options("table", "json", "junit")
 def test(names: tuple[str, ...], output: Output) -> None:
-    """Check the expect: blocks of model files; without FILES those of all example models.
+    """Check what model files expect to be true of them.
 
-    With --quiet the table lists failures only. Exit code 1 if a model cannot be answered, 2 if a file is wrong, 3 if an
-    expectation does not hold.
+    That is what their expect: blocks say; without FILES those of all example models. With --quiet the table lists
+    failures only. Exit code 1 if a model cannot be answered, 2 if a file is wrong, 3 if an expectation does not hold.
     """
     from mbstab.model.library import installed_models
     from mbstab.report import export, outcomes
@@ -31,7 +31,7 @@ def test(names: tuple[str, ...], output: Output) -> None:
             models.append(outcomes.Tested(name, found))
         except Exception as error:
             failure = failure_of(name, error)
-            say(str(failure))
+            say_error(failure)
             models.append(outcomes.Tested(name, [], str(failure)))
             errors.append(failure)
     output.write(

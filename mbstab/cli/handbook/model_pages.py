@@ -13,6 +13,7 @@ from urllib.parse import quote
 import click
 
 from mbstab.api import Mechanism, load
+from mbstab.cli.terminal import without_colours
 from mbstab.errors import MbstabError
 from mbstab.records import dataclass
 
@@ -107,7 +108,7 @@ def _printed(group: click.Group, line: str, path: Path, folder: Path | None = No
     if folder is not None:
         drawn = {f"{path.stem}{suffix}" for suffix in (".gif", ".png")}
         given = [str(folder / word) if word in drawn else word for word in given]
-    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()):
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()), without_colours():
         command.main(given, prog_name=f"mbstab {name}", standalone_mode=False)
     return out.getvalue()
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import textwrap
-from importlib.util import find_spec
 
 from mbstab.report import WIDTH
 
@@ -36,12 +35,7 @@ def _wrapped(text: str, mark: str) -> list[str]:
 
 
 def rendered(text: str) -> str:
-    """Return a page with colours and line drawings for a terminal, as wide as that but not wider than 80 columns.
-
-    Without the library rich (the extra ``manual``) it is `plain`.
-    """
-    if find_spec("rich") is None:
-        return plain(text)
+    """Return a page with colours and line drawings for a terminal, as wide as that but not wider than 80 columns."""
     from rich.console import Console
     from rich.markdown import Markdown
 
