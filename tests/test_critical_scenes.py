@@ -63,3 +63,28 @@ def test_pieces_of_one_coordinate_beside_smooth_forces_have_a_potential(forces, 
     """Without friction the energy decides; the last two have none."""
     text = ON_A_RAIL.replace("constraints: {rail: {holonomic: p.y}}\n", "").replace('p.x: "%s"', forces)
     assert mbstab.loads(text).eig().verdict == truth
+
+
+PARALLELOGRAM = """
+mbstab: 1
+gravity: [0, -10]
+ground: {points: {A: [0, 0], B: [2, 0]}}
+bodies:
+  p: {type: planar, mass: 1, inertia: 0.1, points: {o: [0, -0.5], e: [0, 0.5]}}
+  q: {type: planar, mass: 1, inertia: 0.1, points: {o: [0, -0.5], e: [0, 0.5]}}
+  f: {type: planar, mass: 3, inertia: 1, points: {a: [FIRST, 0], b: [SECOND, 0]}}
+joints:
+  ja: {type: revolute, between: [p.o, ground.A]}
+  jb: {type: revolute, between: [q.o, ground.B]}
+  ka: {type: revolute, between: [f.a, p.e]}
+  kb: {type: revolute, between: [f.b, q.e]}
+forces: {t: {type: joint_spring, joint: ja, stiffness: 40}}
+reference: {coordinates: {p: {theta: 0}, f: {theta: 0}}, guess: {f: {x: SECOND, y: 1}, p: {y: 0.5}, q: {x: 2, y: 0.5}}}
+"""
+
+
+@pytest.mark.parametrize("first", ["-1", "-2", "0", "-1.5", "-3"])
+def test_the_point_that_names_a_coupler_decides_nothing(first):
+    """V = 40 cos θ + 20 θ² has a minimum of the fourth power, wherever the coupler's own point is."""
+    text = PARALLELOGRAM.replace("{x: SECOND", f"{{x: {-float(first)}").replace("SECOND", str(float(first) + 2.0))
+    assert mbstab.loads(text.replace("FIRST", first)).eig().verdict == STABLE

@@ -122,7 +122,9 @@ def _definite_beside(energy: SecondVariation, structure: Structure, separated: S
     if not W.shape[1]:
         return False
     h = W.T @ energy.H @ W
-    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(h)), np.max(np.abs(h)) * 1e-12))
+    # What is no more than rounding is the smallest, in whatever unit.
+    rounding = TOLERANCES.critical_beyond_rounding * np.diag(np.abs(W).T @ energy.known_to @ np.abs(W))
+    scale = 1.0 / np.sqrt(np.maximum(np.maximum(np.abs(np.diag(h)), rounding), np.max(np.abs(h)) * 1e-12))
     _, vectors = np.linalg.eigh(h * scale * scale[:, None])
     rest = W @ (scale[:, None] * vectors[:, 1:])
     return sign_of(energy.on(rest)) == 1

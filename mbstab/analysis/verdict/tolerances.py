@@ -93,6 +93,8 @@ class Tolerances:
     """Newton steps at each distance."""
     critical_balance: Final = 1e-13
     """Forces along each coordinate balance to this, relative to the forces that act along it."""
+    critical_beyond_rounding: Final = 100.0
+    """The energy along a critical direction is smaller than so many roundings, along others larger."""
     simple_zero: Final = 1e-6
     """The zero is the only one in the positions if the next singular value is larger, relative to the largest."""
 
