@@ -279,6 +279,14 @@ def test_a_loop_on_the_axis_has_no_margin_of_phase_and_no_delay():
     assert (found.phase, found.delay) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize("a", [0.5, 1.0, 2.0])
+def test_a_double_zero_known_to_half_of_its_digits_has_margins(a):
+    """(s + a)^2/s^3 is −2/a at i a."""
+    A, B, C = [[0, 1, 0], [0, 0, 1], [0, 0, 0]], [0, 0, 1], [a * a, 2 * a, 1]
+    found = margins_of(channel(A, B, C))
+    assert [x.factor for x in found.gain] == pytest.approx([a / 2], rel=1e-6)
+
+
 def test_the_command_tells_margins_and_draws_nyquist_diagrams(tmp_path):
     bicycle = ("response", "whipple_bicycle.yaml", "--set", "v=5", "--points", "5")
     result = run(*bicycle, "--plot", "bode,nyquist", "--pictures", str(tmp_path / "a.svg"))
