@@ -582,3 +582,78 @@ def test_two_equal_motions_diverge_together(low, high, points, stiffness, dampin
     found = oscillators(2 * [(stiffness, damping)]).sweep("p", np.linspace(low, high, points)).critical
     assert [(c.kind, c.unstable) for c in found] == [("divergence", (2, 0))]
     assert abs(found[0].value) < 1e-4
+
+
+def passing(kind, g, sign, power):
+    """Return laws of which as many eigenvalues as are told pass the imaginary axis at p = g, and their number."""
+    d = f"({sign}*(p - {g!r})**{power})"
+    return {
+        "divergence": ([(d, "0.7")], 1),
+        "divergence without damping": ([(d, "0")], 1),
+        "divergence of two": ([(d, "0.7"), (d, "0.7")], 2),
+        "divergence of two without damping": ([(d, "0"), (d, "0")], 2),
+        "flutter": ([("4", d)], 2),
+        "flutter beside a free oscillation": ([("4", d), ("4", "0")], 2),
+    }[kind]
+
+
+KINDS = ("divergence", "divergence without damping", "divergence of two", "divergence of two without damping",
+         "flutter", "flutter beside a free oscillation")  # fmt: skip
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize(("seed", "kind"), [(seed, kind) for seed in range(8) for kind in KINDS])
+def test_a_critical_value_is_the_same_whether_or_not_it_is_a_point_and_upwards_and_downwards(seed, kind):
+    rng = np.random.default_rng([seed, KINDS.index(kind)])
+    g, sign, power = round(float(rng.uniform(-1.0, 1.0)), 3), int(rng.choice([-1, 1])), int(rng.choice([1, 1, 3]))
+    laws, passed = passing(kind, g, sign, power)
+    more = [] if "without" in kind else [("2.5", "0.3")] * int(rng.integers(2))
+    model = oscillators([*laws, *more])
+    counts = (passed, 0) if sign > 0 else (0, passed)
+    step = float(rng.uniform(0.03, 0.2))
+    on = g + step * np.arange(-int(rng.integers(3, 9)), int(rng.integers(4, 9)))
+    on[np.abs(on - g) < 1e-9] = g
+    off = np.linspace(on[0], on[-1], int(rng.integers(5, 40)))
+    for grid in (on, on[::-1], off, off[::-1]):
+        found = model.sweep("p", grid)
+        (critical,) = found.critical
+        assert (critical.kind, critical.unstable) == (kind.split()[0], counts)
+        assert abs(critical.value - g) <= critical.error + 1e-12
+        assert critical.error <= (1e-12 if power == 1 else 1e-4)
+        wide = [x for x in found.ranges if x.high > x.low]
+        # A point that is the value but for rounding stands for it.
+        assert np.ravel([(x.low, x.high) for x in wide]) == pytest.approx(
+            [min(grid), critical.value, critical.value, max(grid)], abs=1e-15
+        )
+        for part in wide:
+            inner = part.low + rng.uniform(0.2, 0.8) * (part.high - part.low)
+            assert model.eig(p=float(inner)).judged.word == WORDS[part.word]
+
+
+@pytest.mark.parametrize("points", [(0.1, 0.0, 14), (0.0, 0.1, 11), (1.0, -1.1, 21), (-1.0, 1.0, 21)])
+def test_one_through_zero_and_one_through_infinity_are_one_change(points):
+    low, high, number = points
+    found = oscillators([("1", "1/(p - 0.013)"), ("1", "1")]).sweep("p", np.linspace(low, high, number))
+    (critical,) = found.critical
+    assert critical.unstable == (2, 0)
+    assert critical.value == pytest.approx(0.013, rel=1e-12)
+    assert len(found.ranges) == 2
+
+
+@pytest.mark.parametrize("points", [(-1.0, 1.0, 21), (-1.0, 1.0, 20), (-1.0, 0.5, 16), (1.0, -1.0, 21)])
+def test_a_pair_that_passes_another_one_on_the_axis_does_so_where_it_does(points):
+    """Both of z'' + p z' + (1 - ip) z = 0 are i at p = 0; one stays there, the other one is i - p."""
+    text = """
+mbstab: 1
+parameters: {p: 0.3}
+bodies: {b: {type: planar_point, mass: 1}}
+forces:
+  f: {type: expression, on: {b.x: "-b.x + p*b.y - p*rate(b.x)", b.y: "-b.y - p*b.x - p*rate(b.y)"}}
+reference: {coordinates: {b: {x: 0, y: 0}}}
+"""
+    low, high, number = points
+    found = loads(text).sweep("p", np.linspace(low, high, number))
+    (critical,) = found.critical
+    assert (critical.kind, critical.unstable) == ("flutter", (2, 0))
+    assert abs(critical.value) <= 1e-12
+    assert [WORDS[x.word] for x in found.ranges if x.high > x.low] == ["unstable", UNDECIDED]

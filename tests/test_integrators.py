@@ -57,7 +57,7 @@ def _error_of_rk45(angle, speed):
     follower = integrators.Follower(begin.system, begin.motion, np.linspace(0.0, 0.5, COMPARE.output_times))
     race = integrators._Race(follower, np.inf)
     race.reference()
-    run, _ = race.run(integrators.METHODS["projection"]["RK45"], "RK45", 1e-5, 10.0)
+    run, _ = race.run(integrators.METHODS["projection"]["RK45"], 1e-5, 10.0)
     q, u = integrators.states(run.stretches)
     found = np.stack([q[:, 2] - 1.5 * math.pi, u[:, 2]], axis=1)
     fast = np.max(np.abs(speed))

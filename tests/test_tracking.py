@@ -421,7 +421,7 @@ def test_zeros_of_hard_functions_at_many_points(number, beside):
             search.learn(points, np.array([f(z) for z in points]))
             rounds += 1
         assert abs(search.best - expected) <= 8 * np.finfo(float).eps * abs(expected)
-        assert search.residual == f(search.best)
+        assert abs(f(search.best)) <= search.residual
         assert rounds <= 55  # bisections of an interval to the last digits
 
 

@@ -65,7 +65,7 @@ def test_rates_and_frequencies_of_the_examples_are_those_of_the_nonlinear_motion
     if found.result.counts.neutral:
         assert found.neutral.verdict == "confirmed"
         assert found.neutral.count >= found.result.counts.neutral + len(zeros)
-        assert found.neutral.error <= 1e-5
+        assert found.neutral.error <= 2e-5  # of motions that are not small: of second order
     else:
         assert found.neutral is None
     if found.result.verdict == "unstable":

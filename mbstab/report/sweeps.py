@@ -135,7 +135,7 @@ def _branch(result: Sweep, b: int) -> str:
 
 def _place(c: Critical, result: Sweep, factor: float) -> list[str]:
     """Return a critical value, and where it was to be proven its radius."""
-    value = f"{_rounded(c.value, result) / factor:.13g}"
+    value = number(_rounded(c.value, result) / factor, 13, c.error / factor)
     if c.enclosed is None:
         return [value]
     if c.enclosed.value is None:

@@ -50,8 +50,18 @@ class Search:
 
     @property
     def residual(self) -> float:
-        """The value of the function there."""
-        return float(self.y[self._best])
+        """The largest size of the function at the points that enclose the root; 0 if it is zero at one of them."""
+        sizes = np.abs(self.y[self.left : self.left + 2])
+        return float(np.max(sizes) if np.all(sizes) else 0.0)
+
+    def doubt(self, noise: float) -> float:
+        """Return how far from the best point the function is seen to be no larger than a noise."""
+        loud, best = np.flatnonzero(np.abs(self.y) > noise), self._best
+        if best in loud:
+            return 0.0
+        below, above = loud[loud < best], loud[loud > best]
+        ends = int(below[-1]) + 1 if len(below) else 0, int(above[0]) - 1 if len(above) else -1
+        return float(np.max(np.abs(self.x[list(ends)] - self.best)))
 
     @property
     def done(self) -> bool:

@@ -158,8 +158,11 @@ def rank_decisions(J: Any, n_h: int) -> list[tuple[SparseRank, Index]]:
     Each with the numbers of its rows: those that the last one keeps are independent and span all.
     """
     C = sparse_rank(J[:n_h])
-    found, both = [(C, np.arange(n_h))], np.concatenate([C.kept, np.arange(n_h, J.shape[0])]).astype(np.intp)
-    return found if n_h == J.shape[0] else [*found, (sparse_rank(J[both]), both)]
+    found: list[tuple[SparseRank, Index]] = [(C, np.arange(n_h))]
+    if n_h < J.shape[0]:
+        both = np.concatenate([C.kept, np.arange(n_h, J.shape[0])]).astype(np.intp)
+        found.append((sparse_rank(J[both]), both))
+    return found
 
 
 def smallest_singular_values(

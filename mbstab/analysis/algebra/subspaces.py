@@ -344,7 +344,7 @@ def require_gap(rank: Rank | SparseRank, rows: Sequence[Row]) -> None:
     )
 
 
-def repetitions(rank: SparseRank, rows: Sequence[Row]) -> list[Redundancy]:
+def repetitions(rank: Rank | SparseRank, rows: Sequence[Row]) -> list[Redundancy]:
     """Return the rows of a decision about sparse ones that earlier rows imply, with these."""
     found = [
         (last, np.flatnonzero(np.abs(x) > TOLERANCES.row_weight_dependent)) for last, x in last_rows(rank.left_null)

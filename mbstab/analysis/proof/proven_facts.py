@@ -178,7 +178,7 @@ class Case:
         """Differentials of conserved functions that are constant along the neutral directions, and their names."""
         candidates = [(f"speed of {x.name}", self._momentum(x)) for x in self.momenta if self._commutes(x)]
         conserved = self.identities.conserved(False)
-        if self._moves and self.grounds.structure.work.conserved_at_rest and self._accepts(
+        if self._moves and self._accepts(
             conserved, "the energy is conserved"
         ):  # fmt: skip
             candidates.append(("speed", self.proof.differential(self.proof.state.u, self.proof.state.a)))
@@ -252,15 +252,10 @@ class Case:
     @cached_property
     def _mirrored(self) -> str:
         """What makes the spectrum symmetric about the imaginary axis, in words; empty: nothing."""
-        work = self.grounds.structure.work
-        if not self.proof.r_n and work.conserved:
-            if self._accepts(self.identities.conserved(True), "the energy is conserved"):
-                return "the energy is conserved"
-        elif not self._moves and work.reversible:
-            text = "the equations are the same backwards in time"
-            if self._accepts(self.identities.reversible(), text):
-                return text
-        return ""
+        conserved, text = "the energy is conserved", "the equations are the same backwards in time"
+        if not self.proof.r_n and self._accepts(self.identities.conserved(True), conserved):
+            return conserved
+        return text if not self._moves and self._accepts(self.identities.reversible(), text) else ""
 
     # --- eigenvalues --------------------------------------------------------------------------------------------------
 
@@ -349,10 +344,9 @@ class Case:
 
     def minimum(self) -> Minimum | None:
         """Return what the energy says, or None if it says nothing."""
-        work, grounds, beside = self.grounds.structure.work, self.grounds, bool(self._following)
-        finding = self.identities.decreases(self.proof.system, beside)
-        decreases = work.decreases or (beside and work.decreases_beside_states)
-        if not decreases or not grounds.second_variation.applies or not self._unforced():
+        grounds = self.grounds
+        finding = self.identities.decreases(self.proof.system, bool(self._following))
+        if finding == "refuted" or not grounds.second_variation.applies or not self._unforced():
             return None
         turning = grounds.linear.generator is not None and grounds.linear.generator.turns
         name = "the energy in the frame of the motion" if turning or self._moves else "the energy"

@@ -394,10 +394,12 @@ class Finder:
         a, nu = augmented.refined(force, bias, TOLERANCES.balance_refinements)
         self.warnings += [*self._held_controls(spaces), *self._measured(q, u, spaces)]
         if redundant:
-            C, at = spaces.C, (q, u, time)
-            allowed = (lambda x: C.null @ (C.null.T @ x)) if isinstance(C, Rank) else C.rows.allowed
-            explained = partial(self._refuse_inertias_too_far_apart, state.M)
-            require_constant_rank(system, at, C.left_null, allowed, (scale, row_scale), explained)
+            C = spaces.C
+            require_constant_rank(
+                system, (q, u, time), C.left_null,
+                (lambda x: C.null @ (C.null.T @ x)) if isinstance(C, Rank) else C.rows.allowed,
+                (scale, row_scale), partial(self._refuse_inertias_too_far_apart, state.M),
+            )  # fmt: skip
             self.warnings += redundant_rows(redundant, max(spaces.C.largest_dropped, spaces.W.largest_dropped))
         motion = Motion(
             q, u, a * scale, nu * row_scale, time, sizes, state, spaces, augmented, redundant, tuple(self.solved),

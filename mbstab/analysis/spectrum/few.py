@@ -19,6 +19,8 @@ Values whose vectors cannot be separated are treated together, with bases of the
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
@@ -31,6 +33,9 @@ from mbstab.analysis.linear.tolerances import TOLERANCES as LINEAR
 from mbstab.analysis.spectrum.tolerances import TOLERANCES
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
+
+COLUMNS = ("values", "bounds", "condition", "backward_error", "vectors")
+"""What `Few` has for each eigenvalue."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +65,12 @@ class Few:
 
     def joined(self, other: Few) -> Few:
         """Return these and others."""
-        values, bounds, condition, backward_error = (
-            np.concatenate([getattr(self, x), getattr(other, x)])
-            for x in ("values", "bounds", "condition", "backward_error")
-        )
-        return Few(values, bounds, condition, backward_error, np.hstack([self.vectors, other.vectors]), self.reach)
+        pairs = {name: (getattr(self, name), getattr(other, name)) for name in COLUMNS}
+        return replace(self, **{name: np.concatenate(pair, axis=-1) for name, pair in pairs.items()})
 
     def only(self, chosen: Index | Flags) -> Few:
         """Return some of them."""
-        return Few(
-            self.values[chosen], self.bounds[chosen], self.condition[chosen], self.backward_error[chosen],
-            self.vectors[:, chosen], self.reach,
-        )  # fmt: skip
+        return replace(self, **{name: getattr(self, name)[..., chosen] for name in COLUMNS})
 
 
 def few(equations: SparseEquations, shift: complex, count: int, symmetric: bool) -> Few:

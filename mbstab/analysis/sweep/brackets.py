@@ -12,8 +12,8 @@ from mbstab.analysis.verdict.rule import Sides
 from mbstab.compiler.system import Array
 from mbstab.records import dataclass
 
-Test = Callable[[Complex, float], float]
-"""A function of a spectrum and a typical size of its eigenvalues."""
+Test = Callable[[Complex, float, float], float]
+"""A function of a spectrum, a typical size of its eigenvalues, and the value of the parameter."""
 
 
 @dataclass(frozen=True)
@@ -67,17 +67,21 @@ class Stretch:
 
 @dataclass(frozen=True)
 class RealPart:
-    """The real part of the eigenvalue nearest to a given one, as a function of a spectrum."""
+    """The real part of the eigenvalue nearest to the line from one that is known at a point to that at another."""
 
-    place: complex
+    low: float
+    before: complex
+    high: float
+    after: complex
 
-    def number(self, spectrum: Complex) -> int:
-        """Return the number of that eigenvalue."""
-        return int(np.argmin(np.abs(spectrum - self.place)))
+    def number(self, spectrum: Complex, x: float) -> int:
+        """Return the number of that eigenvalue at a value of the parameter."""
+        place = self.before + (x - self.low) / (self.high - self.low) * (self.after - self.before)
+        return int(np.argmin(np.abs(spectrum - place)))
 
-    def __call__(self, spectrum: Complex, size: float) -> float:
+    def __call__(self, spectrum: Complex, size: float, x: float) -> float:
         """Return its real part in units of a size."""
-        return float(spectrum[self.number(spectrum)].real) / size
+        return float(spectrum[self.number(spectrum, x)].real) / size
 
 
 def needed(part: Stretch, i: int, j: int) -> bool:

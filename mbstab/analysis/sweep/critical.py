@@ -106,6 +106,8 @@ class Critical:
         What is proven about it; None: no proof was requested.
     slopes : CriticalSlopes or None
         Its derivatives by the other parameters; None: they were not requested.
+    error : float
+        So far from it (SI), on either side, rounding hides where it is; 0: no farther than its last digits.
     """
 
     value: float
@@ -118,6 +120,7 @@ class Critical:
     verdicts: tuple[str, str] = ("", "")
     enclosed: Enclosed | None = None
     slopes: CriticalSlopes | None = None
+    error: float = 0.0
 
 
 def kind_of(reason: PathEnd) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, repeat
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from mbstab.analysis.sweep.critical import Critical, kind_of
 from mbstab.analysis.sweep.spectra import NO_EIGENVALUE, settled, signs, touching
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import discriminant, follow, product, symmetric_product, turning
-from mbstab.analysis.verdict.rule import AXIS, RIGHT, WORDS, Sides
+from mbstab.analysis.verdict.rule import RIGHT, WORDS, Sides
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
 
@@ -31,13 +31,6 @@ def _link_of(spectra: Complex, branches: Complex) -> Index:
     to_column, place = np.empty_like(before), np.empty_like(before)
     to_column[before], place[next_] = column, after
     return place[to_column]
-
-
-class _Reached(Exception):
-    """A search has reached this place."""
-
-    def __init__(self, x: float) -> None:
-        self.x = x
 
 
 class CriticalValues(Branches):
@@ -61,7 +54,7 @@ class CriticalValues(Branches):
         """Return where stability changes."""
         if len(self.x) < 2 or not self.values.shape[1]:
             return []
-        self.roots: dict[tuple[float, float, Test], float | None] = {}
+        self.roots: dict[tuple[float, float, Test], tuple[float, float] | None] = {}
         self._look_inside()
         self._look_between(branches)
         found: list[Critical] = []
@@ -72,8 +65,12 @@ class CriticalValues(Branches):
             found += self._changes(part, branches)
         # Branches that pass the axis at the same value are found one by one, and described alike.
         different: list[Critical] = []
-        for c in [*found, *self._at_ends(branches)]:
-            if not any(self.known(c.value, [other]) and replace(c, value=other.value) == other for other in different):
+        ends = self._at_ends(branches)
+        for c in [*(x for x in found if x.kind != "unresolved" or not self.known(x.value, ends)), *ends]:
+            if not any(
+                self.known(c.value, [other]) and replace(c, value=other.value, error=other.error) == other
+                for other in different
+            ):
                 different.append(c)
         return different
 
@@ -81,7 +78,7 @@ class CriticalValues(Branches):
         """Return where stability changes exactly at an end of the range, as the spectra just beyond it show."""
         found: list[Critical] = []
         for end, inner in ((0, 1), (-1, -2)):
-            if not self.good[end] or self.counts[end] >= 0 or not self.good[inner] or self.counts[inner] < 0:
+            if not (self.good[end] and self.good[inner]) or self.counts[inner] in (-1, self.counts[end]):
                 continue
             value = float(self.x[end])
             step = min(TOLERANCES.beyond_range * self.width, abs(float(self.x[inner]) - value))
@@ -102,7 +99,7 @@ class CriticalValues(Branches):
         """Return where stability changes between points that are close to each other."""
         found: list[Critical] = []
         doubtful: list[tuple[int, int]] = []
-        x, ways = part.x, dict[tuple[int, int], set[int]]()
+        x = part.x
         for bracket in (*self._passing(part), *self._meeting(part)):
             critical = self._located(part, bracket, branches)
             if critical is not None:
@@ -110,8 +107,6 @@ class CriticalValues(Branches):
                 continue
             if bracket.points not in doubtful:
                 doubtful.append(bracket.points)
-            if bracket.kind == "divergence":
-                ways.setdefault(bracket.points, set()).add(bracket.toward)
         for a, b in self._unexplained(part, found, doubtful):
             bracket = Bracket(*self._beyond_zeros(part, a, b), "divergence", self._product)
             critical = self._located(part, bracket, branches)
@@ -120,6 +115,8 @@ class CriticalValues(Branches):
             else:
                 found.append(critical)
         for a, b in doubtful:
+            if self._explained(part, found, a, b):
+                continue
             crossings = [value for value in self.crossings if x[a] < value < x[b]]
             if crossings:  # near other equilibria those of the path are hard to identify
                 found += [self.branch_point(value, branches) for value in crossings if not self.known(value, found)]
@@ -129,9 +126,6 @@ class CriticalValues(Branches):
             at_points = [self._beginning(part, pair, branches) for pair in changing]
             if at_points and all(at_points):
                 found += [critical for group in at_points for critical in group]
-                continue
-            if ways.get((a, b)) == {-1, 1} and (apart := self._opposite(part, a, b, branches)):
-                found += apart
                 continue
             # Branches are confused there: more points separate them.
             more = spaced(float(x[a]), float(x[b]))
@@ -146,37 +140,15 @@ class CriticalValues(Branches):
             found += self._halved(part, a, b, branches)
         return found
 
-    def _opposite(self, part: Stretch, a: int, b: int, branches: Complex) -> list[Critical]:
-        """Return where two real eigenvalues pass zero in opposite directions; none if they do not reach it.
+    @staticmethod
+    def _explained(part: Stretch, found: list[Critical], a: int, b: int) -> bool:
+        """Return whether the changes found between two points account for their numbers of unstable eigenvalues.
 
-        In between the product of all has the other sign: the search for its extremum is that of a smooth function.
+        Then an eigenvalue that could not be located, such as one that passes through infinity, changes at these values.
         """
-        from scipy.optimize import minimize_scalar
-
-        ends = part.values[[a, b]]
-        size = float(np.max(np.abs(ends)))
-        sign = float(np.sign(self._product(ends[0], size)))
-        low, high = float(part.x[a]), float(part.x[b])
-
-        def reached(x: float) -> float:
-            spectrum = self._spectra(np.array([x]), needed=True).values[0]
-            there = sign * self._product(spectrum, size)
-            if there < 0.0:
-                raise _Reached(x)
-            return there
-
-        try:
-            minimize_scalar(
-                reached,
-                bounds=(low, high),
-                method="bounded",
-                options={"xatol": TOLERANCES.meeting_rounding * self.width},
-            )
-        except _Reached as place:
-            near = self._stretch(np.array([low, place.x, high]))
-            both = (Bracket(k, k + 1, "divergence", self._product) for k in (0, 1))
-            return [c for bracket in both if (c := self._located(near, bracket, branches)) is not None]
-        return []
+        inside = sorted({(c.value, *c.unstable) for c in found if part.x[a] <= c.value <= part.x[b]})
+        counts = [int(part.counts[a]), *(count for _, *both in inside for count in both), int(part.counts[b])]
+        return bool(inside) and counts[::2] == counts[1::2]
 
     def _halved(self, part: Stretch, a: int, b: int, branches: Complex) -> list[Critical]:
         """Return where the number of unstable eigenvalues changes, halving the interval.
@@ -197,11 +169,10 @@ class CriticalValues(Branches):
             found = [c for bracket in brackets if (c := self._located(near, bracket, branches)) is not None]
             if found:
                 return found
-        left = self._leaving(part, (a, b), (low, high), branches)
         place = self._pole(low, high)
-        if place is not None and not left:
+        if place is not None:
             return [Critical(place, "infinity", (), 0.0, counts)]
-        return left or self.changed(low, high, counts, branches)
+        return self.changed(low, high, counts, branches)
 
     def changed(self, low: float, high: float, counts: tuple[int, int], branches: Complex) -> list[Critical]:
         """Return what happens between two values on either side of a change, as those that move tell.
@@ -211,17 +182,19 @@ class CriticalValues(Branches):
         """
         own = self.x[(self.x >= low) & (self.x <= high)]
         value = float(own[0]) if len(own) else 0.5 * (low + high)
+        error = max(value - low, high - value)
         pair, end = self._stretch(np.array([low, high])), int(counts[1] > counts[0])
         moving = np.flatnonzero((pair.sides[0] == RIGHT) != (pair.sides[1] == RIGHT))
         growing, there = pair.values[end, moving], pair.values[0]
         if not len(moving):
-            return [Critical(value, "unresolved", (), 0.0, counts)]
+            return [Critical(value, "unresolved", (), 0.0, counts, error=error)]
         numbers = self._columns_at(low, there, branches)
         if np.any(np.abs(growing.imag) <= np.abs(growing.real)):
-            return [Critical(value, "divergence", tuple(sorted(numbers[moving].tolist())), 0.0, counts)]
+            return [Critical(value, "divergence", tuple(sorted(numbers[moving].tolist())), 0.0, counts, error=error)]
         kind = "collision" if pair.mirrored.all() else "flutter"
         pairs = moving[growing.imag > 0.0].tolist() if kind == "flutter" else [None]
-        return [self._described(value, kind, pair.values[1 - end], counts, branches, i) for i in pairs]
+        found = (self._described(value, kind, pair.values[1 - end], counts, branches, i) for i in pairs)
+        return [replace(c, error=error) for c in found]
 
     def _pole(self, low: float, high: float) -> float | None:
         """Return where between two values a single eigenvalue is infinite; None if none is.
@@ -248,37 +221,15 @@ class CriticalValues(Branches):
 
     def _beginning(self, part: Stretch, places: tuple[int, int], branches: Complex) -> list[Critical]:
         """Return a change exactly at a point where the spectrum is symmetric, as where damping begins at zero."""
-        mirrored, x = part.mirrored[list(places)], part.x[list(places)]
+        mirrored, counts, x = (of[list(places)].tolist() for of in (part.mirrored, part.counts, part.x))
         if mirrored[0] == mirrored[1]:
             return []
         end = int(mirrored[1])
         beside = float(x[end] + np.copysign(TOLERANCES.crossing_interval * self.width, x[1 - end] - x[end]))
-        if int(self._counted(np.array([beside]), needed=True)[0]) != int(part.counts[places[1 - end]]):
+        if int(self._counted(np.array([beside]), needed=True)[0]) != counts[1 - end]:
             return []
-        low, high = sorted((float(x[end]), beside))
-        return self._leaving(part, places, (low, high), branches)
-
-    def _leaving(
-        self, part: Stretch, places: tuple[int, int], near: tuple[float, float], branches: Complex
-    ) -> list[Critical]:
-        """Return a change exactly at a point: eigenvalues that a structure holds on the axis there leave it beside it.
-
-        Damping that begins at zero does so, from both sides or from one.
-        """
-        counts = int(part.counts[places[0]]), int(part.counts[places[1]])
-        end = 0 if counts[0] == 0 else 1
-        value, far = float(part.x[places[end]]), places[1 - end]
-        # So near to the point what leaves the axis may not be told from what stays.
-        if min(counts) != 0 or abs(near[end] - value) > TOLERANCES.meeting_rounding * self.width:
-            return []
-        pair = self._stretch(np.array(near))
-        growing = np.flatnonzero(pair.sides[1 - end] == RIGHT)
-        if not len(growing) or not pair.mirrored[end] or part.mirrored[far] or np.any(pair.sides[end, growing] != AXIS):
-            return []
-        there = pair.values[end]
-        pairs = [int(i) for i in growing if there[i].imag > 0.0]
-        kinds = [("flutter", i) for i in pairs] or [("divergence", int(growing[0]))]
-        return [self._described(value, kind, there, counts, branches, i) for kind, i in kinds]
+        low, high = sorted((x[end], beside))
+        return self.changed(low, high, (counts[0], counts[1]), branches)
 
     def _unexplained(
         self, part: Stretch, found: list[Critical], doubtful: list[tuple[int, int]]
@@ -433,7 +384,7 @@ class CriticalValues(Branches):
                     continue
                 a, b = self._apart(part.x, sure, sign[:, i], left, right)
                 before, after = complex(spectra[a, i]), complex(spectra[b, i])
-                passing = RealPart(0.5 * (before + after))
+                passing = RealPart(float(part.x[a]), before, float(part.x[b]), after)
                 # The product of all is smoother than the passing eigenvalue, but it need not change its sign.
                 single = self._product(spectra[a], float(size[a])) * self._product(spectra[b], float(size[b])) < 0.0
                 # Of two that are equal, rounding makes a pair.
@@ -476,15 +427,15 @@ class CriticalValues(Branches):
             j += 1
         return int(known[i]), int(known[j])
 
-    def _product(self, spectrum: Complex, size: float) -> float:
+    def _product(self, spectrum: Complex, size: float, x: float = 0.0) -> float:
         """Return the product of the eigenvalues apart from unexplained zeros."""
         return product(spectrum, size, self.unplaced)
 
-    def _symmetric_product(self, spectrum: Complex, size: float) -> float:
+    def _symmetric_product(self, spectrum: Complex, size: float, x: float = 0.0) -> float:
         """Return the product of the eigenvalues of a symmetric spectrum apart from zeros."""
         return symmetric_product(spectrum, size, self.unplaced)
 
-    def _discriminant(self, spectrum: Complex, size: float) -> float:
+    def _discriminant(self, spectrum: Complex, size: float, x: float = 0.0) -> float:
         """Return the discriminant of λ² apart from zeros."""
         return discriminant(spectrum, self.unplaced)
 
@@ -550,9 +501,10 @@ class CriticalValues(Branches):
             return None
         a, b = float(part.x[i]), float(part.x[j])
         self._search([(part, bracket)])
-        value = self.roots[a, b, test]
-        if value is None:
+        place = self.roots[a, b, test]
+        if place is None:
             return None
+        value, error = place
         there = self.looked[value].values
         counts, words = self._verified(part, i, j, value, needed(part, i, j))
         # A passing pair changes the number by two, and others that pass nearby hide what passes the other way.
@@ -560,18 +512,20 @@ class CriticalValues(Branches):
         if min(counts) < 0 or not change or (kind == "flutter" and change % 2) or change * bracket.toward < 0:
             return None
         # Others may pass the axis at the same value.
-        which = test.number(there) if isinstance(test, RealPart) else None
-        # Where real eigenvalues pass through infinity, a pair that stays may be nearest to the middle of both ends.
+        which = test.number(there, value) if isinstance(test, RealPart) else None
+        # Where real eigenvalues pass through infinity, a pair that stays may be nearest to the line between the ends.
         if kind == "divergence" and which is not None and there[which].imag != 0.0:
             ends = part.values[[i, j]]
             if np.any(np.take_along_axis(ends, np.argmin(np.abs(ends - there[which]), axis=1)[:, None], axis=1).imag):
                 return None
-        # The product of all changes its sign there, too.
-        if kind == "divergence" and np.max(np.abs(there)) > TOLERANCES.spectrum_ratio * np.max(
-            np.abs(part.values[[i, j]])
-        ):
+        # Where one is infinite the product of all changes its sign, too, and beside it slow ones are zero.
+        far = np.max(np.abs(there)) > TOLERANCES.spectrum_ratio * np.max(np.abs(part.values[[i, j]]))
+        if kind == "divergence" and far and (which is None or not there[which]):
             return None
-        found = replace(self._described(value, kind, there, counts, branches, which), verdicts=words)
+        found = replace(self._described(value, kind, there, counts, branches, which), verdicts=words, error=error)
+        # A point of the sweep within the error is as likely as any other value, and simpler.
+        own = self.x[np.abs(self.x - value) <= error]
+        found = replace(found, value=float(own[np.argmin(np.abs(own - value))])) if len(own) else found
         if kind == "collision":
             stable = a if counts[0] < counts[1] else b
             found = replace(found, signatures=self._signatures(value, stable, found.frequency))
@@ -580,17 +534,19 @@ class CriticalValues(Branches):
     def _search(self, brackets: list[tuple[Stretch, Bracket]]) -> None:
         """Find the roots of test functions in brackets, all together; None where there is none, or a jump."""
         open_: list[tuple[Search, Test, float, bool]] = []
-        limits: dict[tuple[float, float, Test], tuple[Search, float]] = {}
+        limits: dict[tuple[float, float, Test], tuple[Search, float, float]] = {}
         for part, bracket in brackets:
             i, j, test = *bracket.points, bracket.test
             if test is None or (key := (float(part.x[i]), float(part.x[j]), test)) in self.roots:
                 continue
             size = float(np.max(np.abs(part.values[[i, j]])))
-            y = np.array([test(spectrum, size) for spectrum in part.values])
+            y = np.array([test(spectrum, size, x) for spectrum, x in zip(part.values, part.x.tolist(), strict=True)])
             self.roots[key] = None
             if y[i] * y[j] < 0.0:
                 search = Search(part.x, y, i, j, EPS * max(map(abs, key[:2])))
-                limits[key] = search, TOLERANCES.test_function_zero * float(np.max(np.abs(y[[i, j]])))
+                limit = TOLERANCES.test_function_zero * float(np.prod(np.sqrt(np.abs(y[[i, j]]))))
+                # Near the axis the real part of a pair is rounding; a slow real eigenvalue keeps its digits.
+                limits[key] = search, limit, (bracket.kind == "flutter") * TOLERANCES.roundings_of_matrix * EPS
                 open_.append((search, test, size, needed(part, i, j)))
         while open_ := [x for x in open_ if not x[0].done]:
             # Points that no pattern fits cost as much each.
@@ -600,14 +556,15 @@ class CriticalValues(Branches):
                 places = [search.points(beside) for search, *_ in some]
                 spectra = self._spectra(np.concatenate(places), needed=sure).values
                 for (search, test, size, _), x in zip(some, places, strict=True):
-                    search.learn(x, np.array([test(spectrum, size) for spectrum in spectra[: len(x)]]))
-                    spectra = spectra[len(x) :]
-        for key, (search, limit) in limits.items():
+                    found, spectra = spectra[: len(x)], spectra[len(x) :]
+                    search.learn(x, np.array([test(*pair) for pair in zip(found, repeat(size), x.tolist())]))
+        for key, (search, limit, noise) in limits.items():
             # A test function that jumps has no zero.
-            if not search.failed and abs(search.residual) <= limit:
+            if not search.failed and search.residual <= limit:
                 # Nearer to zero than the rounding of the range: zero.
                 zero = key[0] < 0.0 < key[1] and abs(search.best) <= EPS * self.width
-                self.roots[key] = value = 0.0 if zero else search.best
+                value, doubt = 0.0 if zero else search.best, search.doubt(noise)
+                self.roots[key] = value, doubt if doubt > TOLERANCES.crossing_interval * self.width else 0.0
                 if value not in self.looked:
                     self.look(np.array([value]))
 
@@ -616,19 +573,27 @@ class CriticalValues(Branches):
     ) -> tuple[tuple[int, int], tuple[str, str]]:
         """Return the numbers of unstable eigenvalues and the verdicts on both sides of a value, (−1, −1) if in doubt.
 
-        Both sides are judged as `mbstab eig` does, and must agree with the ends of the bracket where these are known.
+        Both sides are judged as `mbstab eig` does, halfway to the next root or else farther away. Where no root is in
+        between, they must agree with the ends of the bracket if these are known.
         """
-        a, b = float(part.x[i]), float(part.x[j])
-        step = TOLERANCES.change_beside * min(value - a, b - value)
-        for places in ((value - step, value + step), (a, b)):
-            if step <= TOLERANCES.meeting_rounding * self.width and places[0] != a:
-                continue
-            found = self._counted(np.array(places), needed)
-            ends = part.counts[[i, j]]
-            if np.any((found >= 0) & (ends >= 0) & (found != ends)):
+        ends, known = part.x[[i, j]], part.counts[[i, j]]
+        tries, step = [(ends, known)], TOLERANCES.change_beside * float(np.min(np.abs(ends - value)))
+        rounding = TOLERANCES.meeting_rounding * self.width
+        if step > rounding:
+            tries.insert(0, (np.array([value - step, value + step]), known))
+        roots = np.array([place[0] for place in self.roots.values() if place is not None])
+        roots = roots[(roots > ends[0]) & (roots < ends[1]) & (np.abs(roots - value) > rounding)]
+        if len(roots):
+            sides = np.max(roots[roots < value], initial=ends[0]), np.min(roots[roots > value], initial=ends[1])
+            near = np.array(sides)
+            other = near != ends
+            tries.insert(0, (np.where(other, 0.5 * (value + near), tries[0][0]), np.where(other, -1, known)))
+        for places, known in tries:
+            found = self._counted(places, needed)
+            if np.any((found >= 0) & (known >= 0) & (found != known)):
                 break
             if np.all(found >= 0):
-                below, above = (WORDS[int(self.looked[p].words)] for p in places)
+                below, above = (WORDS[int(self.looked[p].words)] for p in places.tolist())
                 return (int(found[0]), int(found[1])), (below, above)
         return (-1, -1), ("", "")
 

@@ -120,7 +120,7 @@ class Tolerances:
     collision_side: Final = 1e-3
     """Distance from a collision, relative to the parameter, at which the modes that meet are distinguished."""
     test_function_zero: Final = 1e-6
-    """A test function is zero where it is below this, relative to its values at the ends of the interval."""
+    """A test function is zero where it is below this, relative to the mean of those at the ends of the interval."""
     spectrum_ratio: Final = 100.0
     """Spectra are compared by products of eigenvalues if their sizes are within this factor …"""
     interval_width: Final = 0.1

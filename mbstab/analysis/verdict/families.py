@@ -137,7 +137,8 @@ def _speeds(structure: Structure, moved: Array) -> list[str]:
     """Return names of the speeds that tell the motions of a family apart, if each goes along a symmetry of its own."""
     items = structure.invariance.symmetries
     parts = np.linalg.pinv(unit(structure.at.of_symmetries(items))) @ moved
-    counts = norms(parts) > TOLERANCES.direction_closure * float(np.linalg.norm(structure.at.S, 2))
+    size = TOLERANCES.direction_closure * float(np.linalg.norm(structure.at.S, 2))
+    counts = np.linalg.norm(parts, axis=-1) > size
     names = [f"speed of {x.name}" for x, goes in zip(items, counts.tolist(), strict=True) if goes]
     return names if len(names) == moved.shape[1] else []
 
@@ -224,7 +225,7 @@ class _Members:
         return np.where(sizes > TOLERANCES.family_slope * most, sizes, most)
 
     def reached(self, y: Array) -> bool:
-        """Return whether there is a member a finite distance along a disturbance y in the coordinates of S."""
+        """Return whether there are members along a disturbance y of S, at a finite distance and nearer."""
         matrix, rows, sizes, change = self._slopes
         direction, rate = self.structure.disturbance(y)
         sizes_of_both = np.tile(self.motion.sizes, 2)
@@ -232,6 +233,7 @@ class _Members:
         # What is solved for leaves the distance along the disturbance.
         along = unit((asked / np.max(np.abs(asked)) @ change)[:, None]).T
         inverse = np.linalg.pinv(np.vstack([matrix, along]), rcond=TOLERANCES.family_singular_value)[:, :-1]
+        reached = False
         for part in TOLERANCES.family_parts:
             reach = TOLERANCES.family_reach * part / float(np.max(np.abs(asked)))
             q, u = self.motion.q + reach * direction, self.motion.u + reach * rate
@@ -240,12 +242,15 @@ class _Members:
                 found = self._solved(start, inverse, rows, sizes)
             except _NoMember:
                 return False
+            moved = np.zeros(len(asked))
             if found is not None:
                 moved = np.concatenate([found[0] - self.motion.q, (found[1] - self.motion.u) / self.rate])
-                # What comes back to the reference is none.
-                if float((moved / sizes_of_both) @ asked) > 0.5 * reach * float(asked @ asked):
-                    return True
-        return False
+            # What comes back to the reference is none; and what begins far from it, beyond a narrow hump, no family.
+            near = float((moved / sizes_of_both) @ asked) > 0.5 * reach * float(asked @ asked)
+            if reached and not near:
+                return False
+            reached = near
+        return reached
 
     def _solved(self, start: Any, inverse: Any, rows: Array, sizes: Array) -> tuple[Array, Array] | None:
         """Return q and u of a member, by Newton's method with the slopes at the reference; None: it does not converge.

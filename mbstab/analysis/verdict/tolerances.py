@@ -55,7 +55,7 @@ class Tolerances:
     family_reach: Final = 0.1
     """Distance of a member of a family that is looked for: in sizes of the scene and rad, and relative to its rate."""
     family_parts: Final = (1.0, 1e-1, 1e-2, 1e-4)
-    """Fractions of this distance: that is taken at which one is found."""
+    """Fractions of this distance: from the first at which one is found on, there is one at each."""
     fixed_states: Final = 6
     """States that symmetries of a reference leave alone, at which the work of forces is compared."""
     family_singular_value: Final = 1e-10
