@@ -39,7 +39,14 @@ ONLY_IN = {
     "rich": {"cli/terminal.py", "cli/handbook/terminal.py"},
     "markdown_it": {"cli/handbook/site.py"},
     "numba": {"compiler/machine"},
-    "scipy": {"analysis", "report/export.py", "report/animation/solids.py", "report/pictures/stability_chart.py"},
+    "scipy": {
+        "analysis",
+        "report/export.py",
+        "report/animation/frames.py",
+        "report/animation/solids.py",
+        "report/pictures/bifurcation.py",
+        "report/pictures/stability_chart.py",
+    },
     "mpmath": set(),
     "flint": {"model/balls.py", "analysis/algebra/digits.py", "analysis/spectrum/holding_force.py"}
     | {f"analysis/algebra/ball_{x}.py" for x in ("arrays", "matrices", "polynomials")}
