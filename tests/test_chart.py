@@ -308,7 +308,7 @@ def test_missing_points_of_a_chart_give_exit_code_1(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--param", "W"), "given twice"),
+        (("--param", "W"), "a chart two different ones"),
         (("--from", 1), "--from is given once for 2 parameters: once for each"),
         (("--values", "1,2"), "one parameter"),
     ],

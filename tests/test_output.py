@@ -529,7 +529,7 @@ def narrowed(columns, text):
 def test_tables_fit_a_narrow_terminal_and_keep_their_numbers(name, columns):
     mechanism = mbstab.load(name)
     result = mechanism.eig()
-    whole, narrow = (narrowed(n, lambda: eigen_text(result, None)) for n in (200, columns))
+    whole, narrow = (narrowed(n, lambda: eigen_text(result, None)) for n in (80, columns))
     assert max(map(len, whole.splitlines())) <= 80
     assert max(map(len, narrow.splitlines())) <= columns
     for e in (e for e in result.eigenvalues if e.value.imag >= 0.0 and not e.exact):
@@ -539,7 +539,7 @@ def test_tables_fit_a_narrow_terminal_and_keep_their_numbers(name, columns):
 def test_a_terminal_tells_its_width_and_a_file_does_not(tmp_path):
     """The command asks the terminal; what goes to a file is as wide as ever."""
     ours, theirs = os.openpty()
-    environment = {**os.environ, "COLUMNS": "60"}
+    environment = {**os.environ, "COLUMNS": "60", "NO_COLOR": "1"}
     command = [sys.executable, "-m", "mbstab", "eig", "bogie.yaml"]
     for more, wide in (([], 60), (["--output", str(tmp_path / "a.txt")], 80)):
         process = subprocess.run([*command, *more], stdout=theirs, stderr=subprocess.DEVNULL, env=environment)

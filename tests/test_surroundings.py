@@ -228,7 +228,7 @@ def test_a_driven_scene_with_a_period_has_nothing_to_judge():
         "reference: {coordinates: {rod: {theta: 0}}, period: 2*pi}\n"
     )
     (reason,) = mbstab.loads(text).eig().reasons
-    assert "leave no motion free" in reason
+    assert "leave no degree of freedom" in reason
 
 
 # --- pictures, parts, streams, signals --------------------------------------------------------------------------------

@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 class BackwardErrors:
     """Residuals of approximate eigenvalues and vectors in the linearized equations."""
 
-    def __init__(self, linear: Linearization, space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> None:
+    def __init__(
+        self, linear: Linearization, space: StateSpace, gamma: float, S: Array, T: Array, L: Array, fitted: float = 0.0
+    ) -> None:
+        self.fitted = fitted
         self.linear, self.space, self.gamma, self.S, self.T, self.L = linear, space, gamma, S, T, L
         self.n_h, self.n_xi, n = linear.n_h, space.n_xi, len(S)
         known = np.hstack([T, L.T])
@@ -160,7 +163,8 @@ class BackwardErrors:
         # T and L are exact up to rounding.
         rounding = LINEAR.roundings_of_sum * EPS
         if self.T.shape[1]:
-            result += rounding * np.outer(np.linalg.norm(Y, axis=1), np.linalg.norm(self.inside @ V, axis=0))
+            sizes = np.outer(np.linalg.norm(Y, axis=1), np.linalg.norm(self.inside @ V, axis=0))
+            result += (rounding + self.fitted) * sizes
         if self.outside.shape[1]:
             result += rounding * np.outer(np.linalg.norm(Y @ self.outside, axis=1), np.linalg.norm(V, axis=0))
         for change in self.displaced:

@@ -44,7 +44,9 @@ UNLIKE = 1e150
 """Distance of a missing value."""
 
 
-def enclosures(linear: Linearization, space: StateSpace, gamma: float, S: Array, T: Array, L: Array) -> Placed:
+def enclosures(
+    linear: Linearization, space: StateSpace, gamma: float, S: Array, T: Array, L: Array, fitted: float = 0.0
+) -> Placed:
     """Return discs that contain the eigenvalues other than those of T and L.
 
     Parameters
@@ -59,13 +61,15 @@ def enclosures(linear: Linearization, space: StateSpace, gamma: float, S: Array,
         Orthonormal, with S T ⊂ T by structure.
     L : ndarray, shape (k, n)
         Orthonormal rows with L S = 0 by structure and L T = 0.
+    fitted : float
+        How far T was moved to fit S, with its rounding.
     """
     if linear.system.sparse:
         from mbstab.analysis.bounds.sparse_bounds import sparse_enclosures
 
         return sparse_enclosures(linear, space, gamma, S, T, L)
     with np.errstate(all="ignore"):
-        return _Eigenvectors(linear, space, gamma, S, T, L).found().placed()
+        return _Eigenvectors(linear, space, gamma, S, T, L, fitted).found().placed()
 
 
 def enclosures_of(
@@ -77,6 +81,7 @@ def enclosures_of(
     L: Array,
     values: Complex,
     vectors: Complex,
+    fitted: float = 0.0,
 ) -> Placed:
     """Return bounds of eigenvalues of another method, from their distance to the discs, and the discs.
 
@@ -88,7 +93,8 @@ def enclosures_of(
         The first n_q components of a column are Δq (m, rad).
     """
     with np.errstate(all="ignore"):
-        return _of_others(_Eigenvectors(linear, space, gamma, S, T, L), np.asarray(values, dtype=complex), vectors)
+        judge = _Eigenvectors(linear, space, gamma, S, T, L, fitted)
+        return _of_others(judge, np.asarray(values, dtype=complex), vectors)
 
 
 class _Eigenvectors(BackwardErrors):

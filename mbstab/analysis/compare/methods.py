@@ -378,7 +378,7 @@ def _alone(grounds: Grounds, method: str) -> Callable[[], object]:
     linear, separated = grounds.linear, grounds.separated
     invariance, work = grounds.invariance, grounds.structure.work
     system, motion = linear.system, linear.motion
-    default = enclosures(linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L)
+    default = enclosures(linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L, separated.fitted)
     turning = separated.frequencies()
     expected = np.concatenate([default.values, turning, np.zeros(separated.neutral.count - len(turning))])
     function = solver(method)

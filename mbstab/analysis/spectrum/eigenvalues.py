@@ -85,7 +85,7 @@ def judged(grounds: Grounds, method: str = DEFAULT) -> EigenResult:
     problem = linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L
     function = solver(method)
     if function is None:
-        found, placed = None, enclosures(*problem)
+        found, placed = None, enclosures(*problem, fitted=separated.fitted)
         if not np.all(np.isfinite(placed.values)):
             raise NumericalError(
                 "the eigenvalues left the range of double precision\n"
@@ -94,11 +94,11 @@ def judged(grounds: Grounds, method: str = DEFAULT) -> EigenResult:
         neutral = separated.frequencies()
         neutral += [0j] * (separated.neutral.count - len(neutral))
     else:
-        default = enclosures(*problem)
+        default = enclosures(*problem, fitted=separated.fitted)
         known = [*separated.frequencies()]
         known += [0j] * (separated.neutral.count - len(known))
         found = function(linear, grounds.gamma, np.concatenate([default.values, known]))
-        placed = enclosures_of(*problem, found.values, found.vectors)
+        placed = enclosures_of(*problem, found.values, found.vectors, separated.fitted)
         neutral = [complex(placed.values[i]) for i in placed.neutral]
     return _result(grounds, placed, neutral, method, found)
 

@@ -20,6 +20,7 @@ Values whose vectors cannot be separated are treated together, with bases of the
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +67,8 @@ class Few:
     def joined(self, other: Few) -> Few:
         """Return these and others."""
         pairs = {name: (getattr(self, name), getattr(other, name)) for name in COLUMNS}
-        return replace(self, **{name: np.concatenate(pair, axis=-1) for name, pair in pairs.items()})
+        both: dict[str, Any] = {name: np.concatenate(pair, axis=-1) for name, pair in pairs.items()}
+        return replace(self, **both)
 
     def only(self, chosen: Index | Flags) -> Few:
         """Return some of them."""

@@ -461,7 +461,9 @@ class _Work:
             return None
         separated = grounds.separated
         with np.errstate(all="ignore"):
-            placed = enclosures(grounds.linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L)
+            placed = enclosures(
+                grounds.linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L, separated.fitted
+            )
         discs = place(
             [d.centre for d in placed.discs], [d.radius for d in placed.discs],
             [len(d.members) for d in placed.discs], grounds.mirrored,

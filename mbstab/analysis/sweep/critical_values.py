@@ -20,7 +20,7 @@ from mbstab.analysis.sweep.critical import Critical, kind_of
 from mbstab.analysis.sweep.spectra import NO_EIGENVALUE, settled, signs, touching
 from mbstab.analysis.sweep.tolerances import TOLERANCES
 from mbstab.analysis.sweep.tracking import discriminant, follow, product, symmetric_product, turning
-from mbstab.analysis.verdict.rule import RIGHT, WORDS, Sides
+from mbstab.analysis.verdict.rule import OPEN, RIGHT, WORDS, Sides
 from mbstab.compiler.system import Array
 from mbstab.errors import MbstabError
 
@@ -79,6 +79,9 @@ class CriticalValues(Branches):
         found: list[Critical] = []
         for end, inner in ((0, 1), (-1, -2)):
             if not (self.good[end] and self.good[inner]) or self.counts[inner] in (-1, self.counts[end]):
+                continue
+            # The eigenvalues there tell it, unless nonlinear terms do.
+            if self.counts[end] >= 0 and not np.any(self.raw.sides[end] == OPEN):
                 continue
             value = float(self.x[end])
             step = min(TOLERANCES.beyond_range * self.width, abs(float(self.x[inner]) - value))

@@ -86,6 +86,8 @@ class Separated:
     rates : tuple of float (1/s)
         Ω of the co-moving frame, if it rotates, and rates of the coordinates that spin in it.
     choice : Choice
+    fitted : float
+        How far T was moved to fit S, with its rounding.
     """
 
     S: Array
@@ -95,6 +97,7 @@ class Separated:
     neutral: Neutral
     rates: tuple[float, ...] = ()
     choice: Choice = field(default_factory=Choice)
+    fitted: float = 0.0
 
     @cached_property
     def A(self) -> Array:
@@ -185,8 +188,8 @@ class Structure:
         # Where forces cancel in a critical state, S itself may be only rounding.
         if misfit(S, T, L) > TOLERANCES.direction_closure * max(float(frobenius(S)), invariance.rate):
             return unseparated(S)  # equations of an instant need not have the symmetries of the motion
-        T, B = settled(S, T, L, complement(beside(T, L.T)))
-        found = Separated(S, T, L, B, Neutral(), rates, choice)
+        exact, (T, B) = T, settled(S, T, L, complement(beside(T, L.T)))
+        found = Separated(S, T, L, B, Neutral(), rates, choice, float(np.linalg.norm(B.T @ exact)))
         neutral = Neutral(
             tuple(item.name for item in invariance.symmetries),
             tuple(family),
@@ -413,11 +416,10 @@ def settled(S: Array, T: Array, L: Array, B: Array) -> tuple[Array, Array]:
     if not d or not 0 < d * r <= TOLERANCES.unknowns_of_correction:
         return T, B
     inner = T.T @ S @ T
-    left, rows = B.T @ (S @ T), B.T @ S
-    # Where forces along T cancel, what is left of them is rounding of the others.
-    if np.all(np.abs(left) <= TOLERANCES.roundings_of_directions * EPS * np.linalg.norm(rows, axis=1)[:, None]):
+    left = B.T @ (S @ T)
+    if float(np.max(np.abs(left))) <= TOLERANCES.roundings_of_directions * EPS * float(np.max(np.abs(S) @ np.abs(T))):
         return T, B
-    matrix = np.kron(rows @ B, np.eye(d)) - np.kron(np.eye(r), inner.T)
+    matrix = np.kron(B.T @ S @ B, np.eye(d)) - np.kron(np.eye(r), inner.T)
     try:
         step = least_squares(matrix, -left.ravel(), rcond=TOLERANCES.direction_closure).reshape(r, d)
     except np.linalg.LinAlgError:
