@@ -191,18 +191,8 @@ def run(*arguments):
 
 
 def test_table_json_csv_and_picture(few, tmp_path):
-    picture = tmp_path / "p-error.svg"
-    result = run(
-        "--simulate",
-        "--perturb",
-        "rod.theta=pi/4",
-        "--tol",
-        "1e-3",
-        "--plot",
-        "error",
-        "--pictures",
-        str(tmp_path / "p.svg"),
-    )
+    picture, drawn = tmp_path / "p-error.svg", ("--plot", "error", "--pictures", str(tmp_path / "p.svg"))
+    result = run("--simulate", "--perturb", "rod.theta=pi/4", "--tol", "1e-3", *drawn)
     assert result.exit_code == 0
     assert all(name in result.stdout for name in NAMES)
     assert "Chosen for 0.001: " in result.stdout
