@@ -174,7 +174,7 @@ class CriticalValues(Branches):
                 return found
         place = self._pole(low, high)
         if place is not None:
-            return [Critical(place, "infinity", (), 0.0, counts)]
+            return [Critical(place[0], "infinity", (), 0.0, counts, error=place[1])]
         return self.changed(low, high, counts, branches)
 
     def changed(self, low: float, high: float, counts: tuple[int, int], branches: Complex) -> list[Critical]:
@@ -199,8 +199,8 @@ class CriticalValues(Branches):
         found = (self._described(value, kind, pair.values[1 - end], counts, branches, i) for i in pairs)
         return [replace(c, error=error) for c in found]
 
-    def _pole(self, low: float, high: float) -> float | None:
-        """Return where between two values a single eigenvalue is infinite; None if none is.
+    def _pole(self, low: float, high: float) -> tuple[float, float] | None:
+        """Return where between two values a single eigenvalue is infinite, and an error; None if none is.
 
         The reciprocal of the product of all is zero there, and smooth. Far away a polynomial misses it by its own
         error, nearby eigenvalues are rounding: the distance at which the guess changes least is the best one.
@@ -220,7 +220,7 @@ class CriticalValues(Branches):
             if len(y) == len(x) and y[0] * y[-1] < 0.0 and np.all(np.diff(y) * np.sign(y[-1]) > 0.0):
                 value, error = Search(x, y, each - 1, each).guess()
                 guesses += [(error, value)] if low <= value <= high and error <= high - low else []
-        return min(guesses)[1] if guesses else None
+        return min(guesses)[::-1] if guesses else None
 
     def _beginning(self, part: Stretch, places: tuple[int, int], branches: Complex) -> list[Critical]:
         """Return a change exactly at a point where the spectrum is symmetric, as where damping begins at zero."""

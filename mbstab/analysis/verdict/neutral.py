@@ -189,7 +189,10 @@ class Structure:
         if misfit(S, T, L) > TOLERANCES.direction_closure * max(float(frobenius(S)), invariance.rate):
             return unseparated(S)  # equations of an instant need not have the symmetries of the motion
         exact, (T, B) = T, settled(S, T, L, complement(beside(T, L.T)))
-        found = Separated(S, T, L, B, Neutral(), rates, choice, float(np.linalg.norm(B.T @ exact)))
+        moved = float(np.linalg.norm(B.T @ exact))
+        # Directions that rounding moves farther were not exact.
+        fitted = moved if moved <= TOLERANCES.roundings_of_directions * EPS else 0.0
+        found = Separated(S, T, L, B, Neutral(), rates, choice, fitted)
         neutral = Neutral(
             tuple(item.name for item in invariance.symmetries),
             tuple(family),
