@@ -25,8 +25,8 @@ def sweep_data(result: Sweep, model: Model, sensitivity: bool = False) -> dict[s
     none), ``unstable`` (their number for each value, null where the verdict is open), ``verdicts``
     (one for each value), ``spectrum`` (for each value numbers of eigenvalues that are not neutral: ``right`` and
     ``left`` of the imaginary axis, held on the ``axis`` by a structure, ``open``: of unknown side; null where there
-    is no answer), ``neutral``, ``critical`` (``value``, ``error``: so far from it
-    rounding hides where it is, 0: no farther than its last digits; ``kind``, ``branch``: numbers counting from 1,
+    is no answer), ``neutral``, ``critical`` (``value``, ``error``: rounding hides
+    where it is within this distance, 0: it is known to its last digits; ``kind``, ``branch``: numbers counting from 1,
     ``frequency`` in rad/s, ``krein_signatures`` of a collision, ``branching``, ``unstable_below``,
     ``unstable_above``, ``verdict_below``, ``verdict_above``, null where there is none, and ``enclosure``, see below),
     ``meetings`` (if asked for: ``value``, ``kind``, ``pairs``: how many of branches do so), ``problems`` (``point``

@@ -62,7 +62,7 @@ def enclosures(
     L : ndarray, shape (k, n)
         Orthonormal rows with L S = 0 by structure and L T = 0.
     fitted : float
-        How far T was moved to fit S, with its rounding.
+        How far T was moved to fit the rounding of S.
     """
     if linear.system.sparse:
         from mbstab.analysis.bounds.sparse_bounds import sparse_enclosures

@@ -22,7 +22,6 @@ import numpy as np
 
 from mbstab.analysis.algebra.matching import assigned
 from mbstab.analysis.algebra.subspaces import subspaces
-from mbstab.analysis.bounds.location import enclosures
 from mbstab.analysis.compare.tolerances import TOLERANCES
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
 from mbstab.analysis.linear.methods import METHODS, solver
@@ -378,7 +377,7 @@ def _alone(grounds: Grounds, method: str) -> Callable[[], object]:
     linear, separated = grounds.linear, grounds.separated
     invariance, work = grounds.invariance, grounds.structure.work
     system, motion = linear.system, linear.motion
-    default = enclosures(linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L, separated.fitted)
+    default = grounds.enclosures()
     turning = separated.frequencies()
     expected = np.concatenate([default.values, turning, np.zeros(separated.neutral.count - len(turning))])
     function = solver(method)

@@ -128,10 +128,10 @@ class Identities:
         return Work(self.invariance, self.reference.state.field, ALGEBRA.bits_of_zero)
 
     def _worked(self, name: str) -> Finding:
-        """Return what a fact about the work rests on, if balls verify it; what doubles do not show is refuted."""
-        if getattr(self.exact_work, name):
-            return "enclosed" if self.exact_work.asked else "structural"
-        return "open" if getattr(self.grounds.structure.work, name) else "refuted"
+        """Return what a fact about the work rests on: balls, if they verify it; what doubles do not show is refuted."""
+        if not getattr(self.grounds.structure.work, name):
+            return "refuted"
+        return "open" if not getattr(self.exact_work, name) else "enclosed" if self.exact_work.asked else "structural"
 
     def rows_at_rest(self) -> Finding:
         """Return whether rest satisfies all rows."""

@@ -177,10 +177,7 @@ class Case:
     def _functions(self) -> tuple[Matrix, list[str]]:
         """Differentials of conserved functions that are constant along the neutral directions, and their names."""
         candidates = [(f"speed of {x.name}", self._momentum(x)) for x in self.momenta if self._commutes(x)]
-        conserved = self.identities.conserved(False)
-        if self._moves and self._accepts(
-            conserved, "the energy is conserved"
-        ):  # fmt: skip
+        if self._moves and self._accepts(self.identities.conserved(False), "the energy is conserved"):
             candidates.append(("speed", self.proof.differential(self.proof.state.u, self.proof.state.a)))
         if any(not self.grounds.invariance.conserves(x.of) for x in self.grounds.invariance.boosts):
             return self._stacked([]), []

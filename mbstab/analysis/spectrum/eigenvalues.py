@@ -22,7 +22,7 @@ from mbstab.analysis.algebra.budget import Cost
 from mbstab.analysis.algebra.sparse import in_sparse, product, scaled
 from mbstab.analysis.algebra.tolerances import EPS
 from mbstab.analysis.bounds.discs import Placed
-from mbstab.analysis.bounds.location import enclosures, enclosures_of
+from mbstab.analysis.bounds.location import enclosures_of
 from mbstab.analysis.linear.linearize import Linearization, linearize
 from mbstab.analysis.linear.methods import DEFAULT, METHODS, Found, solver
 from mbstab.analysis.reference.nearby import closeness, symmetric_decimals
@@ -82,10 +82,9 @@ def judged(grounds: Grounds, method: str = DEFAULT) -> EigenResult:
     if not isinstance(method, str) or method not in METHODS:
         raise UsageError(f"unknown method {method!r}\nhint: one of {', '.join(METHODS)}")
     linear, separated = grounds.linear, grounds.separated
-    problem = linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L
     function = solver(method)
     if function is None:
-        found, placed = None, enclosures(*problem, fitted=separated.fitted)
+        found, placed = None, grounds.enclosures()
         if not np.all(np.isfinite(placed.values)):
             raise NumericalError(
                 "the eigenvalues left the range of double precision\n"
@@ -94,11 +93,14 @@ def judged(grounds: Grounds, method: str = DEFAULT) -> EigenResult:
         neutral = separated.frequencies()
         neutral += [0j] * (separated.neutral.count - len(neutral))
     else:
-        default = enclosures(*problem, fitted=separated.fitted)
+        default = grounds.enclosures()
         known = [*separated.frequencies()]
         known += [0j] * (separated.neutral.count - len(known))
         found = function(linear, grounds.gamma, np.concatenate([default.values, known]))
-        placed = enclosures_of(*problem, found.values, found.vectors, separated.fitted)
+        placed = enclosures_of(
+            linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L, found.values, found.vectors,
+            separated.fitted,
+        )  # fmt: skip
         neutral = [complex(placed.values[i]) for i in placed.neutral]
     return _result(grounds, placed, neutral, method, found)
 

@@ -18,7 +18,6 @@ import numpy as np
 import numpy.typing as npt
 
 from mbstab.analysis.algebra.arrays import Complex, Flags, Index
-from mbstab.analysis.bounds.location import enclosures
 from mbstab.analysis.linear.linearize import Linearization, linearize, state_space
 from mbstab.analysis.reference.equations import Balance
 from mbstab.analysis.reference.equilibrium import Problem, found_motion
@@ -461,9 +460,7 @@ class _Work:
             return None
         separated = grounds.separated
         with np.errstate(all="ignore"):
-            placed = enclosures(
-                grounds.linear, grounds.space, grounds.gamma, grounds.S, separated.T, separated.L, separated.fitted
-            )
+            placed = grounds.enclosures()
         discs = place(
             [d.centre for d in placed.discs], [d.radius for d in placed.discs],
             [len(d.members) for d in placed.discs], grounds.mirrored,

@@ -107,7 +107,7 @@ class Critical:
     slopes : CriticalSlopes or None
         Its derivatives by the other parameters; None: they were not requested.
     error : float
-        So far from it (SI), on either side, rounding hides where it is; 0: no farther than its last digits.
+        Rounding hides where it is within this distance (SI); 0: it is known to its last digits.
     """
 
     value: float

@@ -40,6 +40,7 @@ from mbstab.model.expressions import Number
 from mbstab.model.units import per_second
 
 if TYPE_CHECKING:
+    from mbstab.analysis.bounds.discs import Placed
     from mbstab.analysis.verdict.reversor import Reversor
 
 ADVICE = (
@@ -143,6 +144,13 @@ class Grounds:
         if self.reversor is None:
             return found
         return self.reversor.widened(self.structure, found)
+
+    def enclosures(self) -> Placed:
+        """Return discs that contain the eigenvalues other than those of the neutral directions."""
+        from mbstab.analysis.bounds.location import enclosures
+
+        found = self.separated
+        return enclosures(self.linear, self.space, self.gamma, self.S, found.T, found.L, found.fitted)
 
     @cached_property
     def idle_frame(self) -> bool:

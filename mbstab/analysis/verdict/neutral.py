@@ -87,7 +87,7 @@ class Separated:
         Ω of the co-moving frame, if it rotates, and rates of the coordinates that spin in it.
     choice : Choice
     fitted : float
-        How far T was moved to fit S, with its rounding.
+        How far T was moved to fit the rounding of S.
     """
 
     S: Array
@@ -188,10 +188,7 @@ class Structure:
         # Where forces cancel in a critical state, S itself may be only rounding.
         if misfit(S, T, L) > TOLERANCES.direction_closure * max(float(frobenius(S)), invariance.rate):
             return unseparated(S)  # equations of an instant need not have the symmetries of the motion
-        exact, (T, B) = T, settled(S, T, L, complement(beside(T, L.T)))
-        moved = float(np.linalg.norm(B.T @ exact))
-        # Directions that rounding moves farther were not exact.
-        fitted = moved if moved <= TOLERANCES.roundings_of_directions * EPS else 0.0
+        T, B, fitted = settled(S, T, L, complement(beside(T, L.T)))
         found = Separated(S, T, L, B, Neutral(), rates, choice, fitted)
         neutral = Neutral(
             tuple(item.name for item in invariance.symmetries),
@@ -409,28 +406,31 @@ def _axis(item: Symmetry) -> str:
     return item.name.removeprefix("translation along ")
 
 
-def settled(S: Array, T: Array, L: Array, B: Array) -> tuple[Array, Array]:
+def settled(S: Array, T: Array, L: Array, B: Array) -> tuple[Array, Array, float]:
     """Return T and B after one step of Newton's method for S T = T C, if T is less accurate than to rounding.
 
-    The span of directions that are nearly dependent loses as many digits as their angle is small.
+    The span of directions that are nearly dependent loses as many digits as their angle is small. Exact ones are moved
+    by the rounding of S: the last number says how far, and is 0 where they moved farther and so were not exact.
     """
     d = T.shape[1]
     r = B.shape[1]
     if not d or not 0 < d * r <= TOLERANCES.unknowns_of_correction:
-        return T, B
+        return T, B, 0.0
     inner = T.T @ S @ T
     left = B.T @ (S @ T)
     if float(np.max(np.abs(left))) <= TOLERANCES.roundings_of_directions * EPS * float(np.max(np.abs(S) @ np.abs(T))):
-        return T, B
+        return T, B, 0.0
     matrix = np.kron(B.T @ S @ B, np.eye(d)) - np.kron(np.eye(r), inner.T)
     try:
         step = least_squares(matrix, -left.ravel(), rcond=TOLERANCES.direction_closure).reshape(r, d)
     except np.linalg.LinAlgError:
-        return T, B
+        return T, B, 0.0
     if not float(np.max(np.abs(step))) < TOLERANCES.direction_closure:
-        return T, B
-    T = np.linalg.qr(T + B @ step)[0]
-    return T, complement(beside(T, L.T))
+        return T, B, 0.0
+    exact, T = T, np.linalg.qr(T + B @ step)[0]
+    B = complement(beside(T, L.T))
+    moved = float(np.linalg.norm(B.T @ exact))
+    return T, B, moved if moved <= TOLERANCES.roundings_of_directions * EPS else 0.0
 
 
 def spectral_norm(S: Array) -> float:

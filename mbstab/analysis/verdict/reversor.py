@@ -119,9 +119,9 @@ class Reversor:
         # Functions that distinguish members of the family are no longer needed.
         L = vanishing(found.L, T, ranks, "functions beside a family")
         names = _names(structure, family, found.neutral.family)
-        T, B = settled(found.S, T, L, complement(beside(T, L.T)))
+        T, B, fitted = settled(found.S, T, L, complement(beside(T, L.T)))
         choice = replace(found.choice, ranks={**found.choice.ranks, **ranks.known}, family=size)
-        wider = replace(found, T=T, L=L, B=B, choice=choice)
+        wider = replace(found, T=T, L=L, B=B, choice=choice, fitted=fitted)
         neutral = replace(
             found.neutral, family=names, count=T.shape[1] + len(L), chains=structure.chains(wider), evidence="numerical"
         )
